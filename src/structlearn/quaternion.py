@@ -1,0 +1,185 @@
+"""Unit quaternions, scalar first, as in appendix B of the dissertation.
+
+Q = [r, q] with r the scalar; Q and -Q are the same rotation. All functions are batched over leading axes and
+follow numpy broadcasting. The dissertation's `log` is half a rotation vector; here `log` and `exp` keep its
+convention, and `rotation_vector` / `from_rotation_vector` are twice that.
+"""
+
+import numpy as np
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton product a o b (eq. B.1).
+
+    Args:
+        a: (..., 4) quaternions.
+        b: (..., 4) quaternions.
+
+    Returns:
+        (..., 4) the rotation b followed by a, both in the base frame.
+    """
+    ar, ax, ay, az = np.moveaxis(np.asarray(a, dtype=float), -1, 0)
+    br, bx, by, bz = np.moveaxis(np.asarray(b, dtype=float), -1, 0)
+    return np.stack(
+        [
+            ar * br - ax * bx - ay * by - az * bz,
+            ar * bx + ax * br + ay * bz - az * by,
+            ar * by - ax * bz + ay * br + az * bx,
+            ar * bz + ax * by - ay * bx + az * br,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q: np.ndarray) -> np.ndarray:
+    """Conjugate [r, -q] (eq. B.2), the inverse of a unit quaternion. Shape (..., 4) -> (..., 4)."""
+    return np.asarray(q, dtype=float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def normalised(q: np.ndarray) -> np.ndarray:
+    """Quaternions scaled to unit norm. Shape (..., 4) -> (..., 4)."""
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def log(q: np.ndarray) -> np.ndarray:
+    """Logarithm of unit quaternions (eq. B.3): half the rotation vector, norm in [0, pi].
+
+    The half angle is taken by atan2(|q|, r), which keeps full precision near the identity, where arccos(r)
+    loses half the digits. Q and -Q have different logarithms; see `shortest` for the short way round.
+
+    Args:
+        q: (..., 4) unit quaternions.
+
+    Returns:
+        (..., 3) half rotation vectors in rad.
+    """
+    q = np.asarray(q, dtype=float)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    half_angle = np.arctan2(sine, q[..., :1])
+    tiny = sine < 1e-12  # |q| / sin -> 1 at the identity
+    return q[..., 1:] * np.where(tiny, 1.0, half_angle / np.where(tiny, 1.0, sine))
+
+
+def exp(half_vector: np.ndarray) -> np.ndarray:
+    """Exponential map (eq. B.4): half rotation vectors (..., 3) in rad -> unit quaternions (..., 4)."""
+    half_vector = np.asarray(half_vector, dtype=float)
+    half_angle = np.linalg.norm(half_vector, axis=-1, keepdims=True)
+    return np.concatenate(
+        [np.cos(half_angle), np.sinc(half_angle / np.pi) * half_vector], axis=-1
+    )  # numpy's sinc(x / pi) is sin(x) / x with its limit at 0
+
+
+def shortest(q: np.ndarray) -> np.ndarray:
+    """Of Q and -Q, the one with r >= 0, whose logarithm is the short way round. Shape (..., 4)."""
+    q = np.asarray(q, dtype=float)
+    return np.where(q[..., :1] < 0, -q, q)
+
+
+def rotation_vector(q: np.ndarray) -> np.ndarray:
+    """Rotation vectors of the short way round, 2 log(Q): (..., 4) -> (..., 3) in rad, norm in [0, pi]."""
+    return 2.0 * log(shortest(q))
+
+
+def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
+    """Unit quaternions of rotation vectors in rad: (..., 3) -> (..., 4)."""
+    return exp(0.5 * np.asarray(vector, dtype=float))
+
+
+def difference(target: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Rotation vector from Q to the target the short way round, 2 log(Q_target o Q*), in the base frame.
+
+    Args:
+        target: (..., 4) unit quaternions.
+        q: (..., 4) unit quaternions.
+
+    Returns:
+        (..., 3) rad: turning Q by it gives the target.
+    """
+    return rotation_vector(product(target, conjugate(q)))
+
+
+def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angle of the rotation between two orientations, in [0, pi] rad: (..., 4), (..., 4) -> (...)."""
+    return np.linalg.norm(difference(a, b), axis=-1)
+
+
+def rotate(q: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Vectors turned by rotations, Q o [0, v] o Q*: (..., 4), (..., 3) -> (..., 3)."""
+    q = np.asarray(q, dtype=float)
+    vector = np.asarray(vector, dtype=float)
+    axis = np.broadcast_to(q[..., 1:], np.broadcast_shapes(q[..., 1:].shape, vector.shape))
+    twice_cross = 2.0 * np.cross(axis, vector)
+    return vector + q[..., :1] * twice_cross + np.cross(axis, twice_cross)
+
+
+def sign_continuous(path: np.ndarray) -> np.ndarray:
+    """A path of orientations with signs chosen so that neighbours are close; the first one is kept.
+
+    Args:
+        path: (..., T, 4) unit quaternions.
+
+    Returns:
+        (..., T, 4) the same rotations without jumps between Q and -Q.
+    """
+    path = np.asarray(path, dtype=float)
+    flips = np.sum(path[..., 1:, :] * path[..., :-1, :], axis=-1) < 0
+    signs = np.where(np.cumsum(flips, axis=-1) % 2 == 1, -1.0, 1.0)
+    return np.concatenate([path[..., :1, :], path[..., 1:, :] * signs[..., None]], axis=-2)
+
+
+def mean(q: np.ndarray) -> np.ndarray:
+    """Mean orientation: the eigenvector of sum Q Q^T with the largest eigenvalue; signs do not matter.
+
+    Args:
+        q: (L, 4) unit quaternions.
+
+    Returns:
+        (4,) unit quaternion with r >= 0.
+    """
+    q = np.asarray(q, dtype=float)
+    _, vectors = np.linalg.eigh(q.T @ q)
+    principal = vectors[:, -1]
+    return principal * np.sign(principal[np.flatnonzero(principal)[0]])
+
+
+def interpolate(times: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """Spherical linear interpolation of an orientation path.
+
+    Args:
+        times: (M,) where to evaluate, within the stamps' range.
+        stamps: (T,) strictly increasing.
+        path: (T, 4) unit quaternions at the stamps; sign flips do no harm.
+
+    Returns:
+        (M, 4) unit quaternions.
+    """
+    left = np.clip(np.searchsorted(stamps, times, side="right") - 1, 0, len(stamps) - 2)
+    fraction = (times - stamps[left]) / (stamps[left + 1] - stamps[left])
+    step = difference(path[left + 1], path[left])
+    return product(from_rotation_vector(fraction[:, None] * step), path[left])
+
+
+def angular_velocity(path: np.ndarray, dt: float) -> np.ndarray:
+    """Angular velocity in the base frame by central differences, one-sided at the ends.
+
+    Args:
+        path: (T, 4) unit quaternions, uniform clock.
+        dt: sampling interval in s.
+
+    Returns:
+        (T, 3) rad/s.
+    """
+    steps = difference(path[1:], path[:-1]) / dt
+    return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
+
+
+def from_xyzw(q: np.ndarray) -> np.ndarray:
+    """Scalar-first from scalar-last quaternions (ROS, PyBullet, Pinocchio, scipy). Shape (..., 4)."""
+    return np.roll(q, 1, axis=-1)
+
+
+def to_xyzw(q: np.ndarray) -> np.ndarray:
+    """Scalar-last quaternions, as ROS, PyBullet, Pinocchio and scipy have them. Shape (..., 4)."""
+    return np.roll(q, -1, axis=-1)

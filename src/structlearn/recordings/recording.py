@@ -1,0 +1,57 @@
+"""A recording as it came: streams of one demonstration, each with its own clock."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+Kind = Literal["pose", "twist", "joint_positions", "joint_velocities", "joint_torques", "wrench", "tactile"]
+
+WIDTHS: Mapping[str, int | None] = {
+    "pose": 7,
+    "twist": 6,
+    "joint_positions": None,
+    "joint_velocities": None,
+    "joint_torques": None,
+    "wrench": 6,
+    "tactile": None,
+}
+"""Columns of each kind of stream; None: any number, constant within the stream."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Samples of one source with its own, possibly irregular, clock.
+
+    Attributes:
+        topic: where it was published, for messages.
+        kind: what the columns mean. pose: x, y, z in m, then quaternion w, x, y, z (scalar first).
+            twist: linear m/s, then angular rad/s in the base frame. joint_*: rad, rad/s, N m.
+            wrench: force N, then torque N m. tactile: sensor counts.
+        stamps: (T,) int64 ns, as recorded.
+        values: (T, D) float64.
+    """
+
+    topic: str
+    kind: Kind
+    stamps: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Streams of one demonstration before they are put on one clock.
+
+    Attributes:
+        name: unique within its set.
+        streams: at most one of each kind, except tactile: several fingers are several streams.
+        true_segments: (P, 2) start and end of each primitive in s since the first stamp of the pose stream,
+            known only when simulated.
+        provenance: what is known of the origin, string to string; `origin` is `simulated` or `recorded`.
+    """
+
+    name: str
+    streams: tuple[Stream, ...]
+    true_segments: np.ndarray | None = None
+    provenance: Mapping[str, str] = field(default_factory=dict)
