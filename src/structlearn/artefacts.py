@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import pyarrow
 import pyarrow.parquet
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save_file
 
 from structlearn.errors import InputError
@@ -85,8 +85,20 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
     Raises:
         InputError: the file is missing, truncated or of another kind.
     """
-    try:
+    with _readable_tensors(path):
         return load_file(path)
+
+
+def read_description(path: str | Path) -> str:
+    """The description in a safetensors file's metadata; empty if it has none. Raises as `read_tensors`."""
+    with _readable_tensors(path), safe_open(path, framework="np") as file:
+        return (file.metadata() or {}).get("description", "")
+
+
+@contextmanager
+def _readable_tensors(path: str | Path) -> Iterator[None]:
+    try:
+        yield
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; run the stage that writes it") from error
     except SafetensorError as error:

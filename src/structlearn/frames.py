@@ -1,0 +1,77 @@
+"""Local coordinate frames for spatial generalisation (dissertation IV.6.1)."""
+
+from typing import Literal
+
+import numpy as np
+
+UP = np.array([0.0, 0.0, 1.0])
+"""Opposite of gravity in the base frame."""
+
+SIDE = np.array([0.0, 1.0, 0.0])
+"""Anchor of the y axis for reaches along gravity, where "closest to up" is undefined."""
+
+STEEP_COSINE = 0.9
+"""|cos| of the angle to the vertical (about 25 degrees) beyond which a reach counts as steep."""
+
+FrameKind = Literal["up", "side", "world"]
+
+
+def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
+    """Which definition of the local frame suits a reach.
+
+    The choice is made once, from the mean displacement of the demonstrations, and kept with the primitive:
+    deciding again at every unroll could turn the frame between two nearly equal reaches.
+
+    Args:
+        displacement: (3,) goal minus start in m.
+        shortest_reach: m; a shorter displacement has no direction to speak of.
+
+    Returns:
+        `world` when the reach is too short, `side` when it is steep, else `up`, the text's definition.
+    """
+    length = float(np.linalg.norm(displacement))
+    if length < shortest_reach:
+        return "world"
+    return "side" if abs(displacement @ UP) > STEEP_COSINE * length else "up"
+
+
+def local_frame(
+    start: np.ndarray,
+    goal: np.ndarray,
+    kind: FrameKind = "up",
+    up: np.ndarray = UP,
+    side: np.ndarray = SIDE,
+) -> np.ndarray:
+    """Rotation matrix of the local frame: its columns are the local axes in the base frame.
+
+    x points from start to goal. `up`: z is orthogonal to x and closest to up, y = z cross x (IV.6.1).
+    `side`: y is orthogonal to x and closest to `side`, z = x cross y. `world`: the base frame itself.
+
+    Args:
+        start: (3,) m.
+        goal: (3,) m.
+        kind: which definition, see `frame_kind`.
+        up: (3,) opposite of gravity.
+        side: (3,) anchor of y for steep reaches.
+
+    Returns:
+        (3, 3) local to base: `base = frame @ local`.
+
+    Raises:
+        ValueError: start and goal coincide, or the reach is parallel to the anchor.
+    """
+    if kind == "world":
+        return np.eye(3)
+    displacement = np.asarray(goal, dtype=float) - np.asarray(start, dtype=float)
+    length = np.linalg.norm(displacement)
+    if length == 0.0:
+        raise ValueError("start and goal coincide: a local frame needs a direction")
+    x = displacement / length
+    anchor = up if kind == "up" else side
+    upright = anchor - (anchor @ x) * x
+    if np.linalg.norm(upright) < 1e-9:
+        raise ValueError(f"the reach is parallel to the '{kind}' anchor: the local frame is undefined")
+    upright = upright / np.linalg.norm(upright)
+    if kind == "up":
+        return np.column_stack([x, np.cross(upright, x), upright])
+    return np.column_stack([x, upright, np.cross(x, upright)])

@@ -1,0 +1,33 @@
+"""Measures of agreement that several testbeds share."""
+
+import numpy as np
+
+
+def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Normalised mean squared error: mean squared error / variance of the target (ddof 0), per column.
+
+    Args:
+        prediction: (T, ...) values.
+        target: (T, ...) values.
+
+    Returns:
+        (...) dimensionless; 1 is as good as the target's mean. A constant target gives infinity, or 0 when it
+        is met exactly.
+    """
+    error = np.mean((prediction - target) ** 2, axis=0)
+    variance = np.var(target, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(error == 0.0, 0.0, error / variance)
+
+
+def pairwise_spread(curves: np.ndarray) -> float:
+    """Mean distance between pairs of aligned curves, averaged over time.
+
+    Args:
+        curves: (L, T, D) L curves on a common, normalised time.
+
+    Returns:
+        The mean over pairs and time of the Euclidean distance, in the curves' unit.
+    """
+    first, second = np.triu_indices(len(curves), k=1)
+    return float(np.linalg.norm(curves[first] - curves[second], axis=-1).mean())

@@ -1,0 +1,62 @@
+"""Phase kernels and the forcing term they span (eq. IV.6, IV.7).
+
+    f(p, u) = u sum_i psi_i(p) theta_i / sum_j psi_j(p)        psi_i(p) = exp(-h_i (p - c_i)^2 / 2)
+
+The centres are equally spaced in time, so every part of the movement has the same resolution. The same
+kernels modulate the phase-modulated neural network.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from structlearn.primitives.canonical import TAU_PER_DURATION, phase
+
+KERNEL_COUNT = 25
+OVERLAP = 0.55
+"""Width of a kernel in units of the distance to the next centre."""
+
+
+@lru_cache
+def centres_and_widths(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Centres c_i = p(t_i), t_i from start to end, and widths h_i = 1 / (OVERLAP (c_{i+1} - c_i))^2.
+
+    Args:
+        count: number of kernels, at least 2.
+
+    Returns:
+        c: (N,) falling from 1.   h: (N,) the last one repeats its neighbour's.
+    """
+    centres, _ = phase(np.linspace(0.0, 1.0, count), TAU_PER_DURATION)
+    gaps = np.diff(centres)
+    widths = 1.0 / (OVERLAP * np.append(gaps, gaps[-1])) ** 2
+    centres.flags.writeable = widths.flags.writeable = False
+    return centres, widths
+
+
+def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndarray:
+    """Features of the forcing term, u psi_i(p) / sum_j psi_j(p) (eq. IV.6).
+
+    Args:
+        p: (...) phase.
+        u: (...) phase velocity.
+        count: number of kernels N.
+
+    Returns:
+        (..., N) features; a forcing term is `features @ weights`.
+    """
+    centres, widths = centres_and_widths(count)
+    kernels = np.exp(-0.5 * widths * (p[..., None] - centres) ** 2)
+    return kernels * (u / kernels.sum(axis=-1))[..., None]
+
+
+@lru_cache(maxsize=256)
+def unit_features(samples: int, count: int = KERNEL_COUNT) -> np.ndarray:
+    """Features at `samples` equally spaced times from start to end; they do not depend on the duration.
+
+    Returns:
+        (samples, N) read-only features.
+    """
+    values = features(*phase(np.linspace(0.0, 1.0, samples), TAU_PER_DURATION), count)
+    values.flags.writeable = False
+    return values

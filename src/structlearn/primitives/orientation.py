@@ -1,0 +1,289 @@
+"""Quaternion primitive, the text's form: errors by the logarithm of the short way (eq. IV.2, IV.9, IV.11).
+
+    tau^2 wd = ALPHA (BETA 2 log(Q_g o Q*) - tau w) + f + c        Q(t + dt) = exp(w dt / 2) o Q(t)
+    tau w_g = ALPHA_G 2 log(Q_G o Q_g*)
+
+Good for movements that turn less than half a circle; beyond, see `twist_swing`. One step uses the same exact
+transition as the vector system in the tangent space of the current orientation, so a rotation about a fixed
+axis is integrated exactly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from structlearn import quaternion
+from structlearn.primitives import canonical, kernels, regression
+from structlearn.primitives.trajectory import OrientationTrajectory
+from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Coupling, step_matrix
+from structlearn.primitives.vector import sample_times
+
+
+@dataclass(frozen=True)
+class QuaternionPrimitive:
+    """Learned movement of an orientation that turns less than half a circle.
+
+    Attributes:
+        weights: (..., N, 3) forcing weights; leading axes make a batch.
+        start: (4,) mean start of the demonstrations.
+        goal: (4,) mean goal of the demonstrations.
+        velocity: (3,) mean initial angular velocity of the demonstrations, rad per duration.
+        acceleration: (3,) mean initial angular acceleration, rad per duration squared.
+        duration: mean duration of the demonstrations in s.
+    """
+
+    weights: np.ndarray
+    start: np.ndarray
+    goal: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    duration: float
+
+    def forcing(self, times: np.ndarray, duration: float) -> np.ndarray:
+        """Forcing term (..., T, 3) at times (T,) in s of a movement of the given duration in s."""
+        p, u = canonical.phase(times, canonical.time_constant(duration))
+        return kernels.features(p, u, self.weights.shape[-2]) @ self.weights
+
+    def unroll(
+        self,
+        dt: float,
+        start: np.ndarray | None = None,
+        goal: np.ndarray | None = None,
+        duration: float | None = None,
+        velocity: np.ndarray | float | None = None,
+        acceleration: np.ndarray | float | None = None,
+        coupling: Coupling | None = None,
+        until: float | None = None,
+    ) -> OrientationTrajectory:
+        """Generate the movement; what is not given is the demonstrations' mean.
+
+        Args:
+            dt: sampling interval in s.
+            start: (4,) initial orientation.
+            goal: (4,) steady goal.
+            duration: s.
+            velocity: (3,) initial angular velocity in rad/s.
+            acceleration: (3,) initial angular acceleration in rad/s^2.
+            coupling: feedback in the loop: (step, Q (..., 4), w (..., 3)) -> c (..., 3).
+            until: time of the last sample in s; default the duration.
+
+        Returns:
+            OrientationTrajectory with (..., T, 4) orientations.
+        """
+        start = self.start if start is None else np.asarray(start, dtype=float)
+        goal = self.goal if goal is None else np.asarray(goal, dtype=float)
+        duration = self.duration if duration is None else duration
+        times = sample_times(duration if until is None else until, dt)
+        forcing, tau = self.forcing(times, duration), canonical.time_constant(duration)
+        velocity = self.velocity / duration if velocity is None else velocity
+        acceleration = self.acceleration / duration**2 if acceleration is None else acceleration
+        return unroll(start, goal, forcing, dt, tau, velocity, acceleration, coupling)
+
+
+def fit_quaternion(
+    demonstrations: Sequence[OrientationTrajectory],
+    method: regression.Regression = "joint",
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> QuaternionPrimitive:
+    """Learn a quaternion primitive from one or several demonstrations of any durations.
+
+    Args:
+        demonstrations: each with (T_l, 4) orientations.
+        method: regression of the forcing weights.
+        kernel_count: number of kernels.
+
+    Returns:
+        The primitive.
+    """
+    durations = np.array([path.duration for path in demonstrations])[:, None]
+    velocities = np.array([path.angular_velocity[0] for path in demonstrations])
+    accelerations = np.array([path.angular_acceleration[0] for path in demonstrations])
+    return QuaternionPrimitive(
+        weights=regression.forcing_weights(
+            [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations],
+            method=method,
+            count=kernel_count,
+        ),
+        start=quaternion.mean(np.array([path.orientation[0] for path in demonstrations])),
+        goal=quaternion.mean(np.array([path.orientation[-1] for path in demonstrations])),
+        velocity=np.mean(durations * velocities, axis=0),
+        acceleration=np.mean(durations**2 * accelerations, axis=0),
+        duration=float(durations.mean()),
+    )
+
+
+def initial_goal(
+    orientation: np.ndarray,
+    velocity: np.ndarray | float,
+    acceleration: np.ndarray | float,
+    tau: float,
+    forcing: np.ndarray | float = 0.0,
+) -> np.ndarray:
+    """Evolving goal at which the system starts with the given acceleration (eq. IV.13, IV.14).
+
+    Args:
+        orientation: (..., 4) initial orientation.
+        velocity: (..., 3) initial angular velocity in rad/s.
+        acceleration: (..., 3) initial angular acceleration in rad/s^2.
+        tau: time constant in s.
+        forcing: (..., 3) f + c at the start.
+
+    Returns:
+        (..., 4) Q_g0.
+    """
+    vector = ((tau**2 * np.asarray(acceleration) - forcing) / ALPHA + tau * np.asarray(velocity)) / BETA
+    return quaternion.product(quaternion.from_rotation_vector(vector), orientation)
+
+
+def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
+    """Evolving goal over time, closed-form along the geodesic to the steady goal (eq. IV.11).
+
+    Args:
+        goal: (4,) steady goal Q_G.
+        first: (..., 4) initial goal Q_g0.
+        times: (T,) s.
+        tau: time constant in s.
+
+    Returns:
+        (..., T, 4) Q_g.
+    """
+    remaining = quaternion.difference(first, goal)[..., None, :] * np.exp(-ALPHA_G * times / tau)[:, None]
+    return quaternion.product(quaternion.from_rotation_vector(remaining), goal)
+
+
+def forcing_target(path: OrientationTrajectory, tau: float) -> np.ndarray:
+    """Forcing term that would reproduce a demonstration (eq. IV.9), (T, 3)."""
+    first = initial_goal(path.orientation[0], path.angular_velocity[0], path.angular_acceleration[0], tau)
+    error = quaternion.difference(goal_path(path.orientation[-1], first, path.time, tau), path.orientation)
+    return tau**2 * path.angular_acceleration - ALPHA * (BETA * error - tau * path.angular_velocity)
+
+
+def unroll(
+    start: np.ndarray,
+    goal: np.ndarray,
+    forcing: np.ndarray,
+    dt: float,
+    tau: float,
+    velocity: np.ndarray | float = 0.0,
+    acceleration: np.ndarray | float = 0.0,
+    coupling: Coupling | None = None,
+) -> OrientationTrajectory:
+    """Integrate the orientation system, for one movement or a batch of forcing terms.
+
+    Args:
+        start: (4,) initial orientation.
+        goal: (4,) steady goal.
+        forcing: (..., T, 3) forcing term at the samples.
+        dt: sampling interval in s.
+        tau: time constant in s.
+        velocity: (3,) initial angular velocity in rad/s.
+        acceleration: (3,) initial angular acceleration in rad/s^2; it sets the initial goal.
+        coupling: feedback in the loop, called once per step for the whole batch.
+
+    Returns:
+        OrientationTrajectory with (..., T, 4) orientations.
+    """
+    batch, samples = forcing.shape[:-2], forcing.shape[-2]
+    times = dt * np.arange(samples)
+    q = np.array(np.broadcast_to(start, (*batch, 4)), dtype=float)
+    v = np.array(np.broadcast_to(tau * np.asarray(velocity), (*batch, 3)), dtype=float)
+    first = forcing[..., 0, :] + (0.0 if coupling is None else coupling(0, q, v / tau))
+    goals = goal_path(goal, initial_goal(q, v / tau, acceleration, tau, first), times, tau)
+    flat = np.ascontiguousarray(forcing, dtype=float).reshape(-1, samples, 3)
+    flat_goals = np.ascontiguousarray(goals).reshape(-1, samples, 4)
+    orientation = np.empty((*batch, samples, 4))
+    rates = np.empty((2, *batch, samples, 3))  # tau w, tau^2 wd
+    arguments = (step_matrix(dt / tau), q.reshape(-1, 4), v.reshape(-1, 3), flat, flat_goals)
+    outputs = (orientation.reshape(-1, samples, 4), rates.reshape(2, -1, samples, 3))
+    if coupling is None:
+        _unroll(*arguments, *outputs)
+    else:
+        for k in range(samples):
+            c = np.broadcast_to(coupling(k, q, v / tau), v.shape)
+            _step(k, *arguments, c.reshape(-1, 3), *outputs)
+    return OrientationTrajectory(times, orientation, rates[0] / tau, rates[1] / tau**2)
+
+
+@numba.njit(cache=True)
+def _product(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float, float]:
+    """Hamilton product of two quaternions, for the compiled loop (`quaternion.product` for arrays)."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+@numba.njit(cache=True)
+def _difference(target: np.ndarray, q: np.ndarray, vector: np.ndarray) -> None:
+    """Write the rotation vector from q to the target, the short way, into vector (3,)."""
+    r, x, y, z = _product(target, np.array((q[0], -q[1], -q[2], -q[3])))
+    sine = np.sqrt(x * x + y * y + z * z)
+    factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, abs(r)) / sine
+    if r < 0.0:
+        factor = -factor
+    vector[0], vector[1], vector[2] = factor * x, factor * y, factor * z
+
+
+@numba.njit(cache=True)
+def _turn(q: np.ndarray, vector: np.ndarray) -> None:
+    """Turn q (4,) by a rotation vector (3,) in place and normalise it."""
+    angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    factor = 0.5 if angle < 1e-12 else np.sin(0.5 * angle) / angle
+    step = np.array((np.cos(0.5 * angle), factor * vector[0], factor * vector[1], factor * vector[2]))
+    r, x, y, z = _product(step, q)
+    norm = np.sqrt(r * r + x * x + y * y + z * z)
+    q[0], q[1], q[2], q[3] = r / norm, x / norm, y / norm, z / norm
+
+
+@numba.njit(cache=True)
+def _step(
+    k: int,
+    matrix: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    forcing: np.ndarray,
+    goals: np.ndarray,
+    coupling: np.ndarray,
+    orientation: np.ndarray,
+    rates: np.ndarray,
+) -> None:
+    """Record sample k, then advance q (B, 4) and v = tau w (B, 3) by one step in place.
+
+    In the tangent space at q the orientation is the origin, and the error is a known input: it changes over
+    the step by the goal's own movement, while the system's matrix accounts for the turning of q.
+    """
+    batch, samples, _ = forcing.shape
+    following = min(k + 1, samples - 1)
+    error, goal_change, turn = np.empty(3), np.empty(3), np.empty(3)
+    for b in range(batch):
+        _difference(goals[b, k], q[b], error)
+        _difference(goals[b, following], goals[b, k], goal_change)
+        for d in range(3):
+            f = forcing[b, k, d] + coupling[b, d] + ALPHA * BETA * error[d]
+            change = forcing[b, following, d] - forcing[b, k, d] + ALPHA * BETA * goal_change[d]
+            rates[0, b, k, d] = v[b, d]
+            rates[1, b, k, d] = f - ALPHA * v[b, d]
+            turn[d] = matrix[0, 1] * v[b, d] + matrix[0, 3] * f + matrix[0, 4] * change
+            v[b, d] = matrix[1, 1] * v[b, d] + matrix[1, 3] * f + matrix[1, 4] * change
+        orientation[b, k] = q[b]
+        _turn(q[b], turn)
+
+
+@numba.njit(cache=True)
+def _unroll(
+    matrix: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    forcing: np.ndarray,
+    goals: np.ndarray,
+    orientation: np.ndarray,
+    rates: np.ndarray,
+) -> None:
+    """All steps without feedback."""
+    no_coupling = np.zeros_like(v)
+    for k in range(forcing.shape[1]):
+        _step(k, matrix, q, v, forcing, goals, no_coupling, orientation, rates)

@@ -1,0 +1,121 @@
+"""Primitive of a Cartesian position in the local frame of its reach (IV.6.1)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.frames import FrameKind, frame_kind, local_frame
+from structlearn.primitives import kernels, regression, transformation
+from structlearn.primitives.trajectory import Trajectory
+from structlearn.primitives.vector import VectorPrimitive, fit_vector
+
+SHORTEST_REACH = 0.01
+"""m; movements that end nearer to their start keep the base frame: their direction is mostly noise."""
+
+
+@dataclass(frozen=True)
+class PositionPrimitive:
+    """Learned movement of a point.
+
+    Attributes:
+        local: the movement relative to its start, in the local frame.
+        frame: which definition of the local frame (see `frames.frame_kind`).
+        start: (3,) mean start of the demonstrations in the base frame, m.
+        goal: (3,) mean goal of the demonstrations in the base frame, m.
+    """
+
+    local: VectorPrimitive
+    frame: FrameKind
+    start: np.ndarray
+    goal: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        """Mean duration of the demonstrations in s."""
+        return self.local.duration
+
+    def unroll(
+        self,
+        dt: float,
+        start: np.ndarray | None = None,
+        goal: np.ndarray | None = None,
+        duration: float | None = None,
+        velocity: np.ndarray | float | None = None,
+        acceleration: np.ndarray | float | None = None,
+        coupling: transformation.Coupling | None = None,
+        until: float | None = None,
+        frame: np.ndarray | None = None,
+    ) -> Trajectory:
+        """Generate the movement in the base frame; what is not given is the demonstrations' mean.
+
+        Args:
+            dt: sampling interval in s.
+            start: (3,) m.
+            goal: (3,) m.
+            duration: s.
+            velocity: (3,) initial velocity in m/s.
+            acceleration: (3,) initial acceleration in m/s^2.
+            coupling: feedback in the loop, in the local frame and relative to the start.
+            until: time of the last sample in s; default the duration.
+            frame: (3, 3) local to base; default the local frame from start to goal.
+
+        Returns:
+            Trajectory with (..., T, 3) signals.
+        """
+        start = self.start if start is None else np.asarray(start, dtype=float)
+        goal = self.goal if goal is None else np.asarray(goal, dtype=float)
+        axes = local_frame(start, goal, self.frame) if frame is None else frame
+        path = self.local.unroll(
+            dt,
+            start=np.zeros(3),
+            goal=(goal - start) @ axes,
+            duration=duration,
+            velocity=None if velocity is None else np.broadcast_to(velocity, 3) @ axes,
+            acceleration=None if acceleration is None else np.broadcast_to(acceleration, 3) @ axes,
+            coupling=coupling,
+            until=until,
+        )
+        return Trajectory(
+            path.time,
+            start + path.position @ axes.T,
+            path.velocity @ axes.T,
+            path.acceleration @ axes.T,
+        )
+
+
+def fit_position(
+    demonstrations: Sequence[Trajectory],
+    scaled: Sequence[bool] = (False, False, False),
+    method: regression.Regression = "joint",
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> PositionPrimitive:
+    """Learn a position primitive; each demonstration is turned into its own local frame.
+
+    Args:
+        demonstrations: each with (T_l, 3) signals in the base frame.
+        scaled: local axes (x: along the reach) whose forcing term scales with the reach.
+        method: regression of the forcing weights.
+        kernel_count: number of kernels.
+
+    Returns:
+        The primitive.
+    """
+    start = np.mean([demonstration.position[0] for demonstration in demonstrations], axis=0)
+    goal = np.mean([demonstration.position[-1] for demonstration in demonstrations], axis=0)
+    kind = frame_kind(goal - start, SHORTEST_REACH)
+    turned = [in_local_frame(demonstration, kind) for demonstration in demonstrations]
+    axes = scaled if kind != "world" else (False, False, False)
+    return PositionPrimitive(fit_vector(turned, axes, method, kernel_count), kind, start, goal)
+
+
+def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:
+    """A position path relative to its start, in the local frame from its start to its end."""
+    start, goal = trajectory.position[0], trajectory.position[-1]
+    axes = local_frame(start, goal, kind)
+    return Trajectory(
+        trajectory.time,
+        (trajectory.position - start) @ axes,
+        trajectory.velocity @ axes,
+        trajectory.acceleration @ axes,
+    )

@@ -1,0 +1,98 @@
+"""Paths with their derivatives: what primitives are fitted to and what they unroll."""
+
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+
+from structlearn import quaternion, signals
+
+
+@dataclass(frozen=True)
+class Path:
+    """What the paths below share: a uniform clock that starts at 0.
+
+    Attributes:
+        time: (T,) s since the start.
+    """
+
+    time: np.ndarray
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample in s."""
+        return float(self.time[-1])
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval in s."""
+        return float(self.time[-1]) / (len(self.time) - 1)
+
+    def cut(self, first: int, last: int) -> Self:
+        """Samples first..last, both included, with the clock restarted (unbatched signals only)."""
+        signals_cut = {field.name: getattr(self, field.name)[first : last + 1] for field in fields(self)[1:]}
+        return type(self)(time=self.time[: last - first + 1], **signals_cut)
+
+
+@dataclass(frozen=True)
+class Trajectory(Path):
+    """A vector signal (position, sensor trace, chart coordinates) with two derivatives.
+
+    Attributes:
+        position: (..., T, D).
+        velocity: (..., T, D) per s.
+        acceleration: (..., T, D) per s^2.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class OrientationTrajectory(Path):
+    """An orientation path with angular velocity and acceleration in the base frame.
+
+    Attributes:
+        orientation: (T, 4) unit quaternions w, x, y, z, sign-continuous.
+        angular_velocity: (T, 3) rad/s.
+        angular_acceleration: (T, 3) rad/s^2.
+    """
+
+    orientation: np.ndarray
+    angular_velocity: np.ndarray
+    angular_acceleration: np.ndarray
+
+
+def differentiated(position: np.ndarray, dt: float, cutoff_hz: float) -> Trajectory:
+    """A recorded signal, low-passed and differentiated twice.
+
+    Filter a whole demonstration before cutting it: neighbouring segments then agree at the cut.
+
+    Args:
+        position: (T, D) samples on a uniform clock.
+        dt: sampling interval in s.
+        cutoff_hz: cut-off of the low-pass in Hz.
+    """
+    smooth = signals.low_pass(position, dt, cutoff_hz)
+    velocity = signals.derivative(smooth, dt)
+    return Trajectory(dt * np.arange(len(position)), smooth, velocity, signals.derivative(velocity, dt))
+
+
+def differentiated_orientation(orientation: np.ndarray, dt: float, cutoff_hz: float) -> OrientationTrajectory:
+    """A recorded orientation path, low-passed and differentiated twice.
+
+    The components of the sign-continuous quaternion are filtered and normalised again: unlike a logarithm
+    they have no singular orientation, and for a smooth path they stay far from zero.
+
+    Args:
+        orientation: (T, 4) unit quaternions on a uniform clock.
+        dt: sampling interval in s.
+        cutoff_hz: cut-off of the low-pass in Hz.
+    """
+    smooth = quaternion.normalised(signals.low_pass(quaternion.sign_continuous(orientation), dt, cutoff_hz))
+    rate = signals.derivative(smooth, dt)  # Qd = 1/2 [0, w] o Q, so [0, w] = 2 Qd o Q*
+    velocity = 2.0 * quaternion.product(rate, quaternion.conjugate(smooth))[:, 1:]
+    return OrientationTrajectory(
+        dt * np.arange(len(orientation)), smooth, velocity, signals.derivative(velocity, dt)
+    )

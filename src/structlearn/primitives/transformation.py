@@ -1,0 +1,187 @@
+"""Transformation system with goal evolution, for positions and sensor traces (eq. IV.1, IV.10, IV.12).
+
+    tau^2 xdd = ALPHA (BETA (g - x) - tau xd) + f + c        tau gd = ALPHA_G (G - g)
+
+Given the forcing term f the system is linear, so one step is exact for forcing that is linear between samples
+(first-order hold); the coupling term c, known only as it comes from a sensor, is held over the step. Steps of
+any length are stable and the unrolled path does not depend on the sampling rate.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numba
+import numpy as np
+from scipy.linalg import expm
+
+from structlearn.primitives.trajectory import Trajectory
+
+ALPHA = 25.0
+BETA = ALPHA / 4.0
+ALPHA_G = ALPHA / 2.0
+
+Coupling = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
+"""Coupling term in the loop: (step, x (..., D), xd (..., D)) -> c (..., D)."""
+
+
+def initial_goal(
+    x: np.ndarray, xd: np.ndarray, xdd: np.ndarray, tau: float, forcing: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Evolving goal at which the system starts with the given acceleration (eq. IV.12).
+
+    Args:
+        x: (..., D) initial position.
+        xd: (..., D) initial velocity.
+        xdd: (..., D) initial acceleration.
+        tau: time constant in s.
+        forcing: (..., D) f + c at the start; 0 when the phase starts at 1.
+
+    Returns:
+        (..., D) g_0.
+    """
+    return x + ((tau**2 * xdd - forcing) / ALPHA + tau * xd) / BETA
+
+
+def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
+    """Evolving goal over time, closed-form (eq. IV.10).
+
+    Args:
+        goal: (..., D) steady goal G.
+        first: (..., D) initial goal g_0.
+        times: (T,) s.
+        tau: time constant in s.
+
+    Returns:
+        (..., T, D) g.
+    """
+    decay = np.exp(-ALPHA_G * times / tau)[:, None]
+    return goal[..., None, :] + decay * (first - goal)[..., None, :]
+
+
+def forcing_target(trajectory: Trajectory, tau: float) -> np.ndarray:
+    """Forcing term that would reproduce a demonstration (eq. IV.8).
+
+    The goal evolves from the demonstration's own initial state to its last position, as when unrolled.
+
+    Args:
+        trajectory: the demonstration, (T, D) signals.
+        tau: time constant in s.
+
+    Returns:
+        (T, D) f_target.
+    """
+    x, xd, xdd = trajectory.position, trajectory.velocity, trajectory.acceleration
+    g = goal_path(x[-1], initial_goal(x[0], xd[0], xdd[0], tau), trajectory.time, tau)
+    return tau**2 * xdd - ALPHA * (BETA * (g - x) - tau * xd)
+
+
+def unroll(
+    start: np.ndarray,
+    goal: np.ndarray,
+    forcing: np.ndarray,
+    dt: float,
+    tau: float,
+    velocity: np.ndarray | float = 0.0,
+    acceleration: np.ndarray | float = 0.0,
+    coupling: Coupling | None = None,
+) -> Trajectory:
+    """Integrate the transformation system, for one movement or a batch of them.
+
+    Args:
+        start: (..., D) initial position.
+        goal: (..., D) steady goal G.
+        forcing: (..., T, D) forcing term at the samples.
+        dt: sampling interval in s.
+        tau: time constant in s, common to the batch.
+        velocity: (..., D) initial velocity.
+        acceleration: (..., D) initial acceleration; it sets the initial goal (eq. IV.12).
+        coupling: feedback in the loop, called once per step for the whole batch.
+
+    Returns:
+        Trajectory with (..., T, D) signals that starts at the given state.
+    """
+    batch = np.broadcast_shapes(np.shape(start), np.shape(goal), forcing[..., 0, :].shape)
+    goal = np.broadcast_to(goal, batch).astype(float)
+    forcing = np.ascontiguousarray(np.broadcast_to(forcing, (*batch[:-1], *forcing.shape[-2:])))
+    start, velocity = np.broadcast_to(start, batch), np.broadcast_to(velocity, batch)
+    first = forcing[..., 0, :] + (0.0 if coupling is None else coupling(0, start, velocity))
+    evolving_goal = initial_goal(start, velocity, acceleration, tau, first)
+    state = np.stack([start - goal, tau * velocity, evolving_goal - goal])  # (3, ..., D)
+    path = np.empty((3, *forcing.shape))  # x - G, tau xd, tau^2 xdd
+    flat_state = state.reshape(3, -1, batch[-1])
+    flat_forcing = forcing.reshape(-1, *forcing.shape[-2:])
+    flat_path = path.reshape(3, *flat_forcing.shape)
+    matrix = step_matrix(dt / tau)
+    if coupling is None:
+        _unroll(matrix, flat_state, flat_forcing, flat_path)
+    else:
+        for k in range(forcing.shape[-2]):
+            c = np.broadcast_to(coupling(k, state[0] + goal, state[1] / tau), batch)
+            _step(matrix, k, flat_state, flat_forcing, c.reshape(-1, batch[-1]), flat_path)
+    return Trajectory(
+        time=dt * np.arange(forcing.shape[-2]),
+        position=path[0] + goal[..., None, :],
+        velocity=path[1] / tau,
+        acceleration=path[2] / tau**2,
+    )
+
+
+@lru_cache
+def step_matrix(step: float) -> np.ndarray:
+    """Exact transition over one step of the state (x - G, tau xd, g - G) and the inputs (f, change of f).
+
+    Args:
+        step: dt / tau, dimensionless.
+
+    Returns:
+        (3, 5) matrix, from the exponential of the system extended by its inputs.
+    """
+    rates = np.zeros((5, 5))
+    rates[0, 1] = 1.0
+    rates[1, :4] = [-ALPHA * BETA, -ALPHA, ALPHA * BETA, 1.0]
+    rates[2, 2] = -ALPHA_G
+    rates[3, 4] = 1.0 / step  # f changes by its increment over the step
+    matrix = np.ascontiguousarray(expm(rates * step)[:3])
+    matrix.flags.writeable = False
+    return matrix
+
+
+@numba.njit(cache=True)
+def _step(
+    matrix: np.ndarray,
+    k: int,
+    state: np.ndarray,
+    forcing: np.ndarray,
+    coupling: np.ndarray,
+    path: np.ndarray,
+) -> None:
+    """Record sample k of the path (3, B, T, D), then advance the state (3, B, D) by one step in place.
+
+    forcing: (B, T, D).   coupling: (B, D), held over the step.
+    """
+    batch, samples, axes = forcing.shape
+    following = min(k + 1, samples - 1)
+    for b in range(batch):
+        for d in range(axes):
+            x, v, g = state[0, b, d], state[1, b, d], state[2, b, d]
+            change = forcing[b, following, d] - forcing[b, k, d]
+            f = forcing[b, k, d] + coupling[b, d]
+            path[0, b, k, d] = x
+            path[1, b, k, d] = v
+            path[2, b, k, d] = ALPHA * (BETA * (g - x) - v) + f
+            for row in range(3):
+                state[row, b, d] = (
+                    matrix[row, 0] * x
+                    + matrix[row, 1] * v
+                    + matrix[row, 2] * g
+                    + matrix[row, 3] * f
+                    + matrix[row, 4] * change
+                )
+
+
+@numba.njit(cache=True)
+def _unroll(matrix: np.ndarray, state: np.ndarray, forcing: np.ndarray, path: np.ndarray) -> None:
+    """All steps without feedback."""
+    no_coupling = np.zeros_like(state[0])
+    for k in range(forcing.shape[1]):
+        _step(matrix, k, state, forcing, no_coupling, path)

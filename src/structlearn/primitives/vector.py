@@ -1,0 +1,154 @@
+"""Primitive of a vector signal: sensor traces, chart coordinates, positions in a local frame (IV.3)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.primitives import canonical, kernels, regression, transformation
+from structlearn.primitives.trajectory import Trajectory
+
+SMALLEST_AMPLITUDE = 1e-3
+"""An axis along which the demonstrations move less than this is never scaled (its ratio means nothing)."""
+
+
+@dataclass(frozen=True)
+class VectorPrimitive:
+    """Learned movement of a D-dimensional signal.
+
+    Attributes:
+        weights: (..., N, D) forcing weights; leading axes make a batch.
+        start: (D,) mean start of the demonstrations.
+        goal: (D,) mean goal of the demonstrations.
+        velocity: (D,) mean initial velocity of the demonstrations, per duration.
+        acceleration: (D,) mean initial acceleration of the demonstrations, per duration squared.
+        duration: mean duration of the demonstrations in s.
+        scaled: (D,) axes whose forcing term grows with the distance from start to goal.
+    """
+
+    weights: np.ndarray
+    start: np.ndarray
+    goal: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    duration: float
+    scaled: np.ndarray
+
+    def forcing(self, times: np.ndarray, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
+        """Forcing term over time (eq. IV.6), scaled where that was asked for.
+
+        Args:
+            times: (T,) s since the start.
+            start: (D,).
+            goal: (D,).
+            duration: s.
+
+        Returns:
+            (..., T, D) forcing term.
+        """
+        p, u = canonical.phase(times, canonical.time_constant(duration))
+        features = kernels.features(p, u, self.weights.shape[-2])
+        return (
+            features
+            @ self.weights
+            * relative_scale(np.subtract(goal, start), self.goal - self.start, self.scaled)
+        )
+
+    def unroll(
+        self,
+        dt: float,
+        start: np.ndarray | None = None,
+        goal: np.ndarray | None = None,
+        duration: float | None = None,
+        velocity: np.ndarray | float | None = None,
+        acceleration: np.ndarray | float | None = None,
+        coupling: transformation.Coupling | None = None,
+        until: float | None = None,
+    ) -> Trajectory:
+        """Generate the movement; what is not given is the demonstrations' mean.
+
+        Recorded movements rarely begin at rest to the last bit, and the evolving goal magnifies the rest
+        (eq. IV.12), so the mean initial state belongs to the primitive; a robot that stands still passes 0.
+
+        Args:
+            dt: sampling interval in s.
+            start: (D,) initial position.
+            goal: (D,) steady goal.
+            duration: s.
+            velocity: (D,) initial velocity.
+            acceleration: (D,) initial acceleration.
+            coupling: feedback in the loop.
+            until: time of the last sample in s; default the duration. Later the terms keep fading.
+
+        Returns:
+            Trajectory with (..., T, D) signals.
+        """
+        start = self.start if start is None else np.asarray(start, dtype=float)
+        goal = self.goal if goal is None else np.asarray(goal, dtype=float)
+        duration = self.duration if duration is None else duration
+        times = sample_times(duration if until is None else until, dt)
+        forcing = self.forcing(times, start, goal, duration)
+        tau = canonical.time_constant(duration)
+        velocity = self.velocity / duration if velocity is None else velocity
+        acceleration = self.acceleration / duration**2 if acceleration is None else acceleration
+        return transformation.unroll(start, goal, forcing, dt, tau, velocity, acceleration, coupling)
+
+
+def fit_vector(
+    demonstrations: Sequence[Trajectory],
+    scaled: Sequence[bool] | None = None,
+    method: regression.Regression = "joint",
+    kernel_count: int = kernels.KERNEL_COUNT,
+) -> VectorPrimitive:
+    """Learn a primitive from one or several demonstrations of any durations (IV.5.4).
+
+    Args:
+        demonstrations: each with (T_l, D) signals.
+        scaled: axes whose forcing term is to scale with the distance from start to goal; default none.
+        method: regression of the forcing weights.
+        kernel_count: number of kernels N.
+
+    Returns:
+        The primitive.
+    """
+    starts = np.array([demonstration.position[0] for demonstration in demonstrations])
+    goals = np.array([demonstration.position[-1] for demonstration in demonstrations])
+    start, goal = starts.mean(axis=0), goals.mean(axis=0)
+    axes = np.zeros(len(start), dtype=bool) if scaled is None else np.array(scaled, dtype=bool)
+    targets = [
+        transformation.forcing_target(demonstration, canonical.time_constant(demonstration.duration))
+        for demonstration in demonstrations
+    ]
+    scales = relative_scale(goals - starts, goal - start, axes)
+    durations = np.array([demonstration.duration for demonstration in demonstrations])[:, None]
+    velocities = np.array([demonstration.velocity[0] for demonstration in demonstrations])
+    accelerations = np.array([demonstration.acceleration[0] for demonstration in demonstrations])
+    return VectorPrimitive(
+        weights=regression.forcing_weights(targets, scales, method, kernel_count),
+        start=start,
+        goal=goal,
+        velocity=np.mean(durations * velocities, axis=0),
+        acceleration=np.mean(durations**2 * accelerations, axis=0),
+        duration=float(durations.mean()),
+        scaled=axes,
+    )
+
+
+def relative_scale(distance: np.ndarray, amplitude: np.ndarray, scaled: np.ndarray) -> np.ndarray:
+    """Factor on the forcing term: (G - x_0) / amplitude on scaled axes, 1 elsewhere.
+
+    Args:
+        distance: (..., D) goal minus start of this movement.
+        amplitude: (D,) goal minus start of the demonstrations' mean.
+        scaled: (D,) which axes are scaled.
+
+    Returns:
+        (..., D) factors.
+    """
+    meaningful = scaled & (np.abs(amplitude) >= SMALLEST_AMPLITUDE)
+    return np.where(meaningful, distance / np.where(meaningful, amplitude, 1.0), 1.0)
+
+
+def sample_times(duration: float, dt: float) -> np.ndarray:
+    """Times 0, dt, 2 dt, ... up to the sample nearest to the duration, in s."""
+    return dt * np.arange(round(duration / dt) + 1)

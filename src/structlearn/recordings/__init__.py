@@ -1,0 +1,26 @@
+"""Demonstrations as they come: bags and public logs in, signals on one clock out.
+
+`read_demonstrations` is the way in for a pipeline. Below it: `mcap_file` (one bag <-> one `Recording`),
+`messages` and `schemas` (ROS 2 messages <-> streams), `clock` (streams -> one clock), `clmc`, `slide`
+and `text_log` (public data sets).
+"""
+
+from structlearn.recordings.clock import synchronise
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.folders import read_demonstrations, write_recordings
+from structlearn.recordings.mcap_file import read_recording, write_recording
+from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.topics import OWN_TOPICS, TopicMap
+
+__all__ = [
+    "OWN_TOPICS",
+    "Demonstration",
+    "Recording",
+    "Stream",
+    "TopicMap",
+    "read_demonstrations",
+    "read_recording",
+    "synchronise",
+    "write_recording",
+    "write_recordings",
+]

@@ -1,0 +1,79 @@
+"""What a recording must fulfil before it is written or put on one clock."""
+
+from collections import Counter
+
+import numpy as np
+
+from structlearn.errors import InputError
+from structlearn.recordings.recording import WIDTHS, Recording, Stream
+
+NORM_TOLERANCE = 1e-3
+"""How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
+rotation given in another form does not."""
+
+
+def check_recording(recording: Recording) -> None:
+    """Check streams one by one and together.
+
+    Raises:
+        InputError: there is no pose stream or more than one stream of a kind other than tactile; a stream has
+            fewer than two samples, the wrong number of columns, a stamp that repeats or runs back, a value
+            that is NaN or infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`. The
+            message names recording, topic and row (counted from 0).
+    """
+    counts = Counter(stream.kind for stream in recording.streams)
+    if counts["pose"] == 0:
+        raise InputError(f"{recording.name}: has no pose stream")
+    for kind, count in counts.items():
+        if count > 1 and kind != "tactile":
+            topics = ", ".join(stream.topic for stream in recording.streams if stream.kind == kind)
+            raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
+    for stream in recording.streams:
+        where = f"{recording.name}: {stream.topic}"
+        _check_shape(where, stream)
+        _check_clock(where, stream.stamps)
+        _check_values(where, stream)
+
+
+def at_row(row: int, stamps: np.ndarray) -> str:
+    """Words for a place in a stream: row from 0 and its stamp in s, without rounding."""
+    stamp = int(stamps[row])
+    sign, stamp = ("-", -stamp) if stamp < 0 else ("", stamp)
+    return f"row {row} (stamp {sign}{stamp // 10**9}.{stamp % 10**9:09d} s)"
+
+
+def _check_shape(where: str, stream: Stream) -> None:
+    width = WIDTHS[stream.kind]
+    if stream.values.ndim != 2 or stream.values.shape[1] == 0 or len(stream.stamps) != len(stream.values):
+        raise InputError(
+            f"{where}: needs a table with one row per stamp, has shape {stream.values.shape} "
+            f"and {len(stream.stamps)} stamps"
+        )
+    if width is not None and stream.values.shape[1] != width:
+        raise InputError(f"{where}: {stream.kind} needs {width} columns, has {stream.values.shape[1]}")
+    if len(stream.stamps) < 2:
+        raise InputError(f"{where}: needs at least two samples, has {len(stream.stamps)}")
+
+
+def _check_clock(where: str, stamps: np.ndarray) -> None:
+    steps = np.diff(stamps)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        fault = "repeats the stamp before it" if steps[row - 1] == 0 else "runs back in time"
+        raise InputError(f"{where}: {at_row(row, stamps)} {fault}")
+
+
+def _check_values(where: str, stream: Stream) -> None:
+    finite = np.isfinite(stream.values)
+    if not finite.all():
+        row, column = np.argwhere(~finite)[0]
+        value = stream.values[row, column]
+        raise InputError(f"{where}: {at_row(row, stream.stamps)}, column {column}: value is {value}")
+    if stream.kind == "pose":
+        norm = np.linalg.norm(stream.values[:, 3:], axis=1)
+        off = np.abs(norm - 1) > NORM_TOLERANCE
+        if off.any():
+            row = int(np.argmax(off))
+            raise InputError(
+                f"{where}: {at_row(row, stream.stamps)}: quaternion has norm {norm[row]:.6g}, not 1"
+            )

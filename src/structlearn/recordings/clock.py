@@ -1,0 +1,138 @@
+"""Several streams with clocks of their own, put on one uniform clock."""
+
+import numpy as np
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.recordings.checks import at_row, check_recording
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.recording import Recording, Stream
+
+MAX_GAP_S = 0.2
+"""Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
+recorders drop out for 0.15 s now and then, a hole of more than that hides a movement."""
+
+
+def synchronise(
+    recording: Recording, rate_hz: float | None = None, max_gap_s: float = MAX_GAP_S
+) -> Demonstration:
+    """Sample all streams of a recording on one uniform clock.
+
+    The clock runs over the time that all streams cover: it starts at the latest of their first stamps, ticks
+    at `rate_hz` and ends at the last tick before the earliest of their last stamps. Time is counted from that
+    start. Nothing is extrapolated.
+
+    Signals are interpolated linearly between neighbouring samples, orientations by slerp. For a signal x and
+    neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
+    0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied, so a signal sampled down keeps
+    its noise.
+
+    Args:
+        recording: streams with stamps in ns.
+        rate_hz: ticks per second; None: one over the median step of the pose stream.
+        max_gap_s: longest step in s between neighbouring samples of a stream within the clock's time.
+
+    Returns:
+        All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
+        streams stand side by side in the order of the streams. True segments are counted from the new start
+        and clipped to the clock. Where provenance says that the orientation was not recorded
+        (`"orientation": "not recorded"`), orientation and angular velocity are None.
+
+    Raises:
+        InputError: the rate is not positive, a stream fails `check_recording`, has a gap longer than
+            `max_gap_s`, or the streams do not share at least two ticks.
+    """
+    check_recording(recording)
+    start = max(int(stream.stamps[0]) for stream in recording.streams)
+    end = min(int(stream.stamps[-1]) for stream in recording.streams)
+    if end <= start:
+        raise InputError(f"{recording.name}: {_no_overlap(recording)}")
+    pose = next(stream for stream in recording.streams if stream.kind == "pose")
+    ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
+    signals: dict[str, np.ndarray] = {}
+    tactile: list[np.ndarray] = []
+    for stream in recording.streams:
+        _check_gaps(recording.name, stream, start, end, max_gap_s)
+        stamps = (stream.stamps - start).astype(float)  # ns; exact: int64 before the difference
+        if stream.kind == "pose":
+            signals["position"] = _linear(ticks, stamps, stream.values[:, :3])
+            signals["orientation"] = _slerp(ticks, stamps, stream.values[:, 3:])
+        elif stream.kind == "twist":
+            twist = _linear(ticks, stamps, stream.values)
+            signals["velocity"], signals["angular_velocity"] = twist[:, :3], twist[:, 3:]
+        elif stream.kind == "tactile":
+            tactile.append(_linear(ticks, stamps, stream.values))
+        else:
+            signals[stream.kind] = _linear(ticks, stamps, stream.values)
+    if tactile:
+        signals["tactile"] = np.hstack(tactile)
+    if recording.provenance.get("orientation") == "not recorded":
+        signals.pop("orientation")
+        signals.pop("angular_velocity", None)
+    time = ticks * 1e-9
+    return Demonstration(
+        name=recording.name,
+        time=time,
+        true_segments=_shifted(recording.true_segments, (start - int(pose.stamps[0])) * 1e-9, time[-1]),
+        provenance=dict(recording.provenance),
+        **signals,
+    )
+
+
+def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
+    """Ticks per s."""
+    if rate_hz is None:
+        return 1e9 / float(np.median(np.diff(pose.stamps)))
+    if not (np.isfinite(rate_hz) and rate_hz > 0):
+        raise InputError(f"{name}: rate_hz must be positive, is {rate_hz}")
+    return rate_hz
+
+
+def _ticks(name: str, duration: int, rate_hz: float) -> np.ndarray:
+    """(T,) ticks in ns from 0 to `duration`; a tick at most 1e-6 steps after the end still counts."""
+    count = int(np.floor(duration * 1e-9 * rate_hz + 1e-6)) + 1
+    if count < 2:
+        raise InputError(
+            f"{name}: the streams share {duration * 1e-9:.6g} s, less than one step at {rate_hz:.6g} Hz"
+        )
+    return np.arange(count) * (1e9 / rate_hz)
+
+
+def _linear(ticks: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Linear interpolation of all columns: (M,), (T,), (T, D) -> (M, D)."""
+    return np.stack([np.interp(ticks, stamps, column) for column in values.T], axis=1)
+
+
+def _slerp(ticks: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """Interpolation of orientations: (M,), (T,), (T, 4) -> (M, 4) of unit norm, without sign flips."""
+    path = quaternion.sign_continuous(quaternion.normalised(path))
+    ticks = np.clip(ticks, stamps[0], stamps[-1])  # the last tick may be rounded past the end
+    return quaternion.sign_continuous(quaternion.normalised(quaternion.interpolate(ticks, stamps, path)))
+
+
+def _check_gaps(name: str, stream: Stream, start: int, end: int, max_gap_s: float) -> None:
+    """Raise if a step that the clock crosses is too long; before start and after end nothing is needed."""
+    before, after = stream.stamps[:-1], stream.stamps[1:]
+    gaps = (after - before) * 1e-9
+    too_long = (gaps > max_gap_s * (1 + 1e-9)) & (after > start) & (before < end)
+    if too_long.any():
+        row = int(np.argmax(too_long))
+        raise InputError(
+            f"{name}: {stream.topic}: {at_row(row, stream.stamps)} is followed by a gap of "
+            f"{gaps[row]:.6g} s, longer than {max_gap_s:g} s"
+        )
+
+
+def _no_overlap(recording: Recording) -> str:
+    """Words for streams that share no time: the two that are furthest apart."""
+    late = max(recording.streams, key=lambda stream: int(stream.stamps[0]))
+    early = min(recording.streams, key=lambda stream: int(stream.stamps[-1]))
+    return (
+        f"{late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
+        f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
+    )
+
+
+def _shifted(segments: np.ndarray | None, shift: float, end: float) -> np.ndarray | None:
+    """True segments (P, 2) in s, counted from `shift` later and clipped to [0, end]."""
+    return None if segments is None else np.clip(np.asarray(segments, dtype=float) - shift, 0.0, end)

@@ -1,0 +1,78 @@
+"""Public recordings of a BioTac finger that a KUKA iiwa slides over materials.
+
+Files of the repository dexrob/BioTac_slide_20_50 (R. Gao et al., "Supervised autoencoder joint learning on
+heterogeneous tactile sensory data"): six streams per trial, each with Unix times of its own.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.text_log import read_stamped_table, source_provenance
+
+REPOSITORY = "https://github.com/dexrob/BioTac_slide_20_50"
+COMMIT = "c19638b040791b7b32f2fcf12eee315ca901f80a"
+LICENCE = "none stated: for tests and evaluation, not for redistribution"
+
+COLUMNS = {"cp": 8, "jp": 8, "jv": 8, "jt": 8, "cw": 7, "bio": 45}
+"""Numbers per line of each stream of a trial, the time included."""
+
+FIRST_ELECTRODE = 25
+"""Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
+
+
+def read_slides(folder: str | Path) -> list[Recording]:
+    """All trials of a folder: pose, joint positions, velocities and torques, wrench and 19 electrodes.
+
+    Args:
+        folder: holds MATERIAL_TRIAL_STREAM.csv files.
+
+    Returns:
+        Recordings named "MATERIAL_TRIAL", e.g. "mat9_1", by material and trial; stamps are Unix time.
+
+    Raises:
+        InputError: there is no trial, or a stream is missing or not a table of its columns.
+    """
+    folder = Path(folder)
+    trials = [re.fullmatch(r"mat(\d+)_(\d+)_cp", path.stem) for path in folder.glob("*_cp.csv")]
+    numbers = sorted((int(trial[1]), int(trial[2])) for trial in trials if trial)
+    if not numbers:
+        raise InputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
+    return [read_slide(folder, f"mat{material}_{trial}") for material, trial in numbers]
+
+
+def read_slide(folder: str | Path, name: str) -> Recording:
+    """One trial; see `read_slides`.
+
+    Args:
+        folder: holds the trial's six files.
+        name: "MATERIAL_TRIAL", e.g. "mat9_1".
+
+    Returns:
+        The recording with that name.
+
+    Raises:
+        InputError: a stream is missing or not a table of its columns.
+    """
+    folder = Path(folder)
+    files = {stream: folder / f"{name}_{stream}.csv" for stream in COLUMNS}
+    tables = {
+        stream: read_stamped_table(path, COLUMNS[stream], separator=",", header_lines=1)
+        for stream, path in files.items()
+    }
+    pose_stamps, pose = tables["cp"]
+    tactile_stamps, tactile = tables["bio"]
+    streams = (
+        Stream("/pose", "pose", pose_stamps, np.hstack([pose[:, :3], quaternion.from_xyzw(pose[:, 3:])])),
+        Stream("/joint_states/positions", "joint_positions", *tables["jp"]),
+        Stream("/joint_states/velocities", "joint_velocities", *tables["jv"]),
+        Stream("/joint_states/torques", "joint_torques", *tables["jt"]),
+        Stream("/wrench", "wrench", *tables["cw"]),
+        Stream("/tactile/0", "tactile", tactile_stamps, tactile[:, FIRST_ELECTRODE:]),
+    )
+    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, list(files.values()))
+    return Recording(name, streams, provenance=provenance)

@@ -1,0 +1,134 @@
+"""Primitives from segmented demonstrations (IV.5.4), and how well they reproduce them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from structlearn import metrics, quaternion
+from structlearn.errors import InputError
+from structlearn.params import Parameters
+from structlearn.primitives.kernels import KERNEL_COUNT
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.regression import Regression
+from structlearn.primitives.sequence import PosePrimitive, fit_orientation
+from structlearn.primitives.trajectory import (
+    OrientationTrajectory,
+    Trajectory,
+    differentiated,
+    differentiated_orientation,
+)
+from structlearn.recordings.demonstration import Demonstration
+
+
+class FitParameters(Parameters):
+    """Parameters of the primitives.
+
+    Attributes:
+        smoothing_hz: low-pass of positions and orientations before they are differentiated twice.
+        kernel_count: N, number of phase kernels.
+        regression: `joint` least squares over all kernels, as in the text, or `local`, each kernel alone.
+        scaled_axes: local axes (x along the reach) whose forcing term scales with the reach.
+    """
+
+    smoothing_hz: float = Field(default=5.0, gt=0)
+    kernel_count: int = Field(default=KERNEL_COUNT, ge=2, le=200)
+    regression: Regression = "joint"
+    scaled_axes: tuple[bool, bool, bool] = (False, False, False)
+
+
+Segment = tuple[Trajectory, OrientationTrajectory | None]
+"""Position and, where recorded, orientation of one primitive in one demonstration."""
+
+
+def segment_paths(
+    demonstrations: Sequence[Demonstration], cuts: pd.DataFrame, smoothing_hz: float
+) -> list[Segment]:
+    """One primitive's part of every demonstration, smoothed before it is cut.
+
+    Args:
+        demonstrations: complete demonstrations.
+        cuts: index demonstration, columns `start_s`, `end_s`; demonstrations that are not in it are left out.
+        smoothing_hz: cut-off of the low-pass.
+
+    Returns:
+        One segment per demonstration in the cuts, in the order of the demonstrations.
+
+    Raises:
+        InputError: a segment has fewer than three samples, or some demonstrations have no orientation.
+    """
+    segments: list[Segment] = []
+    for demonstration in demonstrations:
+        if demonstration.name not in cuts.index:
+            continue
+        cut = cuts.loc[demonstration.name]
+        first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
+        if last - first < 2:
+            raise InputError(f"{demonstration.name}: a segment has fewer than three samples")
+        position = differentiated(demonstration.position, demonstration.dt, smoothing_hz)
+        orientation = None
+        if demonstration.orientation is not None:
+            path = differentiated_orientation(demonstration.orientation, demonstration.dt, smoothing_hz)
+            orientation = path.cut(first, last)
+        segments.append((position.cut(first, last), orientation))
+    if len({orientation is None for _, orientation in segments}) > 1:
+        raise InputError("some demonstrations have an orientation and some have none")
+    return segments
+
+
+def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
+    """One primitive from its segments in all demonstrations.
+
+    Args:
+        name: of the primitive.
+        segments: one per demonstration.
+        parameters: see there.
+
+    Returns:
+        Position primitive in the local frame, and orientation primitive where orientations were recorded.
+    """
+    positions = [position for position, _ in segments]
+    orientations = [orientation for _, orientation in segments if orientation is not None]
+    choice = (parameters.regression, parameters.kernel_count)
+    return PosePrimitive(
+        name,
+        fit_position(positions, parameters.scaled_axes, *choice),
+        fit_orientation(orientations, *choice) if orientations else None,
+    )
+
+
+def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -> pd.DataFrame:
+    """Distance of each segment from the primitive, unrolled with the segment's start, goal and duration.
+
+    Args:
+        primitive: the primitive.
+        segments: the segments to compare with, whether it was learned from them or not.
+
+    Returns:
+        One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (mean over axes that move) and, with an
+        orientation, `mean_deg`, `max_deg`, `end_deg`.
+    """
+    rows = []
+    for position, orientation in segments:
+        path = primitive.position.unroll(
+            position.dt, position.position[0], position.position[-1], position.duration
+        )
+        distance = 1e3 * np.linalg.norm(path.position - position.position, axis=1)
+        row = {
+            "mean_mm": distance.mean(),
+            "max_mm": distance.max(),
+            "end_mm": distance[-1],
+            "nmse": float(np.mean(metrics.nmse(path.position, position.position))),
+        }
+        if orientation is not None:
+            turn = primitive.orientation.unroll(
+                orientation.dt,
+                orientation.orientation[0],
+                orientation.orientation[-1],
+                orientation.duration,
+            )
+            angle = np.degrees(quaternion.angle_between(turn.orientation, orientation.orientation))
+            row |= {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}
+        rows.append(row)
+    return pd.DataFrame(rows)

@@ -1,0 +1,318 @@
+"""Semi-automatic segmentation of demonstrations into primitives (algorithm IV.1, IV.9.2).
+
+One demonstration is the reference, cut by zero-velocity crossing. The others are guessed in the same way and
+then refined by aligning them with the reference. All estimates are kept, to be compared: the crossing alone
+(`zvc`), the samples that time warping assigns to the reference's ends (`dtw`), ordinary (`ls`) and weighted
+(`wls_text`) least squares as printed, and weighted least squares that counts the crossings as
+correspondences too (`wls`), which is the result.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, model_validator
+
+from structlearn import signals
+from structlearn.errors import InputError
+from structlearn.params import Parameters
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.alignment import (
+    Alignment,
+    least_squares,
+    velocity_weights,
+    with_crossings,
+)
+from structlearn.segmentation.crossing import moving_interval
+from structlearn.segmentation.dtw import correspondences
+
+METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
+RESULT = "wls"
+
+AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
+
+
+class PrimitiveParameters(Parameters):
+    """How one primitive is found.
+
+    Attributes:
+        name: of the primitive.
+        axis: position signal that shows it, or `between`: what lies between its neighbours.
+        threshold_m_s: speed along the axis above which it moves; needs none when between.
+    """
+
+    name: str = Field(min_length=1)
+    axis: Literal["x", "y", "z", "xyz", "between"]
+    threshold_m_s: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _threshold_where_needed(self) -> "PrimitiveParameters":
+        if (self.axis == "between") != (self.threshold_m_s is None):
+            raise ValueError("threshold_m_s is needed for an axis, and only there")
+        return self
+
+
+class SegmentParameters(Parameters):
+    """Parameters of the segmentation.
+
+    Attributes:
+        primitives: in order of time.
+        reference: name of the demonstration that is cut first; None: the first one.
+        guess_cutoff_hz: low-pass of the speed that finds a movement.
+        cut_cutoff_hz: low-pass of the speed that places its cut points.
+        align_cutoff_hz: low-pass of positions and velocities for the alignment.
+        bridge_s: a dip in speed up to this long is a hesitation, not an end.
+        extension_s: delta, by which a segment is extended on both sides before the alignment.
+        downsampling: g, every g-th sample is aligned (appendix C).
+        near_zero: fraction of the largest speed below which a pair is dropped.
+        decay: k of the weights exp(-k |v_ref - v_guess|).
+        crossing_weight: weight of the crossings as correspondences, relative to all other pairs together.
+        crossing_tolerance_s: distance from the alignment at which a crossing has half that weight.
+        skip_failures: go on without demonstrations that cannot be cut; the report lists them.
+    """
+
+    primitives: tuple[PrimitiveParameters, ...] = Field(min_length=1)
+    reference: str | None = None
+    guess_cutoff_hz: float = Field(default=5.0, gt=0)
+    cut_cutoff_hz: float = Field(default=20.0, gt=0)
+    align_cutoff_hz: float = Field(default=5.0, gt=0)
+    bridge_s: float = Field(default=0.5, ge=0)
+    extension_s: float = Field(default=0.2, gt=0)
+    downsampling: int = Field(default=1, ge=1)
+    near_zero: float = Field(default=0.1, ge=0, lt=1)
+    decay: float = Field(default=1.0, ge=0)
+    crossing_weight: float = Field(default=3.0, ge=0)
+    crossing_tolerance_s: float = Field(default=0.1, gt=0)
+    skip_failures: bool = False
+
+    @model_validator(mode="after")
+    def _between_has_neighbours(self) -> "SegmentParameters":
+        names = [primitive.name for primitive in self.primitives]
+        if len(set(names)) < len(names):
+            raise ValueError("names of primitives must differ")
+        between = [primitive.axis == "between" for primitive in self.primitives]
+        if between[0] or between[-1] or any(a and b for a, b in pairwise(between)):
+            raise ValueError("a primitive `between` needs a neighbour with an axis on either side")
+        return self
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """All cuts of a set of demonstrations.
+
+    Attributes:
+        cuts: one row per demonstration, primitive and method: `demonstration`, `primitive`, `method`,
+            `start_s`, `end_s` (since the start of the demonstration).
+        pairs: one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the
+            start of either demonstration), `weight`.
+        left_out: `demonstration`, `reason` of those that could not be cut.
+        reference: name of the reference demonstration.
+    """
+
+    cuts: pd.DataFrame
+    pairs: pd.DataFrame
+    left_out: pd.DataFrame
+    reference: str
+
+    def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
+        """Cuts of one primitive by one method; the reference has its crossing. Index: demonstration."""
+        chosen = self.cuts[(self.cuts["primitive"] == primitive) & (self.cuts["method"] == method)]
+        return chosen.set_index("demonstration")
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Filtered signals of one primitive's axis in one demonstration, and its crossing."""
+
+    dt: float
+    position: np.ndarray  # (T, D)
+    velocity: np.ndarray  # (T, D)
+    start: int
+    end: int
+
+
+def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
+    """Cut demonstrations into primitives.
+
+    Args:
+        demonstrations: complete demonstrations with one common sampling interval.
+        parameters: see there.
+
+    Returns:
+        All cuts.
+
+    Raises:
+        InputError: there is no demonstration of the reference's name, the sampling intervals differ, the
+            reference cannot be cut, or another cannot and failures are not to be skipped.
+    """
+    reference = _reference(demonstrations, parameters)
+    for demonstration in demonstrations:
+        if abs(demonstration.dt - reference.dt) > 1e-6 * reference.dt:
+            raise InputError(
+                f"{demonstration.name}: sampling interval {demonstration.dt:g} s differs from "
+                f"{reference.dt:g} s of the reference {reference.name}"
+            )
+    reference_motions = _guess(reference, parameters)
+    aligned: dict[str, dict[str, _Aligned]] = {}  # demonstration -> primitive -> how it lies
+    left_out: dict[str, str] = {}
+    for demonstration in demonstrations:
+        try:
+            motions = reference_motions if demonstration is reference else _guess(demonstration, parameters)
+            aligned[demonstration.name] = {
+                name: _align(demonstration.name, name, reference_motions[name], motion, parameters)
+                for name, motion in motions.items()
+            }
+        except InputError as error:
+            if demonstration is reference or not parameters.skip_failures:
+                raise
+            left_out[demonstration.name] = str(error)
+    cuts = []
+    for demonstration in demonstrations:
+        if demonstration.name in aligned:
+            try:
+                cuts.append(_cut_rows(demonstration, aligned[demonstration.name], parameters))
+            except InputError as error:
+                if not parameters.skip_failures:
+                    raise
+                left_out[demonstration.name] = str(error)
+    return Segmentation(
+        cuts=pd.concat(cuts, ignore_index=True),
+        pairs=_pair_rows({d: a for d, a in aligned.items() if d != reference.name}, reference.dt),
+        left_out=pd.DataFrame(left_out.items(), columns=["demonstration", "reason"]),
+        reference=reference.name,
+    )
+
+
+@dataclass(frozen=True)
+class _Aligned:
+    """How one primitive of one demonstration lies relative to the reference; times in samples."""
+
+    reference: _Motion
+    motion: _Motion
+    pairs: np.ndarray  # (K, 2) reference, guess
+    weights: np.ndarray  # (K,)
+    alignments: dict[str, Alignment]  # by method
+
+    def ends(self, method: str) -> np.ndarray:
+        """(2,) start and end by a method."""
+        reference_ends = np.array([self.reference.start, self.reference.end], dtype=float)
+        if method == "zvc":
+            return np.array([self.motion.start, self.motion.end], dtype=float)
+        if method == "dtw":
+            return np.interp(reference_ends, self.pairs[:, 0], self.pairs[:, 1])
+        return self.alignments[method].guess_time(reference_ends)
+
+
+def _reference(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Demonstration:
+    if parameters.reference is None:
+        return demonstrations[0]
+    for demonstration in demonstrations:
+        if demonstration.name == parameters.reference:
+            return demonstration
+    raise InputError(f"segment.reference: there is no demonstration named '{parameters.reference}'")
+
+
+def _guess(demonstration: Demonstration, parameters: SegmentParameters) -> dict[str, _Motion]:
+    """Zero-velocity crossing of every primitive with an axis, each looked for after the one before."""
+    dt, motions, first = demonstration.dt, {}, 0
+    for primitive in parameters.primitives:
+        if primitive.axis == "between":
+            continue
+        position = demonstration.position[:, AXES[primitive.axis]]
+        speeds = [
+            np.linalg.norm(signals.derivative(signals.low_pass(position, dt, cutoff), dt), axis=1)
+            for cutoff in (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
+        ]
+        try:
+            start, end = moving_interval(
+                *speeds, primitive.threshold_m_s, round(parameters.bridge_s / dt), first
+            )
+        except InputError as error:
+            raise InputError(f"{demonstration.name}: primitive '{primitive.name}': {error}") from error
+        smooth = signals.low_pass(position, dt, parameters.align_cutoff_hz)
+        motions[primitive.name] = _Motion(dt, smooth, signals.derivative(smooth, dt), start, end)
+        first = end
+    return motions
+
+
+def _align(
+    demonstration: str, primitive: str, reference: _Motion, guess: _Motion, parameters: SegmentParameters
+) -> _Aligned:
+    """Lines 11 to 24 of algorithm IV.1 for one primitive."""
+    extension = round(parameters.extension_s / reference.dt)
+    g = parameters.downsampling
+    firsts, parts = [], []
+    for motion in (
+        reference,
+        guess,
+    ):  # clipped at the ends; times below count from the demonstration's start,
+        first = max(0, motion.start - extension)  # so the extension need not be undone
+        firsts.append(first)
+        parts.append(motion.position[first : motion.end + extension + 1 : g])
+    pairs = g * correspondences(*parts) + np.array(firsts)
+    weights = velocity_weights(
+        reference.velocity[pairs[:, 0]],
+        guess.velocity[pairs[:, 1]],
+        parameters.near_zero,
+        parameters.decay,
+    )
+    crossings = np.array([[reference.start, guess.start], [reference.end, guess.end]])
+    tolerance = parameters.crossing_tolerance_s / reference.dt
+    try:
+        text = least_squares(pairs, weights)
+        alignments = {
+            "ls": least_squares(pairs),
+            "wls_text": text,
+            "wls": with_crossings(text, pairs, weights, crossings, parameters.crossing_weight, tolerance),
+        }
+    except InputError as error:
+        raise InputError(f"{demonstration}: primitive '{primitive}': {error}") from error
+    return _Aligned(reference, guess, pairs, weights, alignments)
+
+
+def _cut_rows(
+    demonstration: Demonstration,
+    aligned: dict[str, _Aligned],
+    parameters: SegmentParameters,
+) -> pd.DataFrame:
+    """Rows of `Segmentation.cuts`, with the primitives in between filled in, clipped to the recording."""
+    dt, duration = demonstration.dt, demonstration.time[-1]
+    rows = []
+    for method in METHODS:
+        found = {name: one.ends(method) for name, one in aligned.items()}
+        for index, primitive in enumerate(parameters.primitives):
+            if primitive.axis == "between":
+                before, after = parameters.primitives[index - 1], parameters.primitives[index + 1]
+                start, end = found[before.name][1], found[after.name][0]
+            else:
+                start, end = found[primitive.name]
+            start_s, end_s = np.clip([start * dt, end * dt], 0.0, duration)
+            if method == RESULT and end_s - start_s < 2 * dt:
+                raise InputError(
+                    f"{demonstration.name}: primitive '{primitive.name}' is empty: it would last from "
+                    f"{start_s:.3f} to {end_s:.3f} s"
+                )
+            rows.append((demonstration.name, primitive.name, method, start_s, end_s))
+    return pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
+
+
+def _pair_rows(aligned: dict[str, dict[str, _Aligned]], dt: float) -> pd.DataFrame:
+    """Rows of `Segmentation.pairs`."""
+    columns = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
+    tables = [
+        pd.DataFrame(
+            {
+                "demonstration": demonstration,
+                "primitive": primitive,
+                "reference_s": dt * one.pairs[:, 0],
+                "guess_s": dt * one.pairs[:, 1],
+                "weight": one.weights,
+            }
+        )
+        for demonstration, primitives in aligned.items()
+        for primitive, one in primitives.items()
+    ]
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=columns)

@@ -1,0 +1,48 @@
+"""Signals on a uniform clock: filters, derivatives, time normalisation."""
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+BUTTERWORTH_ORDER = 2
+"""Order of every low-pass here; run forwards and backwards, so the effective order is twice that."""
+
+
+def low_pass(signal: np.ndarray, dt: float, cutoff_hz: float) -> np.ndarray:
+    """Zero-phase Butterworth low-pass along the first axis.
+
+    The ends are extended by odd reflection, which keeps value and slope there. A cut-off at or above half the
+    sampling rate leaves the signal as it is.
+
+    Args:
+        signal: (T, ...) samples.
+        dt: sampling interval in s.
+        cutoff_hz: cut-off frequency in Hz.
+
+    Returns:
+        (T, ...) the smoothed signal.
+    """
+    nyquist = 0.5 / dt
+    if cutoff_hz >= nyquist:
+        return np.array(signal, dtype=float)
+    sections = butter(BUTTERWORTH_ORDER, cutoff_hz / nyquist, output="sos")
+    padding = min(len(signal) - 1, int(np.ceil(1.0 / (cutoff_hz * dt))))  # one period of the cut-off
+    return sosfiltfilt(sections, signal, axis=0, padtype="odd", padlen=padding)
+
+
+def derivative(signal: np.ndarray, dt: float) -> np.ndarray:
+    """Derivative by second-order differences, central inside. Shape (T, ...) with T >= 3, per second."""
+    return np.gradient(signal, dt, axis=0, edge_order=2)
+
+
+def standardise(signal: np.ndarray) -> np.ndarray:
+    """Zero mean and unit variance per column; a constant column becomes zero. Shape (T, ...)."""
+    spread = signal.std(axis=0)
+    return (signal - signal.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+
+
+def time_normalised(signal: np.ndarray, count: int) -> np.ndarray:
+    """Linear resampling from start to end at `count` points. Shape (T, ...) -> (count, ...)."""
+    position = np.linspace(0.0, len(signal) - 1.0, count)
+    left = np.minimum(position.astype(int), len(signal) - 2)
+    fraction = (position - left).reshape(-1, *[1] * (signal.ndim - 1))
+    return (1.0 - fraction) * signal[left] + fraction * signal[left + 1]

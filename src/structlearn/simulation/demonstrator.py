@@ -1,0 +1,319 @@
+"""A simulated person who demonstrates the nominal scraping task by moving the robot's hand (IV.9).
+
+Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
+y. Poses come from published facts of human movement (the constants below), without physics; force and touch
+are a plausible reading of the same movement (`structlearn.simulation.touch`). Whatever replaces it later
+returns the same: a list of `Recording`.
+
+Three independent random streams per demonstration (movement, noise, sensors) and a fixed number of draws from
+the first make sweeps clean: another `noise_mm` scales the noise and leaves the movement and its true cut
+points untouched; other pauses only move the same primitives apart.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.fft import irfft, next_fast_len, rfftfreq
+
+import structlearn
+from structlearn import quaternion
+from structlearn.params import Parameters
+from structlearn.recordings.recording import Recording, Stream
+from structlearn.simulation.touch import LOADING_S, sensor_streams
+
+# Task. Lengths from the recorded scraping (8.7 cm down, 6.4 cm along y); place and attitude as in the public
+# recording of the same set-up (repository gsutanto/dmp, scraping setting 2, trial 3).
+CONTACT_M = np.array([0.750, 0.500, 0.685])  # edge of the tool where it meets the board, base frame
+DOWN_M = np.array([0.0, 0.0, -0.087])
+FORWARD_M = np.array([0.0, 0.064, 0.0])
+FLAT_ORIENTATION = quaternion.normalised(np.array([0.0265, -0.0357, 0.8831, 0.4670]))  # w, x, y, z
+EDGE_TO_GRASP_M = np.array([0.0, 0.0, 0.030])  # from the edge to the recorded pose, base frame, when flat
+TILT_DEG = np.array([3.0, -3.5, 0.0])  # roll, pitch, yaw to correct; recorded corrections: 3-4 degrees
+
+# Time. The std of timed intervals grows about in proportion to them (Gibbon 1977; Lewis & Miall 2009).
+SHARED_TEMPO = 0.5  # share of the log-duration variance that the movements of one trial have in common
+# Slow movements fluctuate at a constant rate, in proportion to their speed (Guigon et al. 2019).
+INTERMITTENCY_HZ = (1.5, 3.5)
+INTERMITTENCY = 0.12  # std of the factor on the speed
+# Aimed movements have a primary submovement and an overlapping homing-in (Woodworth 1899; Meyer et al. 1988),
+# each of minimum jerk (Flash & Hogan 1985). Ranges as fractions of distance and duration; the recorded
+# descent has two bumps of speed in about this proportion.
+PRIMARY_DISTANCE = (0.60, 0.85)
+PRIMARY_DURATION = (0.55, 0.75)
+SECONDARY_ONSET = (0.30, 0.50)
+# A person repeats a movement with nearly the same submovements. With this share of the ranges for the trial
+# and the rest for the person, trials differ in timing by 2-6 % of the duration; in the public recording of 97
+# repeated reaches it is 3-4 % (std of the normalised time at which 10 to 90 % of the way are done).
+TRIAL_SHARE = 0.4
+# Slow hands also halt where nothing asks for it (van der Wel et al. 2009; Park et al. 2017).
+HESITATION_S = (0.08, 0.20)  # std of a Gaussian dip of the speed; with the depth it sets the time lost
+# A minimum-jerk movement has no visible first instant: onset and end are where its speed passes 5 % of its
+# peak, the usual criterion in studies of reaching.
+ONSET_SPEED = 0.05
+SLOWEST = 0.02  # floor of the speed factor: time never runs backwards
+
+# Place. End points scatter by a few per cent of the distance (van Beers et al. 2004); recorded: 0.5-1 mm.
+GOAL_SPREAD_M = np.array([0.0010, 0.0015, 0.0002])  # the board fixes z
+GOAL_SPREAD_DEG = 0.4  # what a person takes for flat; recorded: 0.2-0.5 degrees
+BOW_M = (
+    np.array([[2.0, 2.0, 0.0], [0.8, 0.8, 0.0], [1.0, 0.0, 0.0]]) * 1e-3
+)  # std; hand paths are bowed a little
+
+# Noise of the hand: shares of the variance of `noise_mm`, and bands.
+SWAY_SHARE, SWAY_HZ = 0.70, (0.1, 1.0)  # slow postural drift, most of the error in holding still
+MOTOR_SHARE, MOTOR_HZ = 0.17, (1.0, 6.0)  # signal-dependent (Harris & Wolpert 1998): grows with speed
+TREMOR_SHARE, TREMOR_HZ = 0.13, (8.0, 12.0)  # physiological tremor, 0.05-0.2 mm rms in hand-held tools
+# (Riviere et al. 1997 and the microsurgery literature since): 0.11 mm at the default `noise_mm`
+HAND_WIDTH_M = 0.06  # two grips this far apart, each with the noise, turn the tool: rad = m / HAND_WIDTH_M
+BOARD_HOLDS = 0.3  # what remains of the noise along z while the board carries the tool
+
+EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
+BETWEEN_STARTS_NS = 60_000_000_000
+GRID_HZ = 1000.0  # on which time warps are integrated
+
+Seconds = Annotated[float, Field(ge=0, le=10)]
+MovementSeconds = Annotated[float, Field(ge=0.5, le=20)]
+
+
+class DemonstratorParameters(Parameters):
+    """What a user may turn; units are in the names."""
+
+    count: int = Field(11, ge=1, le=1000, description="demonstrations; the first one is no different")
+    seed: int = Field(0, ge=0)
+    rate_hz: float = Field(300.0, ge=50, le=2000, description="pose and wrench")
+    tactile_rate_hz: float = Field(100.0, ge=10, le=1000)
+    durations_s: tuple[MovementSeconds, MovementSeconds, MovementSeconds] = Field(
+        (1.7, 2.6, 2.6),
+        description="median of the movements down, turn, scrape, as in the recorded task, whose segments of "
+        "2.6, 3.7 and 3.6 s hold rests of half a second at both ends",
+    )
+    duration_cv: float = Field(0.12, ge=0, le=0.4, description="std / mean of a movement's duration")
+    rest_s: tuple[Seconds, Seconds] = Field(
+        (0.5, 1.2), description="range of the rests before and after the task"
+    )
+    pause_s: tuple[Seconds, Seconds] = Field(
+        (0.2, 0.8), description="range of the dwells at the two switches"
+    )
+    hesitation_probability: float = Field(0.3, ge=0, le=1, description="of a speed dip, per movement")
+    hesitation_depth: float = Field(0.8, ge=0, le=0.95, description="largest fraction of speed lost in a dip")
+    start_spread_mm: float = Field(3.0, ge=0, le=20, description="std of the start position, per axis")
+    start_spread_deg: float = Field(1.0, ge=0, le=10, description="std of the start orientation, per axis")
+    noise_mm: float = Field(
+        0.3,
+        ge=0,
+        le=20,
+        description="std per axis, in the air, of the position noise, band-limited: sway 0.1-1 Hz, motor "
+        "noise 1-6 Hz, tremor 8-12 Hz; orientation noise grows with it",
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        for name in ("rest_s", "pause_s"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(f"{name} must be (low, high) with low <= high")
+        return self
+
+
+def simulate_demonstrations(parameters: DemonstratorParameters, *, touch: bool = True) -> list[Recording]:
+    """Nominal scraping demonstrations of one simulated person.
+
+    Args:
+        parameters: how many, how noisy, how irregular.
+        touch: also simulate the wrench and tactile streams; without them a demonstration costs a few ms.
+
+    Returns:
+        Recordings "01", "02", ... in order, each with `true_segments` (3, 2): the start of the descent and
+        the contact; the contact and the start of the scrape; the start and the end of the scrape.
+    """
+    person, *seeds = np.random.SeedSequence(parameters.seed).spawn(parameters.count + 1)
+    habits = _draw_shapes(np.random.default_rng(person), (3, 2))
+    return [_demonstrate(index, seed, parameters, habits, touch) for index, seed in enumerate(seeds)]
+
+
+def _demonstrate(
+    index: int,
+    seed: np.random.SeedSequence,
+    parameters: DemonstratorParameters,
+    habits: np.ndarray,
+    with_touch: bool,
+) -> Recording:
+    movement, noise, sensors = (np.random.default_rng(child) for child in seed.spawn(3))
+    plan = _draw_plan(parameters, habits, movement)
+    time = np.arange(int(plan.end * parameters.rate_hz) + 1) / parameters.rate_hz
+    edge, tilt = _follow(plan, time)
+    contact = np.interp(time, plan.segments[0, 1] + np.array([0.0, LOADING_S]), [0.0, 1.0])
+    velocity = np.gradient(edge, 1 / parameters.rate_hz, axis=0)
+    position_noise, tilt_noise = _hand_noise(velocity, contact, parameters, noise)
+    lever = quaternion.rotate(quaternion.from_rotation_vector(tilt), EDGE_TO_GRASP_M)
+    tilt = tilt + tilt_noise
+    orientation = quaternion.product(quaternion.from_rotation_vector(tilt), FLAT_ORIENTATION)
+    pose = np.hstack([edge + lever + position_noise, orientation])
+
+    start = EPOCH_NS + index * BETWEEN_STARTS_NS
+    stamps = start + np.round(time * 1e9).astype(np.int64)
+    streams = [Stream("/hand/pose", "pose", stamps, pose)]
+    if with_touch:
+        rates = (parameters.rate_hz, parameters.tactile_rate_hz)
+        streams += sensor_streams(start, time, contact, tilt, velocity, rates, sensors)
+    provenance = {
+        "origin": "simulated",
+        "generator": "structlearn.simulation.demonstrator",
+        "version": structlearn.__version__,
+        "seed": str(parameters.seed),
+        "setting": "nominal, board roll 0 degrees",
+    }
+    return Recording(f"{index + 1:02d}", tuple(streams), plan.segments, provenance)
+
+
+@dataclass(frozen=True)
+class _Movement:
+    """One planned movement: its place in time, its warp and the shapes of its two coordinates."""
+
+    onset: float  # s
+    duration: float  # s, hesitation included
+    grid: np.ndarray  # (N,) s since the onset
+    phase: np.ndarray  # (N,) 0 -> 1: warped time
+    shapes: np.ndarray  # (2, 3) primary distance, primary duration, secondary onset; one row per coordinate
+
+    @property
+    def visible(self) -> tuple[float, float]:
+        """First and last time in s at which the noise-free speed is at least `ONSET_SPEED` of its peak."""
+        speed = np.gradient(self.progress(self.onset + self.grid)[0], self.grid)
+        moving = self.grid[speed >= ONSET_SPEED * speed.max()]
+        return self.onset + float(moving[0]), self.onset + float(moving[-1])
+
+    def progress(self, time: np.ndarray) -> np.ndarray:
+        """Progress of both coordinates, 0 before the onset and 1 after the end: (T,) s -> (2, T)."""
+        phase = np.interp(time - self.onset, self.grid, self.phase)
+        share, primary, secondary = self.shapes.T[..., None]  # (2, 1) each
+        return share * _minimum_jerk(phase / primary) + (1 - share) * _minimum_jerk(
+            (phase - secondary) / (1 - secondary)
+        )
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """All that is decided before the hand moves (noise excepted)."""
+
+    movements: tuple[_Movement, _Movement, _Movement]
+    end: float  # s
+    edges: np.ndarray  # (4, 3) m: position of the edge at start, contact, flat, end
+    tilts: np.ndarray  # (4, 3) rad: rotation vector from flat, base frame
+    bows: np.ndarray  # (3, 3) m: bow of each movement
+
+    @property
+    def segments(self) -> np.ndarray:
+        """(3, 2) s: true start and end of the primitives; the second is the gap between the others."""
+        (onset, contact), _, (scrape, end) = (movement.visible for movement in self.movements)
+        return np.array([[onset, contact], [contact, scrape], [scrape, end]])
+
+
+def _draw_plan(parameters: DemonstratorParameters, habits: np.ndarray, rng: np.random.Generator) -> _Plan:
+    """Draw one trial. The draws do not depend on the parameters' values; only their scaling does."""
+    tempo = rng.standard_normal()
+    now = rng.uniform(*parameters.rest_s)
+    movements = []
+    for median, habit in zip(parameters.durations_s, habits, strict=True):
+        own = rng.standard_normal()
+        scatter = np.sqrt(SHARED_TEMPO) * tempo + np.sqrt(1 - SHARED_TEMPO) * own
+        duration = median * np.exp(parameters.duration_cv * np.clip(scatter, -2.5, 2.5))
+        movements.append(_draw_movement(now, duration, habit, parameters, rng))
+        now += movements[-1].duration + rng.uniform(*parameters.pause_s)
+    end = movements[-1].onset + movements[-1].duration + rng.uniform(*parameters.rest_s)
+
+    start = CONTACT_M - DOWN_M + 1e-3 * parameters.start_spread_mm * rng.standard_normal(3)
+    landing = CONTACT_M + GOAL_SPREAD_M * rng.standard_normal(3)
+    flat = landing + GOAL_SPREAD_M / 3 * rng.standard_normal(3)  # the edge slips a little while it turns
+    finish = flat + FORWARD_M + GOAL_SPREAD_M * rng.standard_normal(3)
+    held = TILT_DEG + parameters.start_spread_deg * rng.standard_normal(3)  # no correction before the contact
+    drift = 0.5 * parameters.start_spread_deg * rng.standard_normal(3)
+    tilts = np.stack([held, held + drift, *(GOAL_SPREAD_DEG * rng.standard_normal((2, 3)))])
+    bows = BOW_M * rng.standard_normal((3, 3))
+    return _Plan(tuple(movements), end, np.stack([start, landing, flat, finish]), np.radians(tilts), bows)
+
+
+def _draw_shapes(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+    """Shapes of submovements: primary distance, primary duration, secondary onset; (*shape, 3) fractions."""
+    low, high = np.array([PRIMARY_DISTANCE, PRIMARY_DURATION, SECONDARY_ONSET]).T
+    return rng.uniform(low, high, (*shape, 3))
+
+
+def _draw_movement(
+    onset: float,
+    duration: float,
+    habit: np.ndarray,
+    parameters: DemonstratorParameters,
+    rng: np.random.Generator,
+) -> _Movement:
+    """Draw one movement: shapes of its submovements near the person's habit, and how its time is warped."""
+    shapes = (1 - TRIAL_SHARE) * habit + TRIAL_SHARE * _draw_shapes(rng, (2,))
+    hesitates = rng.random() < parameters.hesitation_probability
+    centre, width = rng.uniform(0.25, 0.75), rng.uniform(*HESITATION_S)  # fraction of the duration; s
+    depth = hesitates * parameters.hesitation_depth * rng.uniform(0.5, 1.0)
+    frequencies, angles = rng.uniform(*INTERMITTENCY_HZ, 4), rng.uniform(0, 2 * np.pi, 4)
+
+    duration += depth * width * np.sqrt(2 * np.pi)  # the dip costs time; the rest is not hurried
+    grid = np.linspace(0.0, duration, int(duration * GRID_HZ) + 2)
+    waves = np.cos(2 * np.pi * np.outer(frequencies, grid) + angles[:, None]).sum(0)  # variance 4 / 2
+    dip = depth * np.exp(-0.5 * ((grid - centre * duration) / width) ** 2)
+    rate = np.maximum((1 + INTERMITTENCY * waves / np.sqrt(2)) * (1 - dip), SLOWEST)
+    phase = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))])
+    return _Movement(onset, duration, grid, phase / phase[-1], shapes)
+
+
+def _follow(plan: _Plan, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Noise-free path: (T,) s -> (T, 3) m of the edge, (T, 3) rad rotation vector from flat.
+
+    Roll and pitch of the correction have submovements of their own (first coordinate roll, second pitch), as
+    a person who turns one after the other; they share their onset and end.
+    """
+    edge = np.tile(plan.edges[0], (len(time), 1))
+    tilt = np.tile(plan.tilts[0], (len(time), 1))
+    for index, movement in enumerate(plan.movements):
+        first, second = movement.progress(time)[..., None]  # (T, 1) each
+        bow = 16 * first**2 * (1 - first) ** 2  # 1 half-way, flat at both ends
+        edge += first * (plan.edges[index + 1] - plan.edges[index]) + bow * plan.bows[index]
+        turn = plan.tilts[index + 1] - plan.tilts[index]
+        tilt += np.hstack([first, second, first]) * turn
+    return edge, tilt
+
+
+def _hand_noise(
+    velocity: np.ndarray, contact: np.ndarray, parameters: DemonstratorParameters, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position noise (T, 3) in m and orientation noise (T, 3) in rad, both proportional to `noise_mm`."""
+    speed = np.linalg.norm(velocity, axis=1)
+    envelope = speed / np.sqrt(np.mean(speed**2))  # unit power over the trial
+    sway, motor, tremor = (
+        _band_noise(len(speed), parameters.rate_hz, band, rng) for band in (SWAY_HZ, MOTOR_HZ, TREMOR_HZ)
+    )  # (T, 6) each: x, y, z and the rotations about them
+    unit = (
+        np.sqrt(SWAY_SHARE) * sway
+        + np.sqrt(MOTOR_SHARE) * envelope[:, None] * motor
+        + np.sqrt(TREMOR_SHARE) * tremor
+    )
+    metres = 1e-3 * parameters.noise_mm * unit
+    metres[:, 2] *= 1 + (BOARD_HOLDS - 1) * contact
+    return metres[:, :3], metres[:, 3:] / HAND_WIDTH_M
+
+
+def _band_noise(
+    length: int, rate_hz: float, band: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
+    """Six independent Gaussian processes with all power between two frequencies, unit std: (length, 6)."""
+    padded = next_fast_len(2 * length, real=True)  # twice as long: the ends do not meet
+    frequency = rfftfreq(padded, 1 / rate_hz)
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    spectrum = np.zeros((len(frequency), 6), dtype=complex)
+    spectrum[inside] = rng.standard_normal((inside.sum(), 6)) + 1j * rng.standard_normal((inside.sum(), 6))
+    signal = irfft(spectrum, padded, axis=0)[:length]
+    return signal / np.sqrt(np.mean(signal**2, axis=0))
+
+
+def _minimum_jerk(phase: np.ndarray) -> np.ndarray:
+    """10 s^3 - 15 s^4 + 6 s^5 on [0, 1], constant outside (Flash & Hogan 1985)."""
+    s = np.clip(phase, 0.0, 1.0)
+    return s**3 * (10 - 15 * s + 6 * s**2)

@@ -1,0 +1,123 @@
+"""Bags as a user's robot writes them, and small recordings; definitions are not taken from the package."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap_ros2.writer import Writer
+
+from structlearn import quaternion
+from structlearn.recordings import Recording, Stream
+
+_NESTED = {
+    "std_msgs/Header": "# stamp and frame\nbuiltin_interfaces/Time stamp\nstring frame_id",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
+    "geometry_msgs/Pose": "Point position\nQuaternion orientation",
+    "geometry_msgs/Twist": "Vector3 linear\nVector3 angular",
+    "geometry_msgs/Wrench": "Vector3 force\nVector3 torque",
+    "geometry_msgs/Transform": "Vector3 translation\nQuaternion rotation",
+    "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
+    "std_msgs/MultiArrayLayout": "MultiArrayDimension[] dim\nuint32 data_offset",
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
+}
+
+_OWN = {
+    "geometry_msgs/msg/Pose": _NESTED["geometry_msgs/Pose"],
+    "geometry_msgs/msg/PoseStamped": "std_msgs/Header header\nPose pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "std_msgs/Header header\nPoseWithCovariance pose",
+    "geometry_msgs/msg/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
+    "Transform transform",
+    "nav_msgs/msg/Odometry": "std_msgs/Header header\nstring child_frame_id\n"
+    "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist",
+    "geometry_msgs/msg/TwistStamped": "std_msgs/Header header\nTwist twist",
+    "geometry_msgs/msg/WrenchStamped": "std_msgs/Header header\nWrench wrench",
+    "sensor_msgs/msg/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
+    "float64[] velocity\nfloat64[] effort",
+    "std_msgs/msg/String": "string data",
+} | {
+    f"std_msgs/msg/{name}MultiArray": f"MultiArrayLayout layout\n{name.lower()}[] data"
+    for name in ("Float32", "Float64", "Int16", "Int32", "UInt16")
+}
+
+
+def write_bag(path, messages, empty=()):
+    """Write (topic, type, message, log time in ns) in the given order; `empty` lists (topic, type)."""
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        schemas = {}
+        for message_type in [row[1] for row in (*messages, *empty)]:
+            if message_type not in schemas:
+                nested = "".join(f"\n{'=' * 80}\nMSG: {name}\n{text}" for name, text in _NESTED.items())
+                text = _OWN[message_type.replace("/msg/", "/").replace("/", "/msg/")] + nested
+                schemas[message_type] = writer.register_msgdef(message_type, text)
+        for topic, message_type in empty:
+            writer._writer.register_channel(topic, "cdr", schemas[message_type].id)
+        for topic, message_type, message, log_time in messages:
+            writer.write_message(topic, schemas[message_type], message, log_time, log_time)
+        writer.finish()
+
+
+def header(stamp):
+    return {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "base_link"}
+
+
+def vector(values):
+    return dict(zip("xyz", map(float, values), strict=True))
+
+
+def ros_pose(row):
+    """Pose of a row x, y, z, qw, qx, qy, qz."""
+    w, x, y, z = map(float, row[3:])
+    return {"position": vector(row[:3]), "orientation": {"x": x, "y": y, "z": z, "w": w}}
+
+
+def pose_messages(stamps, rows, topic="/tool"):
+    return [
+        (topic, "geometry_msgs/msg/PoseStamped", {"header": header(s), "pose": ros_pose(row)}, s)
+        for s, row in zip(stamps, rows, strict=True)
+    ]
+
+
+def pose_rows(count, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.hstack([rng.normal(size=(count, 3)), quaternion.normalised(rng.normal(size=(count, 4)))])
+
+
+def make_recording(name="demo", seed=0, count=40, fingers=2, provenance=None, segments=None, start=5 * 10**9):
+    """A recording with every kind of stream, each with an irregular clock of its own."""
+    rng = np.random.default_rng(seed)
+
+    def clock(rate_hz):
+        steps = rng.uniform(0.5, 1.5, size=count) / rate_hz
+        return start + np.round(np.cumsum(steps) * 1e9).astype(np.int64)
+
+    def stream(topic, kind, width):
+        return Stream(topic, kind, clock(100), rng.normal(size=(count, width)))
+
+    streams = [
+        Stream("/pose", "pose", clock(100), pose_rows(count, seed)),
+        stream("/twist", "twist", 6),
+        stream("/joint_states/positions", "joint_positions", 7),
+        stream("/joint_states/velocities", "joint_velocities", 7),
+        stream("/joint_states/torques", "joint_torques", 7),
+        stream("/wrench", "wrench", 6),
+    ]
+    streams += [
+        Stream(f"/tactile/{f}", "tactile", clock(100), rng.integers(-500, 4000, (count, 19)).astype(float))
+        for f in range(fingers)
+    ]
+    return Recording(name, tuple(streams), segments, provenance or {"origin": "simulated", "seed": str(seed)})
+
+
+def recorded_data(name):
+    """Folder of a public data set: below RECORDED_DATA, by default beside the repository in `shared`."""
+    default = Path(__file__).resolve().parents[1] / ".." / "shared"
+    folder = Path(os.environ.get("RECORDED_DATA", default)) / name
+    if not folder.is_dir():
+        pytest.skip(f"no recorded data in {folder}; RECORDED_DATA names their folder")
+    return folder

@@ -1,0 +1,184 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings_bags import make_recording, pose_rows
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.recordings import Recording, Stream, synchronise
+
+UNIX = 1581238055_716234152
+
+
+def irregular(rng, count, rate_hz, start=UNIX):
+    """(count,) ns: steps from a tenth to twice the mean one."""
+    return start + np.cumsum(rng.uniform(0.1, 1.9, size=count) * 1e9 / rate_hz).astype(np.int64)
+
+
+def pose_stream(stamps, position=None, orientation=None):
+    values = np.zeros((len(stamps), 7))
+    values[:, 3] = 1.0
+    if position is not None:
+        values[:, :3] = position
+    if orientation is not None:
+        values[:, 3:] = orientation
+    return Stream("/tool", "pose", stamps, values)
+
+
+def seconds(stamps, origin=UNIX):
+    return (np.asarray(stamps) - origin) * 1e-9
+
+
+@pytest.mark.parametrize("frequency_hz", [0.5, 3.0])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_error_of_interpolation_stays_below_its_bound(frequency_hz, seed):
+    rng = np.random.default_rng(seed)
+    omega = 2 * np.pi * frequency_hz
+    stamps, other = irregular(rng, 400, 150), irregular(rng, 300, 100)
+    wave = np.sin(omega * seconds(stamps))
+    wrench = np.cos(omega * seconds(other))[:, None] * np.ones(6)
+    streams = (pose_stream(stamps, wave[:, None] * np.ones(3)), Stream("/wrist", "wrench", other, wrench))
+    demonstration = synchronise(Recording("waves", streams), rate_hz=333.0)
+    time = demonstration.time + seconds(max(stamps[0], other[0]))
+    for values, clock, exact in (
+        (demonstration.position, stamps, np.sin(omega * time)),
+        (demonstration.wrench, other, np.cos(omega * time)),
+    ):
+        bound = (np.diff(clock).max() * 1e-9) ** 2 / 8 * omega**2  # max|x''| = omega^2
+        error = np.abs(values - exact[:, None]).max()
+        assert 0.05 * bound < error <= bound
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10**6), rate_hz=st.floats(20, 2000), late_ms=st.integers(0, 60))
+def test_the_clock_covers_what_all_streams_share(seed, rate_hz, late_ms):
+    rng = np.random.default_rng(seed)
+    stamps = irregular(rng, 50, 200)
+    other = irregular(rng, 40, 200, UNIX + late_ms * 10**6)
+    line = seconds(stamps)[:, None] * [1.0, -2.0, 0.5]
+    twist = seconds(other)[:, None] * np.arange(6)
+    streams = (pose_stream(stamps, line), Stream("/twist", "twist", other, twist))
+    demonstration = synchronise(Recording("lines", streams), rate_hz)
+    start, end = max(stamps[0], other[0]), min(stamps[-1], other[-1])
+    time = demonstration.time
+    assert time[0] == 0
+    np.testing.assert_allclose(np.diff(time), 1 / rate_hz, rtol=1e-6)
+    assert time[-1] <= seconds(end, start) + 1e-5 / rate_hz
+    assert time[-1] + 1 / rate_hz > seconds(end, start)
+    absolute = time[:, None] + seconds(start)
+    np.testing.assert_allclose(demonstration.position, absolute * [1.0, -2.0, 0.5], atol=1e-7)
+    np.testing.assert_allclose(demonstration.velocity, absolute * [0, 1, 2], atol=1e-7)
+    np.testing.assert_allclose(demonstration.angular_velocity, absolute * [3, 4, 5], atol=1e-7)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_a_steady_turn_is_met_exactly_whatever_the_signs(seed):
+    rng = np.random.default_rng(seed)
+    stamps = irregular(rng, 60, 100)
+    axis = rng.normal(size=3)
+    axis *= 2.0 / np.linalg.norm(axis)  # rad/s
+    turn = quaternion.from_rotation_vector(seconds(stamps)[:, None] * axis)
+    signs = rng.choice([-1.0, 1.0], size=(60, 1))
+    scale = rng.uniform(0.9995, 1.0005, size=(60, 1))
+    streams = (pose_stream(stamps, orientation=turn * signs * scale),)
+    demonstration = synchronise(Recording("turn", streams), rate_hz=250.0)
+    time = demonstration.time + seconds(stamps[0])
+    exact = quaternion.from_rotation_vector(time[:, None] * axis)
+    assert quaternion.angle_between(demonstration.orientation, exact).max() < 1e-7
+    np.testing.assert_allclose(np.linalg.norm(demonstration.orientation, axis=1), 1, atol=1e-12)
+    assert (np.sum(demonstration.orientation[1:] * demonstration.orientation[:-1], axis=1) > 0).all()
+
+
+def test_every_kind_of_stream_finds_its_signal():
+    recording = make_recording(fingers=2)
+    demonstration = synchronise(recording)
+    assert demonstration.name == "demo"
+    assert demonstration.simulated
+    widths = {"position": 3, "orientation": 4, "velocity": 3, "angular_velocity": 3, "joint_positions": 7}
+    widths |= {"joint_velocities": 7, "joint_torques": 7, "wrench": 6, "tactile": 38}
+    for signal, width in widths.items():
+        assert getattr(demonstration, signal).shape == (len(demonstration.time), width)
+    left, right = recording.streams[-2:]
+    start = max(stream.stamps[0] for stream in recording.streams)
+    expected = np.interp(demonstration.time, seconds(right.stamps, start), right.values[:, 18])
+    np.testing.assert_allclose(demonstration.tactile[:, 37], expected, rtol=1e-6)
+    expected = np.interp(demonstration.time, seconds(left.stamps, start), left.values[:, 0])
+    np.testing.assert_allclose(demonstration.tactile[:, 0], expected, rtol=1e-6)
+
+
+def test_a_uniform_recording_keeps_its_samples_and_its_rate():
+    stamps = UNIX + np.round(np.arange(200) * (1e9 / 300)).astype(np.int64)
+    rows = pose_rows(200)
+    demonstration = synchronise(Recording("own", (Stream("/tool", "pose", stamps, rows),)))
+    assert len(demonstration.time) == 200
+    assert demonstration.dt == pytest.approx(1 / 300, rel=1e-6)
+    np.testing.assert_allclose(demonstration.position, rows[:, :3], atol=1e-4)
+
+
+def test_the_median_rate_ignores_a_hole():
+    stamps = UNIX + np.r_[0:50, 64:100] * 10**7  # 0.15 s without samples
+    demonstration = synchronise(Recording("hole", (pose_stream(stamps),)))
+    assert demonstration.dt == pytest.approx(0.01)
+    assert len(demonstration.time) == 100
+
+
+def test_true_segments_move_with_the_start_and_stay_on_the_clock():
+    pose = pose_stream(UNIX + np.arange(101) * 10**7)
+    wrist = Stream("/wrist", "wrench", UNIX + 2 * 10**8 + np.arange(71) * 10**7, np.zeros((71, 6)))
+    segments = np.array([[0.0, 0.4], [0.4, 0.75], [0.75, 1.0]])
+    demonstration = synchronise(Recording("cut", (pose, wrist), segments))
+    np.testing.assert_allclose(demonstration.true_segments, [[0, 0.2], [0.2, 0.55], [0.55, 0.7]], atol=1e-12)
+
+
+def test_an_orientation_that_was_not_recorded_is_none():
+    stamps = UNIX + np.arange(10) * 10**6
+    streams = (pose_stream(stamps), Stream("/twist", "twist", stamps, np.ones((10, 6))))
+    provenance = {"origin": "recorded", "orientation": "not recorded"}
+    demonstration = synchronise(Recording("reach", streams, provenance=provenance))
+    assert demonstration.orientation is None
+    assert demonstration.angular_velocity is None
+    assert demonstration.velocity.shape == (10, 3)
+
+
+def test_a_gap_is_bridged_up_to_its_limit_and_named_beyond():
+    recording = Recording("hole", (pose_stream(UNIX + np.r_[0:20, 35:60] * 10**7),))
+    assert len(synchronise(recording, max_gap_s=0.16).time) == 60
+    place = r"^hole: /tool: row 19 \(stamp 1581238055\.906234152 s\)"
+    with pytest.raises(InputError, match=rf"{place} is followed by a gap of 0\.16 s, longer than 0\.15 s"):
+        synchronise(recording, max_gap_s=0.15)
+
+
+def test_a_gap_outside_the_shared_time_does_no_harm():
+    pose = pose_stream(UNIX + np.r_[0:5, 100:200, 300:303] * 10**7)
+    wrist = Stream("/wrist", "wrench", UNIX + np.arange(100, 200) * 10**7, np.zeros((100, 6)))
+    assert synchronise(Recording("hole", (pose, wrist))).time[-1] == pytest.approx(0.99)
+
+
+def test_streams_that_do_not_overlap_are_named():
+    pose = pose_stream(UNIX + np.arange(10) * 10**7)
+    wrist = Stream("/wrist", "wrench", np.arange(10) * 10**7, np.zeros((10, 6)))
+    complaint = r"^apart: /tool starts at row 0 \(stamp 1581238055\.7.*\), when /wrist has ended at row 9"
+    with pytest.raises(InputError, match=complaint):
+        synchronise(Recording("apart", (pose, wrist)))
+
+
+def test_streams_that_share_less_than_a_step_are_refused():
+    pose = pose_stream(UNIX + np.arange(10) * 10**7)
+    wrist = Stream("/wrist", "wrench", UNIX + 85_000_000 + np.arange(10) * 10**7, np.zeros((10, 6)))
+    with pytest.raises(InputError, match=r"brief: the streams share 0\.005 s, less than one step at 100 Hz"):
+        synchronise(Recording("brief", (pose, wrist)))
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, np.nan, np.inf])
+def test_the_rate_must_be_positive(rate_hz):
+    with pytest.raises(InputError, match="demo: rate_hz must be positive"):
+        synchronise(make_recording(), rate_hz)
+
+
+def test_a_faulty_stream_is_refused():
+    pose = pose_stream(UNIX + np.arange(10) * 10**7)
+    pose.values[7, 1] = np.nan
+    with pytest.raises(InputError, match=r"^bad: /tool: row 7 .*, column 1: value is nan"):
+        synchronise(Recording("bad", (pose,)))

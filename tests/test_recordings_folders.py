@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
+
+from structlearn.errors import InputError
+from structlearn.recordings import (
+    TopicMap,
+    folders,
+    read_demonstrations,
+    synchronise,
+    write_recording,
+    write_recordings,
+)
+from structlearn.recordings.demonstration import SIGNALS
+
+STAMPS = [10**9 + row * 10**7 for row in range(5)]
+TOOL = TopicMap(pose="/tool")
+
+
+def bag(path, seed=0):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bag(path, pose_messages(STAMPS, pose_rows(5, seed)))
+
+
+def ros2_bag(folder, files=1):
+    for part in range(files):
+        bag(folder / f"{folder.name}_{part}.mcap")
+    (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+
+
+def test_recordings_go_through_a_folder_unchanged(tmp_path):
+    recordings = [make_recording(name, seed=seed) for seed, name in enumerate(["a", "b"])]
+    write_recordings(recordings, tmp_path / "raw" / "set")
+    demonstrations = read_demonstrations(tmp_path / "raw" / "set")
+    for recording, demonstration in zip(recordings, demonstrations, strict=True):
+        expected = synchronise(recording)
+        assert demonstration.name == recording.name
+        assert demonstration.provenance == recording.provenance
+        for signal in SIGNALS:
+            np.testing.assert_array_equal(getattr(demonstration, signal), getattr(expected, signal))
+
+
+def test_numbers_as_names_are_padded_and_come_in_their_order(tmp_path):
+    recordings = [make_recording(name, count=4) for name in ("2", "10", "1", "prim1")]
+    write_recordings(recordings, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["01.mcap", "02.mcap", "10.mcap", "prim1.mcap"]
+    assert [d.name for d in read_demonstrations(tmp_path)] == ["01", "02", "10", "prim1"]
+
+
+def test_natural_order_without_padding(tmp_path):
+    for name in ("demo10", "demo2", "demo1", "10", "9", "demo2b"):
+        bag(tmp_path / f"{name}.mcap")
+    (tmp_path / "notes.txt").write_text("not a bag")
+    (tmp_path / "._demo1.mcap").write_bytes(b"a Mac's shadow")
+    names = [demonstration.name for demonstration in read_demonstrations(tmp_path, TOOL)]
+    assert names == ["9", "10", "demo1", "demo2", "demo2b", "demo10"]
+
+
+def test_one_file_is_a_set_of_one(tmp_path):
+    bag(tmp_path / "reach.mcap")
+    (demonstration,) = read_demonstrations(str(tmp_path / "reach.mcap"), TOOL, rate_hz=200)
+    assert demonstration.name == "reach"
+    assert demonstration.dt == pytest.approx(0.005)
+
+
+def test_a_ros_2_bag_and_a_folder_of_them(tmp_path):
+    for name in ("take_2", "take_10"):
+        ros2_bag(tmp_path / name)
+    (demonstration,) = read_demonstrations(tmp_path / "take_2", TOOL)
+    assert demonstration.name == "take_2_0"
+    assert [d.name for d in read_demonstrations(tmp_path, TOOL)] == ["take_2_0", "take_10_0"]
+
+
+def test_a_bag_in_several_files_is_not_taken_for_several_demonstrations(tmp_path):
+    ros2_bag(tmp_path / "long", files=2)
+    with pytest.raises(InputError, match=r"long: the bag is split into 2 files; join them"):
+        read_demonstrations(tmp_path / "long", TOOL)
+
+
+def test_missing_and_empty_sources(tmp_path):
+    with pytest.raises(InputError, match="nowhere: no such file or folder"):
+        read_demonstrations(tmp_path / "nowhere")
+    (tmp_path / "bag_0.db3").write_bytes(b"SQLite format 3")
+    with pytest.raises(InputError, match=r"holds no \.mcap file"):
+        read_demonstrations(tmp_path)
+
+
+def test_files_of_one_name_are_refused(tmp_path):
+    bag(tmp_path / "a.mcap")
+    bag(tmp_path / "bag" / "a.mcap")
+    (tmp_path / "bag" / "metadata.yaml").touch()
+    with pytest.raises(InputError, match="several recordings have the name a"):
+        read_demonstrations(tmp_path, TOOL)
+
+
+@pytest.mark.parametrize(
+    ("names", "complaint"),
+    [
+        (["a", "a"], "several recordings have the name a"),
+        (["1", "01"], "several recordings have the name 01"),
+        (["../a"], r"'\.\./a' cannot be a file name"),
+        (["a/b"], "'a/b' cannot be a file name"),
+        ([""], "'' cannot be a file name"),
+    ],
+)
+def test_names_must_be_file_names_of_their_own(tmp_path, names, complaint):
+    with pytest.raises(InputError, match=complaint):
+        write_recordings([make_recording(name, count=4) for name in names], tmp_path)
+
+
+def test_a_fault_names_the_file(tmp_path):
+    bag(tmp_path / "good.mcap")
+    write_bag(tmp_path / "bad.mcap", pose_messages([5, 5], pose_rows(2)))
+    with pytest.raises(InputError, match=r"bad\.mcap: bad: /tool: row 1 .* repeats the stamp"):
+        read_demonstrations(tmp_path, TOOL)
+
+
+def test_many_files_are_read_and_written_the_same_in_processes(tmp_path, monkeypatch):
+    recordings = [make_recording(str(number), seed=number, count=5) for number in range(6)]
+    write_recordings(recordings, tmp_path / "one")
+    serial = read_demonstrations(tmp_path / "one")
+    monkeypatch.setattr(folders, "MANY_FILES", 2)
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
+    write_recordings(recordings, tmp_path / "many")
+    for path in (tmp_path / "one").iterdir():
+        assert path.read_bytes() == (tmp_path / "many" / path.name).read_bytes()
+    for one, many in zip(serial, read_demonstrations(tmp_path / "many"), strict=True):
+        assert one.name == many.name
+        np.testing.assert_array_equal(one.tactile, many.tactile)
+
+
+def test_a_fault_in_a_process_is_still_one_clear_message(tmp_path, monkeypatch):
+    for number in range(3):
+        write_recording(make_recording(count=4), tmp_path / f"{number}.mcap")
+    (tmp_path / "1.mcap").write_bytes(b"broken file")
+    monkeypatch.setattr(folders, "MANY_FILES", 2)
+    with pytest.raises(InputError, match=r"1\.mcap: not an MCAP file$"):
+        read_demonstrations(tmp_path)

@@ -1,0 +1,233 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import Writer as PlainWriter
+from mcap_ros2.decoder import DecoderFactory
+from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
+
+from structlearn.errors import InputError
+from structlearn.recordings import OWN_TOPICS, Recording, Stream, TopicMap, read_recording, write_recording
+from structlearn.recordings.schemas import MESSAGE_TYPES, definition
+
+STAMPS = [10**9 + row * 10**7 for row in range(4)]
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "demo.mcap"
+    write_recording(make_recording(segments=np.array([[0.0, 0.1], [0.1, 1 / 3]])), path)
+    return path
+
+
+def test_what_is_written_is_read_back_exactly(file):
+    written = make_recording()
+    recording = read_recording(file)
+    assert recording.name == "demo"
+    assert recording.provenance == {"origin": "simulated", "seed": "0"}
+    np.testing.assert_array_equal(recording.true_segments, [[0.0, 0.1], [0.1, 1 / 3]])
+    assert [(s.topic, s.kind) for s in recording.streams] == [(s.topic, s.kind) for s in written.streams]
+    for ours, theirs in zip(recording.streams, written.streams, strict=True):
+        np.testing.assert_array_equal(ours.stamps, theirs.stamps)
+        np.testing.assert_array_equal(ours.values, theirs.values)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    steps=st.lists(st.integers(1, 10**10), min_size=1, max_size=6),
+    start=st.integers(0, 2 * 10**18),
+    value=st.floats(allow_nan=False, allow_infinity=False),
+)
+def test_any_stamp_and_number_survives(tmp_path_factory, steps, start, value):
+    stamps = np.cumsum([start, *steps])
+    pose = Stream("/pose", "pose", stamps, pose_rows(len(stamps)))
+    wrench = Stream("/wrench", "wrench", stamps, np.full((len(stamps), 6), value))
+    path = tmp_path_factory.mktemp("any") / "any.mcap"
+    write_recording(Recording("any", (pose, wrench)), path)
+    back = read_recording(path).streams
+    np.testing.assert_array_equal(back[0].stamps, stamps)
+    np.testing.assert_array_equal(back[1].values, wrench.values)
+
+
+def test_a_recording_without_segments_and_provenance_comes_back_so(tmp_path):
+    pose = make_recording().streams[0]
+    write_recording(Recording("bare", (pose,)), tmp_path / "bare.mcap")
+    recording = read_recording(tmp_path / "bare.mcap")
+    assert recording.true_segments is None
+    assert recording.provenance == {}
+
+
+def test_the_same_recording_gives_the_same_bytes(file, tmp_path):
+    turned = {"seed": "0", "origin": "simulated"}  # another order of keys
+    segments = np.array([[0.0, 0.1], [0.1, 1 / 3]])
+    write_recording(make_recording(segments=segments, provenance=turned), tmp_path / "again.mcap")
+    assert (tmp_path / "again.mcap").read_bytes() == file.read_bytes()
+
+
+def test_other_ros_tools_find_standard_messages_in_order_of_time(file):
+    with open(file, "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        rows = list(reader.iter_decoded_messages(log_time_order=False))
+        (record,) = reader.iter_metadata()
+    times = [row.message.log_time for row in rows]
+    assert times == sorted(times)
+    assert all(row.message.log_time == row.message.publish_time for row in rows)
+    assert {row.schema.name for row in rows} == set(MESSAGE_TYPES.values())
+    pose = next(row for row in rows if row.channel.topic == "/pose")
+    stamp = pose.decoded_message.header.stamp
+    assert stamp.sec * 10**9 + stamp.nanosec == pose.message.log_time
+    joints = next(row for row in rows if row.channel.topic == "/joint_states/positions").decoded_message
+    assert joints.name == [f"joint_{joint}" for joint in range(1, 8)]
+    assert (joints.velocity, joints.effort) == ([], [])
+    assert record.name == "structlearn"
+    assert json.loads(record.metadata["provenance"])["origin"] == "simulated"
+
+
+def test_definitions_hold_every_nested_type_once():
+    for message_type in MESSAGE_TYPES.values():
+        text = definition(message_type)
+        nested = [line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")]
+        used = {line.split()[0].removesuffix("[]") for line in text.splitlines() if "/" in line.split()[0]}
+        assert used == set(nested)
+        assert len(nested) == len(set(nested))
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda s: (s[1],), "demo: has no pose stream"),
+        (lambda s: (s[0], s[0]), "demo: pose comes from several topics: /pose, /pose"),
+        (lambda s: (Stream("/pose", "pose", s[0].stamps - 6 * 10**9, s[0].values),), "stamps before 0"),
+        (lambda s: (s[0], *[s[-1]] * 11), "demo: has more than 10 tactile streams"),
+        (
+            lambda s: (Stream("/pose", "pose", s[0].stamps[:0], s[0].values[:0]),),
+            "at least two samples, has 0",
+        ),
+    ],
+)
+def test_what_cannot_be_read_back_is_not_written(tmp_path, change, complaint):
+    recording = make_recording()
+    with pytest.raises(InputError, match=complaint):
+        write_recording(Recording("demo", change(recording.streams)), tmp_path / "demo.mcap")
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(InputError, match=r"none\.mcap: cannot be read: No such file"):
+        read_recording(tmp_path / "none.mcap")
+    with pytest.raises(InputError, match="cannot be read: Is a directory"):
+        read_recording(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP", b"time,x\n0,1\n" * 100])
+def test_a_file_of_another_kind(tmp_path, content):
+    (tmp_path / "log.mcap").write_bytes(content)
+    with pytest.raises(InputError, match=r"log\.mcap: not an MCAP file"):
+        read_recording(tmp_path / "log.mcap")
+
+
+def test_a_file_cut_anywhere_is_refused(file):
+    content = file.read_bytes()
+    cuts = np.random.default_rng(0).integers(8, len(content) - 1, size=60)
+    for cut in [8, 9, *cuts.tolist(), len(content) - 1]:  # most of them in the middle of the one chunk
+        file.write_bytes(content[:cut])
+        with pytest.raises(InputError, match=r"demo\.mcap: the MCAP file is cut off"):
+            read_recording(file)
+
+
+def test_a_chunk_cut_short_behind_a_proper_end_is_refused(file):
+    content = file.read_bytes()
+    middle = len(content) // 3
+    file.write_bytes(content[:middle] + content[-8:])
+    with pytest.raises(InputError, match=r"demo\.mcap: damaged MCAP file"):
+        read_recording(file)
+
+
+def test_changed_bytes_in_the_messages_are_noticed(file):
+    content = bytearray(file.read_bytes())
+    for place in np.random.default_rng(1).integers(2000, len(content) // 2, size=20).tolist():
+        changed = bytearray(content)
+        changed[place] ^= 0x10
+        file.write_bytes(changed)
+        with pytest.raises(InputError, match=r"demo\.mcap: damaged MCAP file"):
+            read_recording(file)
+
+
+def test_a_recording_without_any_message(tmp_path):
+    write_bag(tmp_path / "bag.mcap", [])
+    with pytest.raises(InputError, match=r"bag\.mcap: has no topic '/pose' for pose; it has no topics"):
+        read_recording(tmp_path / "bag.mcap")
+
+
+def test_a_topic_without_messages(tmp_path):
+    empty = [("/wrist", "geometry_msgs/msg/WrenchStamped")]
+    write_bag(tmp_path / "bag.mcap", pose_messages(STAMPS, pose_rows(4)), empty)
+    with pytest.raises(InputError, match=r"bag\.mcap: topic '/wrist' has no messages"):
+        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool", wrench="/wrist"))
+
+
+def test_a_missing_topic_lists_those_that_are_there(tmp_path):
+    write_bag(tmp_path / "bag.mcap", pose_messages(STAMPS, pose_rows(4)))
+    there = r"it has /tool \(geometry_msgs/msg/PoseStamped\)"
+    with pytest.raises(InputError, match=rf"bag\.mcap: has no topic '/wrist' for wrench; {there}"):
+        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool", wrench="/wrist"))
+    with pytest.raises(InputError, match=rf"bag\.mcap: has no topic '/pose' for pose; {there}"):
+        read_recording(tmp_path / "bag.mcap", OWN_TOPICS)
+    optional = TopicMap(pose="/tool", wrench="/wrist", must_exist=False)
+    assert len(read_recording(tmp_path / "bag.mcap", optional).streams) == 1
+
+
+def test_one_signal_from_two_topics(tmp_path):
+    joints = {"name": ["a"], "position": [1.0]}
+    messages = pose_messages(STAMPS, pose_rows(4))
+    messages += [(topic, "sensor_msgs/msg/JointState", joints, s) for topic in ("/a", "/b") for s in STAMPS]
+    write_bag(tmp_path / "bag.mcap", messages)
+    with pytest.raises(InputError, match=r"bag\.mcap: joint_positions come from several topics: /a, /b"):
+        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool", joint_states=("/a", "/b")))
+
+
+def test_messages_that_are_not_of_ros_2_are_named(tmp_path):
+    with open(tmp_path / "bag.mcap", "wb") as stream:
+        writer = PlainWriter(stream)
+        writer.start()
+        schema = writer.register_schema("Pose", "jsonschema", b"{}")
+        channel = writer.register_channel("/tool", "json", schema)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(
+        InputError, match=r"topic '/tool' has messages of type Pose \[json, jsonschema: not ROS 2"
+    ):
+        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool"))
+
+
+def test_a_type_that_has_other_fields_than_its_name_says(tmp_path):
+    with open(tmp_path / "bag.mcap", "wb") as stream:
+        writer = PlainWriter(stream)
+        writer.start()
+        schema = writer.register_schema("geometry_msgs/msg/Pose", "ros2msg", b"float64 x\n")
+        channel = writer.register_channel("/tool", "cdr", schema)
+        writer.add_message(channel, 1, b"\x00\x01\x00\x00" + bytes(8), 1)
+        writer.finish()
+    with pytest.raises(InputError, match=r"bag\.mcap: a message lacks a field of its type"):
+        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool"))
+
+
+def test_a_file_without_index_is_read(tmp_path):
+    with open(tmp_path / "bag.mcap", "wb") as stream:
+        writer = PlainWriter(stream, use_chunking=False, repeat_channels=False, use_statistics=False)
+        writer.start()
+        text = "float64 x\nfloat64 y\nfloat64 z\n"
+        pose = "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"
+        pose += f"{'=' * 80}\nMSG: geometry_msgs/Point\n{text}"
+        pose += f"{'=' * 80}\nMSG: geometry_msgs/Quaternion\n{text}float64 w\n"
+        schema = writer.register_schema("geometry_msgs/msg/Pose", "ros2msg", pose.encode())
+        channel = writer.register_channel("/tool", "cdr", schema)
+        for stamp in STAMPS:
+            row = np.array([1, 2, 3, 0, 0, 0, 1], dtype="<f8")
+            writer.add_message(channel, stamp, b"\x00\x01\x00\x00" + row.tobytes(), stamp)
+        writer.finish()
+    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    np.testing.assert_array_equal(pose.values, [[1, 2, 3, 1, 0, 0, 0]] * 4)

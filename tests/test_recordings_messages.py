@@ -1,0 +1,223 @@
+"""Bags of a user's robot, with every supported message type."""
+
+import numpy as np
+import pytest
+from recordings_bags import header, pose_messages, pose_rows, ros_pose, vector, write_bag
+
+from structlearn.errors import InputError
+from structlearn.recordings import TopicMap, read_recording
+
+STAMPS = [10**9 + 7_000_001 * row for row in range(5)]
+ROWS = pose_rows(5)
+LATE = 3_000_000  # ns from header stamp to log time
+
+
+def transform(row):
+    w, x, y, z = map(float, row[3:])
+    return {"translation": vector(row[:3]), "rotation": {"x": x, "y": y, "z": z, "w": w}}
+
+
+POSES = {
+    "geometry_msgs/msg/PoseStamped": lambda h, row: {"header": h, "pose": ros_pose(row)},
+    "geometry_msgs/PoseStamped": lambda h, row: {"header": h, "pose": ros_pose(row)},
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda h, row: {
+        "header": h,
+        "pose": {"pose": ros_pose(row), "covariance": [0.1] * 36},
+    },
+    "geometry_msgs/msg/TransformStamped": lambda h, row: {
+        "header": h,
+        "child_frame_id": "tool",
+        "transform": transform(row),
+    },
+    "nav_msgs/msg/Odometry": lambda h, row: {
+        "header": h,
+        "child_frame_id": "tool",
+        "pose": {"pose": ros_pose(row)},
+        "twist": {"twist": {"linear": vector([9, 9, 9])}},
+    },
+    "geometry_msgs/msg/Pose": lambda _, row: ros_pose(row),
+}
+
+
+def read(path, messages, **topics):
+    """Streams besides the pose, read from a bag that has a pose too."""
+    write_bag(path, [*pose_messages(STAMPS, ROWS), *messages])
+    return read_recording(path, TopicMap(pose="/tool", **topics)).streams[1:]
+
+
+@pytest.mark.parametrize("message_type", POSES)
+def test_every_pose_type_gives_the_same_scalar_first_pose(tmp_path, message_type):
+    messages = [
+        ("/tool", message_type, POSES[message_type](header(s), row), s + LATE)
+        for s, row in zip(STAMPS, ROWS, strict=True)
+    ]
+    write_bag(tmp_path / "bag.mcap", messages)
+    recording = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool"))
+    (pose,) = recording.streams
+    assert (pose.kind, pose.topic, recording.name) == ("pose", "/tool", "bag")
+    np.testing.assert_array_equal(pose.values, ROWS)
+    late = LATE if message_type.endswith("/Pose") else 0  # no header: the log time is the stamp
+    np.testing.assert_array_equal(pose.stamps, np.array(STAMPS) + late)
+    assert recording.provenance == {"origin": "recorded", "source": "bag.mcap"}
+
+
+@pytest.mark.parametrize(
+    ("role", "message_type", "field", "parts"),
+    [
+        ("twist", "geometry_msgs/msg/TwistStamped", "twist", ("linear", "angular")),
+        ("wrench", "geometry_msgs/msg/WrenchStamped", "wrench", ("force", "torque")),
+    ],
+)
+def test_twist_and_wrench(tmp_path, role, message_type, field, parts):
+    first, second = parts
+    messages = [
+        (
+            "/x",
+            message_type,
+            {"header": header(s), field: {first: vector([1, 2, s]), second: vector([4, 5, 6])}},
+            s,
+        )
+        for s in STAMPS
+    ]
+    (stream,) = read(tmp_path / "bag.mcap", messages, **{role: "/x"})
+    assert stream.kind == role
+    np.testing.assert_array_equal(stream.values, [[1, 2, s, 4, 5, 6] for s in STAMPS])
+
+
+@pytest.mark.parametrize("number", ["Float32", "Float64", "Int16", "Int32", "UInt16"])
+def test_every_tactile_type_is_stamped_by_its_log_time(tmp_path, number):
+    counts = [[row, 2 * row, 4095] for row in range(5)]
+    messages = [
+        ("/finger", f"std_msgs/msg/{number}MultiArray", {"data": data}, s + LATE)
+        for s, data in zip(STAMPS, counts, strict=True)
+    ]
+    (stream,) = read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
+    np.testing.assert_array_equal(stream.values, counts)
+    np.testing.assert_array_equal(stream.stamps, np.array(STAMPS) + LATE)
+
+
+def test_header_stamps_that_nobody_set_give_way_to_log_times(tmp_path):
+    messages = [
+        (*message[:2], message[2] | {"header": header(0)}, message[3])
+        for message in pose_messages(STAMPS, ROWS)
+    ]
+    write_bag(tmp_path / "bag.mcap", messages)
+    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    np.testing.assert_array_equal(pose.stamps, STAMPS)
+
+
+def test_a_clock_that_starts_at_zero_is_kept(tmp_path):
+    simulated = [0, 10**7, 2 * 10**7]
+    messages = [(*m[:3], 10**18 + i) for i, m in enumerate(pose_messages(simulated, ROWS[:3]))]
+    write_bag(tmp_path / "bag.mcap", messages)
+    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    np.testing.assert_array_equal(pose.stamps, simulated)
+
+
+def test_messages_come_in_the_order_of_their_log_times(tmp_path):
+    shuffled = [pose_messages(STAMPS, ROWS)[i] for i in (3, 0, 4, 2, 1)]
+    write_bag(tmp_path / "bag.mcap", shuffled)
+    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    np.testing.assert_array_equal(pose.stamps, STAMPS)
+    np.testing.assert_array_equal(pose.values, ROWS)
+
+
+def joint_message(stamp, **fields):
+    return ("/joints", "sensor_msgs/msg/JointState", {"header": header(stamp), **fields}, stamp)
+
+
+def test_joint_states_give_a_stream_per_filled_field_in_the_first_order_of_names(tmp_path):
+    messages = [
+        joint_message(STAMPS[0], name=["a", "b"], position=[1, 2], effort=[3, 4]),
+        joint_message(STAMPS[1], name=["b", "a"], position=[20, 10], effort=[40, 30]),
+    ]
+    positions, torques = read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+    assert (positions.kind, torques.kind) == ("joint_positions", "joint_torques")
+    np.testing.assert_array_equal(positions.values, [[1, 2], [10, 20]])
+    np.testing.assert_array_equal(torques.values, [[3, 4], [30, 40]])
+
+
+def test_joint_fields_that_the_driver_does_not_measure_are_left_out(tmp_path):
+    messages = [
+        joint_message(s, name=["a", "b"], position=[1, 2], velocity=[3, 4], effort=[np.nan, np.nan])
+        for s in STAMPS
+    ]
+    streams = read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+    assert [stream.kind for stream in streams] == ["joint_positions", "joint_velocities"]
+
+
+def test_joint_states_without_names_keep_their_order(tmp_path):
+    (stream,) = read(
+        tmp_path / "bag.mcap", [joint_message(s, velocity=[5, 6]) for s in STAMPS], joint_states="/joints"
+    )
+    np.testing.assert_array_equal(stream.values, [[5, 6]] * 5)
+
+
+@pytest.mark.parametrize(
+    ("second", "complaint"),
+    [
+        (
+            {"name": ["a", "c"], "position": [1, 2]},
+            r"row 1 \(stamp 1\.007000001 s\) has the joints a, c, the first has a, b",
+        ),
+        ({"name": ["a"], "position": [1]}, r"row 1 .* has the joints a, the first has a, b"),
+        ({"name": ["a", "b"], "position": [1]}, r"row 1 .* has 1 values, the first has 2"),
+        ({"name": ["a", "b"]}, r"row 1 .* has 0 values, the first has 2"),
+    ],
+)
+def test_joint_states_that_change_are_refused(tmp_path, second, complaint):
+    messages = [
+        joint_message(STAMPS[0], name=["a", "b"], position=[1, 2]),
+        joint_message(STAMPS[1], **second),
+    ]
+    with pytest.raises(InputError, match=rf"bag\.mcap: topic '/joints'.* {complaint}"):
+        read(tmp_path / "bag.mcap", messages, joint_states="/joints")
+
+
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({"name": ["a"]}, "without position, velocity and effort"),
+        ({"name": ["a", "b"], "position": [1, 2, 3]}, "names 2 joints and has 3 joint_positions per message"),
+    ],
+)
+def test_joint_states_must_have_values_for_their_names(tmp_path, fields, complaint):
+    with pytest.raises(InputError, match=rf"topic '/joints' .*{complaint}"):
+        read(tmp_path / "bag.mcap", [joint_message(s, **fields) for s in STAMPS], joint_states="/joints")
+
+
+def test_a_tactile_message_of_another_length_is_refused(tmp_path):
+    messages = [
+        ("/finger", "std_msgs/msg/Int16MultiArray", {"data": [1] * n}, s)
+        for n, s in zip((3, 3, 2), STAMPS, strict=False)
+    ]
+    with pytest.raises(
+        InputError, match=r"topic '/finger': row 2 \(stamp 1\.014000002 s\) has 2 values, the first has 3"
+    ):
+        read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
+
+
+def test_tactile_messages_without_values_are_refused(tmp_path):
+    messages = [("/finger", "std_msgs/msg/Int16MultiArray", {"data": []}, s) for s in STAMPS]
+    with pytest.raises(InputError, match="topic '/finger': messages have no values"):
+        read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
+
+
+@pytest.mark.parametrize(
+    ("role", "understood"),
+    [("pose", "geometry_msgs/PoseStamped.*nav_msgs/Odometry"), ("tactile", "std_msgs/Float32MultiArray")],
+)
+def test_an_unknown_type_is_named_with_those_that_are_understood(tmp_path, role, understood):
+    text = [("/words", "std_msgs/msg/String", {"data": "hello"}, s) for s in STAMPS]
+    write_bag(tmp_path / "bag.mcap", [*pose_messages(STAMPS, ROWS), *text])
+    topics = {"pose": "/tool"} | {role: "/words" if role == "pose" else ("/words",)}
+    complaint = rf"bag\.mcap: topic '/words' has messages of type std_msgs/msg/String; {role} .*{understood}"
+    with pytest.raises(InputError, match=complaint):
+        read_recording(tmp_path / "bag.mcap", TopicMap(**topics))
+
+
+def test_a_known_type_in_the_wrong_role_is_refused(tmp_path):
+    with pytest.raises(
+        InputError, match="topic '/joints' has messages of type sensor_msgs/msg/JointState; twist can"
+    ):
+        read(tmp_path / "bag.mcap", [joint_message(s, position=[1]) for s in STAMPS], twist="/joints")

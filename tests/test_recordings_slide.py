@@ -1,0 +1,83 @@
+"""The importer on tiny tables that are made up, and on the recorded data where they are at hand."""
+
+import numpy as np
+import pytest
+from recordings_bags import recorded_data
+
+from structlearn.errors import InputError
+from structlearn.recordings import read_recording, slide, synchronise, write_recording
+
+START = 1581238055_716234152
+WIDTHS = {"cp": 7, "cw": 6, "jp": 7, "jt": 7, "jv": 7, "bio": 44}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Two trials whose values are their column numbers from 1, times 10 ms apart and shifted per stream."""
+    for name in ("mat9_10", "mat9_2"):
+        for shift, (stream, width) in enumerate(WIDTHS.items()):
+            values = list(range(1, width + 1))
+            if stream == "cp":
+                values[3:] = [0.0, 0.6, 0.0, 0.8]  # x y z w
+            stamps = [START + shift * 10**6 + row * 10**7 for row in range(5)]
+            end = "," if stream == "bio" else ""
+            rows = [",".join([f"{s // 10**9}.{s % 10**9:09d}", *map(str, values)]) + end for s in stamps]
+            header = ",".join(["timestamp", *(f"c{column}" for column in range(width))])
+            (tmp_path / f"{name}_{stream}.csv").write_text("\n".join([header, *rows]) + "\n")
+    return tmp_path
+
+
+def test_columns_and_clocks(folder):
+    recordings = slide.read_slides(folder)
+    assert [recording.name for recording in recordings] == ["mat9_2", "mat9_10"]
+    rows = {
+        stream.kind: (stream.stamps[0] - START, stream.values[2].tolist()) for stream in recordings[0].streams
+    }
+    assert rows == {
+        "pose": (0, [1, 2, 3, 0.8, 0, 0.6, 0]),
+        "wrench": (1_000_000, [1, 2, 3, 4, 5, 6]),
+        "joint_positions": (2_000_000, [1, 2, 3, 4, 5, 6, 7]),
+        "joint_torques": (3_000_000, [1, 2, 3, 4, 5, 6, 7]),
+        "joint_velocities": (4_000_000, [1, 2, 3, 4, 5, 6, 7]),
+        "tactile": (5_000_000, list(range(26, 45))),
+    }
+    assert recordings[0].provenance["files"].split()[0] == "mat9_2_cp.csv"
+    assert "not for redistribution" in recordings[0].provenance["licence"]
+
+
+def test_a_missing_stream_and_an_empty_folder(folder, tmp_path_factory):
+    (folder / "mat9_10_cw.csv").unlink()
+    with pytest.raises(InputError, match=r"mat9_10_cw\.csv: cannot be read: No such file"):
+        slide.read_slides(folder)
+    with pytest.raises(InputError, match="holds no trials"):
+        slide.read_slides(tmp_path_factory.mktemp("empty"))
+
+
+def test_a_broken_row_is_named(folder):
+    path = folder / "mat9_2_jp.csv"
+    path.write_text(path.read_text().replace(",7\n", "\n", 1))
+    with pytest.raises(InputError, match=r"mat9_2_jp\.csv: line 2 has 7 columns, expected 8"):
+        slide.read_slide(folder, "mat9_2")
+
+
+def test_all_recorded_slides_come_onto_one_clock():
+    recordings = slide.read_slides(recorded_data("slide"))
+    assert len(recordings) == 24
+    for recording in recordings:
+        demonstration = synchronise(recording, rate_hz=100)
+        assert 4.0 < demonstration.time[-1] < 8.2
+        assert 0.15 < np.ptp(demonstration.position[:, 0]) < 0.25  # a slide of 20 cm along x
+        assert demonstration.tactile.shape[1] == 19
+        speed = np.gradient(demonstration.joint_positions, 0.01, axis=0)
+        assert np.median(np.abs(speed - demonstration.joint_velocities)) < 0.02
+
+
+def test_a_recorded_slide_goes_through_a_file_unchanged(tmp_path):
+    recording = slide.read_slide(recorded_data("slide"), "mat9_1")
+    write_recording(recording, tmp_path / "mat9_1.mcap")
+    back = read_recording(tmp_path / "mat9_1.mcap")
+    assert [stream.kind for stream in back.streams] != []
+    for stream in back.streams:
+        (source,) = (other for other in recording.streams if other.kind == stream.kind)
+        np.testing.assert_array_equal(stream.stamps, source.stamps)
+        np.testing.assert_array_equal(stream.values, source.values)

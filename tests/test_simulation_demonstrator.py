@@ -1,0 +1,211 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from structlearn import quaternion
+from structlearn.simulation.demonstrator import (
+    FLAT_ORIENTATION,
+    DemonstratorParameters,
+    simulate_demonstrations,
+)
+
+
+def simulate(touch=False, **parameters):
+    return simulate_demonstrations(DemonstratorParameters(**parameters), touch=touch)
+
+
+def pose_of(recording):
+    (stream,) = (stream for stream in recording.streams if stream.kind == "pose")
+    return (stream.stamps - stream.stamps[0]) * 1e-9, stream.values
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return simulate(touch=True)
+
+
+@pytest.fixture(scope="module")
+def noise_free():
+    return simulate(noise_mm=0)
+
+
+def test_names_provenance_and_streams(recordings):
+    assert [recording.name for recording in recordings] == [f"{i:02d}" for i in range(1, 12)]
+    for recording in recordings:
+        assert [stream.kind for stream in recording.streams] == ["pose", "wrench", "tactile", "tactile"]
+        assert recording.provenance["origin"] == "simulated"
+        assert recording.provenance["seed"] == "0"
+        assert all(isinstance(value, str) for value in recording.provenance.values())
+        for stream in recording.streams:
+            assert stream.stamps.dtype == np.int64
+            assert (np.diff(stream.stamps) > 0).all()
+            assert len(stream.stamps) == len(stream.values)
+            assert np.isfinite(stream.values).all()
+
+
+def test_touch_is_optional_and_leaves_the_movement_alone(recordings):
+    for with_touch, without in zip(recordings, simulate(), strict=True):
+        assert [stream.kind for stream in without.streams] == ["pose"]
+        np.testing.assert_array_equal(pose_of(with_touch)[1], pose_of(without)[1])
+
+
+def test_primitives_follow_each_other_and_the_second_fills_the_gap(recordings):
+    for recording in recordings:
+        segments = recording.true_segments
+        time, _ = pose_of(recording)
+        assert segments.shape == (3, 2)
+        assert (segments[1:, 0] == segments[:-1, 1]).all()
+        assert (segments[:, 1] > segments[:, 0]).all()
+        assert segments[0, 0] > 0
+        assert segments[-1, 1] < time[-1]
+
+
+def test_the_hand_is_at_rest_at_the_true_cut_points(noise_free):
+    for recording in noise_free:
+        time, pose = pose_of(recording)
+        speed = np.linalg.norm(np.gradient(pose[:, :3], time, axis=0), axis=1)
+        for cut in np.unique(recording.true_segments):
+            near = np.abs(time - cut) < 0.1
+            assert np.interp(cut, time, speed) < 1e-4  # m/s
+            assert np.interp(cut, time, speed) <= speed[near].min() + 1e-4
+        for start, end in recording.true_segments[[0, 2]]:
+            assert speed[(time > start) & (time < end)].max() > 0.03
+
+
+def test_task_is_the_one_of_the_dissertation(noise_free):
+    moves, turns = [], []
+    for recording in noise_free:
+        time, pose = pose_of(recording)
+        cuts = np.searchsorted(time, recording.true_segments)
+        moves.append(pose[cuts[:, 1], :3] - pose[cuts[:, 0], :3])
+        turns.append(quaternion.angle_between(pose[cuts[:, 1], 3:], pose[cuts[:, 0], 3:]))
+    moves, turns = np.array(moves), np.degrees(turns)
+    assert np.abs(moves[:, 0, 2] + 0.087).max() < 0.012  # down 8.7 cm, start scatters by 3 mm
+    assert np.abs(moves[:, 2, 1] - 0.064).max() < 0.006  # forward 6.4 cm
+    assert np.linalg.norm(moves[:, 1], axis=1).max() < 0.006  # the turn hardly translates
+    assert ((turns[:, 1] > 2) & (turns[:, 1] < 10)).all()
+    assert turns[:, 1].mean() > 2 * turns[:, 0].mean()  # no correction before the contact
+    last = np.array([pose_of(recording)[1][-1, 3:] for recording in noise_free])
+    assert np.degrees(quaternion.angle_between(last, FLAT_ORIENTATION)).max() < 2
+
+
+def test_durations_vary_between_trials_around_their_medians():
+    recordings = simulate(count=200, hesitation_probability=0, rate_hz=50)
+    durations = np.array([np.diff(recording.true_segments, axis=1)[:, 0] for recording in recordings])
+    np.testing.assert_allclose(np.median(durations, axis=0), [2.6, 3.7, 3.6], rtol=0.05)
+    np.testing.assert_allclose(durations[:, 0].std() / durations[:, 0].mean(), 0.12, rtol=0.2)
+
+
+def test_time_is_warped_non_linearly(noise_free):
+    """No two descents are stretched copies of each other: alignment has something to do."""
+    fractions = np.linspace(0, 1, 101)
+    descents = []
+    for recording in noise_free:
+        time, pose = pose_of(recording)
+        start, end = recording.true_segments[0]
+        z = np.interp(start + fractions * (end - start), time, pose[:, 2])
+        descents.append((z - z[-1]) / (z[0] - z[-1]))
+    assert np.std(descents, axis=0).max() > 0.03
+    assert (np.diff(descents, axis=1) < 1e-6).all()  # yet the hand never turns back
+
+
+def test_hesitation_costs_time():
+    smooth, hesitant = (simulate(noise_mm=0, hesitation_probability=p) for p in (0, 1))
+    for without, dipping in zip(smooth, hesitant, strict=True):
+        gained = np.diff(dipping.true_segments) - np.diff(without.true_segments)
+        assert (gained > 0.03).all()
+        assert (gained < 0.5).all()
+
+
+def test_pauses_move_the_same_primitives_apart():
+    short, long = simulate(pause_s=(0, 0)), simulate(pause_s=(1, 2))
+    for a, b in zip(short, long, strict=True):
+        np.testing.assert_allclose(np.diff(a.true_segments)[[0, 2]], np.diff(b.true_segments)[[0, 2]])
+        gained = np.diff(b.true_segments)[1] - np.diff(a.true_segments)[1]
+        assert 2 <= gained <= 4  # both switches
+
+
+def test_same_seed_same_demonstrations_and_a_longer_set_begins_with_the_shorter():
+    three, five, other = simulate(True, count=3), simulate(True, count=5), simulate(True, count=3, seed=1)
+    for a, b, c in zip(three, five, other, strict=False):
+        for stream_a, stream_b in zip(a.streams, b.streams, strict=True):
+            np.testing.assert_array_equal(stream_a.stamps, stream_b.stamps)
+            np.testing.assert_array_equal(stream_a.values, stream_b.values)
+        assert not np.array_equal(a.true_segments, c.true_segments)
+    assert len({recording.true_segments.tobytes() for recording in five}) == 5
+
+
+def test_noise_level_scales_the_noise_and_nothing_else(noise_free):
+    for clean, low, high in zip(noise_free, simulate(noise_mm=0.3), simulate(noise_mm=1.2), strict=True):
+        np.testing.assert_array_equal(clean.true_segments, high.true_segments)
+        reference = pose_of(clean)[1][:, :3]
+        low_noise = pose_of(low)[1][:, :3] - reference
+        np.testing.assert_allclose(pose_of(high)[1][:, :3] - reference, 4 * low_noise, atol=1e-12)
+        np.testing.assert_allclose(1e3 * low_noise[:, :2].std(axis=0), 0.3, rtol=0.25)
+
+
+def test_noise_is_band_limited(noise_free):
+    noisy = simulate(noise_mm=1, count=1)[0]
+    noise = pose_of(noisy)[1][:, 0] - pose_of(noise_free[0])[1][:, 0]
+    power = np.abs(np.fft.rfft(noise * np.hanning(len(noise)))) ** 2
+    frequency = np.fft.rfftfreq(len(noise), 1 / 300)
+    assert power[frequency > 13].sum() < 1e-4 * power.sum()
+    assert 0.03 < power[(frequency > 7.5) & (frequency < 12.5)].sum() / power.sum() < 0.3
+
+
+def test_orientations_are_unit_quaternions(recordings):
+    for recording in recordings:
+        np.testing.assert_allclose(np.linalg.norm(pose_of(recording)[1][:, 3:], axis=1), 1, atol=1e-12)
+
+
+def test_wrench_presses_only_while_in_contact(recordings):
+    for recording in recordings:
+        stamps, force = recording.streams[1].stamps, recording.streams[1].values[:, 2]
+        time = (stamps - recording.streams[0].stamps[0]) * 1e-9
+        contact = recording.true_segments[0, 1]
+        assert abs(force[time < contact].mean()) < 0.01
+        pressing = force[time > contact + 0.5]
+        assert 0.5 < -pressing.mean() < 1.7
+        assert 0.02 < pressing.std() / -pressing.mean() < 0.15
+
+
+def test_contact_moves_electrodes_as_in_the_recorded_scraping(recordings):
+    """Recorded: 1-4 electrodes by 100-470 counts, the median one by 10-30; noise below one count."""
+    changes = []
+    for recording in recordings:
+        contact = recording.true_segments[0, 1]
+        for stream in recording.streams[2:]:
+            counts = stream.values
+            assert counts.shape[1] == 19
+            np.testing.assert_array_equal(counts, np.round(counts))
+            time = (stream.stamps - recording.streams[0].stamps[0]) * 1e-9
+            assert abs(np.median(np.diff(time)) - 0.01) < 1e-3
+            before, after = (
+                counts[time < contact - 0.1],
+                counts[(time > contact + 0.5) & (time < contact + 1)],
+            )
+            changes.append(np.abs(after.mean(axis=0) - before.mean(axis=0)))
+            assert 0.3 < np.median(before[-40:].std(axis=0)) < 1.5
+    changes = np.array(changes)
+    assert 5 < np.median(changes) < 50
+    assert (changes.max(axis=1) > 50).all()
+    assert changes.max() < 600
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"count": 0},
+        {"noise_mm": -0.1},
+        {"noise_mm": float("nan")},
+        {"hesitation_depth": 1.0},
+        {"durations_s": (2.6, 0.0, 3.6)},
+        {"durations_s": (2.6, 3.6)},
+        {"pause_s": (0.4, 0.1)},
+        {"rest_s": (-1.0, 1.0)},
+        {"noise": 0.3},
+    ],
+)
+def test_parameters_out_of_range_are_rejected(parameters):
+    with pytest.raises(ValidationError):
+        DemonstratorParameters(**parameters)
