@@ -60,16 +60,14 @@ def test_primitives_follow_each_other_and_the_second_fills_the_gap(recordings):
         assert segments[-1, 1] < time[-1]
 
 
-def test_the_hand_is_at_rest_at_the_true_cut_points(noise_free):
+def test_true_cut_points_are_where_the_speed_passes_five_per_cent_of_its_peak(noise_free):
     for recording in noise_free:
         time, pose = pose_of(recording)
-        speed = np.linalg.norm(np.gradient(pose[:, :3], time, axis=0), axis=1)
-        for cut in np.unique(recording.true_segments):
-            near = np.abs(time - cut) < 0.1
-            assert np.interp(cut, time, speed) < 1e-4  # m/s
-            assert np.interp(cut, time, speed) <= speed[near].min() + 1e-4
-        for start, end in recording.true_segments[[0, 2]]:
-            assert speed[(time > start) & (time < end)].max() > 0.03
+        for (start, end), axis in zip(recording.true_segments[[0, 2]], (2, 1), strict=True):
+            speed = np.abs(np.gradient(pose[:, axis], time))
+            peak = speed[(time > start) & (time < end)].max()
+            assert peak > 0.03
+            np.testing.assert_allclose(np.interp([start, end], time, speed) / peak, 0.05, atol=0.02)
 
 
 def test_task_is_the_one_of_the_dissertation(noise_free):
@@ -92,7 +90,9 @@ def test_task_is_the_one_of_the_dissertation(noise_free):
 def test_durations_vary_between_trials_around_their_medians():
     recordings = simulate(count=200, hesitation_probability=0, rate_hz=50)
     durations = np.array([np.diff(recording.true_segments, axis=1)[:, 0] for recording in recordings])
-    np.testing.assert_allclose(np.median(durations, axis=0), [2.6, 3.7, 3.6], rtol=0.05)
+    visible = np.median(durations, axis=0) / [1.7, 2.6 + 2 * 0.5, 2.6]  # the turn has a pause at either end
+    assert (visible > 0.85).all()  # a minimum-jerk movement shows 88 % of its duration above 5 % of its peak
+    assert (visible < 1.1).all()
     np.testing.assert_allclose(durations[:, 0].std() / durations[:, 0].mean(), 0.12, rtol=0.2)
 
 

@@ -44,7 +44,7 @@ def publish(target: str | Path) -> Iterator[Path]:
     try:
         temporary = workspace / target.name
         yield temporary
-        if target.is_dir():
+        if target.is_dir() and temporary.exists():  # nothing written: the old content stays
             target.rename(workspace / "replaced")  # a folder cannot be replaced in one step
         os.replace(temporary, target)
     finally:
@@ -68,13 +68,13 @@ def read_table(path: str | Path) -> pd.DataFrame:
         return pyarrow.parquet.read_table(path).to_pandas()
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; run the stage that writes it") from error
-    except pyarrow.ArrowInvalid as error:
+    except (pyarrow.ArrowInvalid, OSError) as error:  # OSError: damaged pages
         raise InputError(f"{path}: not a readable Parquet file: {error}") from error
 
 
 def write_tensors(tensors: Mapping[str, np.ndarray], target: str | Path, description: str) -> None:
     """Publish named arrays as safetensors; one metadata key only, since more are not deterministic."""
-    ordered = {name: np.ascontiguousarray(tensors[name]) for name in sorted(tensors)}
+    ordered = {name: np.asarray(tensors[name], order="C") for name in sorted(tensors)}
     with publish(target) as path:
         save_file(ordered, path, metadata={"description": description})
 
@@ -136,7 +136,7 @@ def read_metrics(path: str | Path) -> dict[str, float | int | str | bool | None]
         return json.loads(Path(path).read_text())
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; run the stage that writes it") from error
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a JSON file: {error}") from error
 
 

@@ -1,6 +1,7 @@
 """Measures of agreement that several testbeds share."""
 
 import numpy as np
+from scipy import stats
 
 
 def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -31,3 +32,22 @@ def pairwise_spread(curves: np.ndarray) -> float:
     """
     first, second = np.triu_indices(len(curves), k=1)
     return float(np.linalg.norm(curves[first] - curves[second], axis=-1).mean())
+
+
+def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
+    """Mean of independent samples and half the width of its confidence interval by the t distribution.
+
+    For a paired comparison the samples are the differences between the pairs.
+
+    Args:
+        samples: (N,) independent samples.
+        confidence: probability that the interval covers the true mean.
+
+    Returns:
+        Mean and half width in the samples' unit; the half width of a single sample is NaN.
+    """
+    count = len(samples)
+    if count < 2:
+        return float(np.mean(samples)), float("nan")
+    quantile = stats.t.ppf(0.5 + 0.5 * confidence, count - 1)
+    return float(np.mean(samples)), float(quantile * np.std(samples, ddof=1) / np.sqrt(count))

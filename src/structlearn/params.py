@@ -41,7 +41,7 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
         tree: Any = yaml.safe_load(Path(path).read_text())
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such parameter file") from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a YAML file: {error}") from error
     if not isinstance(tree, dict) or key not in tree:
         raise InputError(f"{path}: key '{key}' is missing")

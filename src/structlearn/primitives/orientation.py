@@ -253,22 +253,26 @@ def _step(
 ) -> None:
     """Record sample k, then advance q (B, 4) and v = tau w (B, 3) by one step in place.
 
-    In the tangent space at q the orientation is the origin, and the error is a known input: it changes over
-    the step by the goal's own movement, while the system's matrix accounts for the turning of q.
+    In the tangent space at q the orientation is the origin, and the error is a known input: over the
+    step it changes with the goal, exponentially (eq. IV.11), while the system's matrix accounts for the
+    turning of q.
     """
     batch, samples, _ = forcing.shape
     following = min(k + 1, samples - 1)
     error, goal_change, turn = np.empty(3), np.empty(3), np.empty(3)
+    angle, rate = matrix[0], matrix[1]
     for b in range(batch):
         _difference(goals[b, k], q[b], error)
         _difference(goals[b, following], goals[b, k], goal_change)
         for d in range(3):
-            f = forcing[b, k, d] + coupling[b, d] + ALPHA * BETA * error[d]
-            change = forcing[b, following, d] - forcing[b, k, d] + ALPHA * BETA * goal_change[d]
+            f = forcing[b, k, d] + coupling[b, d]
+            change = forcing[b, following, d] - forcing[b, k, d]
+            fall = goal_change[d] / (matrix[2, 2] - 1.0)  # what the goal has left to go
+            steady = f + ALPHA * BETA * (error[d] - fall)
             rates[0, b, k, d] = v[b, d]
-            rates[1, b, k, d] = f - ALPHA * v[b, d]
-            turn[d] = matrix[0, 1] * v[b, d] + matrix[0, 3] * f + matrix[0, 4] * change
-            v[b, d] = matrix[1, 1] * v[b, d] + matrix[1, 3] * f + matrix[1, 4] * change
+            rates[1, b, k, d] = f + ALPHA * BETA * error[d] - ALPHA * v[b, d]
+            turn[d] = angle[1] * v[b, d] + angle[2] * fall + angle[3] * steady + angle[4] * change
+            v[b, d] = rate[1] * v[b, d] + rate[2] * fall + rate[3] * steady + rate[4] * change
         orientation[b, k] = q[b]
         _turn(q[b], turn)
 

@@ -4,8 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
+from pydantic import Field
 
 from structlearn import quaternion
+from structlearn.frames import UP
+from structlearn.params import Parameters
 from structlearn.primitives import kernels, orientation, position, regression, twist_swing
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
@@ -64,6 +68,22 @@ class SequencePath:
     switches: np.ndarray
 
 
+class GeneraliseParameters(Parameters):
+    """A new situation in which a learned sequence is unrolled.
+
+    Attributes:
+        start_offset_m: added to the start, base frame.
+        goal_offset_m: added to every goal, base frame.
+        goal_turn_deg: about the vertical, added to every goal orientation.
+        duration_factor: times the demonstrations' mean duration.
+    """
+
+    start_offset_m: tuple[float, float, float]
+    goal_offset_m: tuple[float, float, float]
+    goal_turn_deg: float = Field(ge=-180, le=180)
+    duration_factor: float = Field(gt=0)
+
+
 def fit_orientation(
     demonstrations: Sequence[OrientationTrajectory],
     method: regression.Regression = "joint",
@@ -92,6 +112,12 @@ def default_goals(primitives: Sequence[PosePrimitive]) -> list[PoseGoal]:
         )
         for primitive in primitives
     ]
+
+
+def default_start(primitives: Sequence[PosePrimitive]) -> PoseGoal:
+    """The demonstrations' mean start of the first primitive."""
+    first = primitives[0]
+    return PoseGoal(first.position.start, None if first.orientation is None else first.orientation.start)
 
 
 def moved_goals(
@@ -147,6 +173,80 @@ def unroll(
             poses.append(turn)
     switches = np.cumsum([0, *(len(path.time) - 1 for path in points)])
     return SequencePath(_joined(points), _joined(poses) if poses else None, switches)
+
+
+def generalised(
+    primitives: Sequence[PosePrimitive], dt: float, parameters: GeneraliseParameters
+) -> SequencePath:
+    """The sequence from another start to other goals in another time.
+
+    Args:
+        primitives: the learned sequence.
+        dt: sampling interval in s.
+        parameters: what is changed.
+
+    Returns:
+        The whole path on one clock.
+    """
+    start = default_start(primitives)
+    turn = quaternion.from_rotation_vector(np.radians(parameters.goal_turn_deg) * UP)
+    return unroll(
+        primitives,
+        dt,
+        PoseGoal(start.position + np.array(parameters.start_offset_m), start.orientation),
+        moved_goals(default_goals(primitives), np.array(parameters.goal_offset_m), turn),
+        [parameters.duration_factor * primitive.duration for primitive in primitives],
+    )
+
+
+def sequence_table(path: SequencePath, names: Sequence[str]) -> pd.DataFrame:
+    """A path as a table: `primitive`, `time_s`, then the signals with their axis in the name.
+
+    Position `x`, `y`, `z` in m, velocity `vx` ... in m/s, acceleration `ax` ... in m/s^2 and, with an
+    orientation, quaternion `qw`, `qx`, `qy`, `qz`, angular velocity `wx` ... in rad/s, angular acceleration
+    `dwx` ... in rad/s^2. The sample of a switch belongs to the successor.
+
+    Args:
+        path: an unrolled sequence.
+        names: of its primitives.
+    """
+    lengths = np.diff(path.switches)
+    lengths[-1] += 1
+    signals = {
+        "": path.position.position,
+        "v": path.position.velocity,
+        "a": path.position.acceleration,
+    }
+    if path.orientation is not None:
+        signals |= {
+            "q": path.orientation.orientation,
+            "w": path.orientation.angular_velocity,
+            "dw": path.orientation.angular_acceleration,
+        }
+    columns = {
+        f"{prefix}{axis}": values[:, place]
+        for prefix, values in signals.items()
+        for place, axis in enumerate("wxyz" if values.shape[1] == 4 else "xyz")
+    }
+    return pd.DataFrame({"primitive": np.repeat(names, lengths), "time_s": path.position.time, **columns})
+
+
+def largest_acceleration_jump(table: pd.DataFrame) -> float:
+    """Largest change of the acceleration within one sample at a switch, relative to the largest acceleration.
+
+    Without eq. IV.12 it would be of the order of 1; with it, it is what a smooth path changes in one sample.
+
+    Args:
+        table: of `sequence_table`.
+
+    Returns:
+        Dimensionless; 0 for a single primitive.
+    """
+    acceleration = table[["ax", "ay", "az"]].to_numpy()
+    names = table["primitive"].to_numpy()
+    switches = np.flatnonzero(names[1:] != names[:-1]) + 1
+    jumps = np.linalg.norm(acceleration[switches] - acceleration[switches - 1], axis=1)
+    return float(jumps.max(initial=0.0) / np.linalg.norm(acceleration, axis=1).max())
 
 
 def _joined(

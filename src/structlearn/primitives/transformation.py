@@ -107,23 +107,21 @@ def unroll(
     first = forcing[..., 0, :] + (0.0 if coupling is None else coupling(0, start, velocity))
     evolving_goal = initial_goal(start, velocity, acceleration, tau, first)
     state = np.stack([start - goal, tau * velocity, evolving_goal - goal])  # (3, ..., D)
-    path = np.empty((3, *forcing.shape))  # x - G, tau xd, tau^2 xdd
-    flat_state = state.reshape(3, -1, batch[-1])
+    path = np.empty((3, *forcing.shape))  # x, xd, xdd: written once, so large batches cost no copies
     flat_forcing = forcing.reshape(-1, *forcing.shape[-2:])
+    flat_state, flat_goal = state.reshape(3, -1, batch[-1]), goal.reshape(-1, batch[-1])
+    arguments = (step_matrix(dt / tau), float(tau), flat_goal, flat_state, flat_forcing)
     flat_path = path.reshape(3, *flat_forcing.shape)
-    matrix = step_matrix(dt / tau)
     if coupling is None:
-        _unroll(matrix, flat_state, flat_forcing, flat_path)
+        _unroll(*arguments, flat_path)
     else:
+        offset, rate = state[0], state[1]
+        held = np.empty(batch)
+        flat_held = held.reshape(-1, batch[-1])
         for k in range(forcing.shape[-2]):
-            c = np.broadcast_to(coupling(k, state[0] + goal, state[1] / tau), batch)
-            _step(matrix, k, flat_state, flat_forcing, c.reshape(-1, batch[-1]), flat_path)
-    return Trajectory(
-        time=dt * np.arange(forcing.shape[-2]),
-        position=path[0] + goal[..., None, :],
-        velocity=path[1] / tau,
-        acceleration=path[2] / tau**2,
-    )
+            held[...] = coupling(k, offset + goal, rate / tau)
+            _step(k, *arguments, flat_held, flat_path)
+    return Trajectory(dt * np.arange(forcing.shape[-2]), *path)
 
 
 @lru_cache
@@ -147,41 +145,68 @@ def step_matrix(step: float) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _step(
-    matrix: np.ndarray,
+def _advance(
+    b: int,
     k: int,
+    d: int,
+    matrix: np.ndarray,
+    tau: float,
+    goal: np.ndarray,
+    state: np.ndarray,
+    forcing: np.ndarray,
+    coupling: float,
+    path: np.ndarray,
+) -> None:
+    """Record sample k of axis d of movement b in the path (3, B, T, D), then advance its state in place.
+
+    goal: (B, D).   state: (3, B, D).   forcing: (B, T, D).   coupling: held over the step.
+    """
+    x, v, g = state[0, b, d], state[1, b, d], state[2, b, d]
+    change = forcing[b, min(k + 1, forcing.shape[1] - 1), d] - forcing[b, k, d]
+    f = forcing[b, k, d] + coupling
+    path[0, b, k, d] = x + goal[b, d]
+    path[1, b, k, d] = v / tau
+    path[2, b, k, d] = (ALPHA * (BETA * (g - x) - v) + f) / tau**2
+    for row in range(3):
+        state[row, b, d] = (
+            matrix[row, 0] * x
+            + matrix[row, 1] * v
+            + matrix[row, 2] * g
+            + matrix[row, 3] * f
+            + matrix[row, 4] * change
+        )
+
+
+@numba.njit(cache=True)
+def _step(
+    k: int,
+    matrix: np.ndarray,
+    tau: float,
+    goal: np.ndarray,
     state: np.ndarray,
     forcing: np.ndarray,
     coupling: np.ndarray,
     path: np.ndarray,
 ) -> None:
-    """Record sample k of the path (3, B, T, D), then advance the state (3, B, D) by one step in place.
-
-    forcing: (B, T, D).   coupling: (B, D), held over the step.
-    """
-    batch, samples, axes = forcing.shape
-    following = min(k + 1, samples - 1)
+    """One step of the whole batch with its coupling (B, D)."""
+    batch, _, axes = forcing.shape
     for b in range(batch):
         for d in range(axes):
-            x, v, g = state[0, b, d], state[1, b, d], state[2, b, d]
-            change = forcing[b, following, d] - forcing[b, k, d]
-            f = forcing[b, k, d] + coupling[b, d]
-            path[0, b, k, d] = x
-            path[1, b, k, d] = v
-            path[2, b, k, d] = ALPHA * (BETA * (g - x) - v) + f
-            for row in range(3):
-                state[row, b, d] = (
-                    matrix[row, 0] * x
-                    + matrix[row, 1] * v
-                    + matrix[row, 2] * g
-                    + matrix[row, 3] * f
-                    + matrix[row, 4] * change
-                )
+            _advance(b, k, d, matrix, tau, goal, state, forcing, coupling[b, d], path)
 
 
 @numba.njit(cache=True)
-def _unroll(matrix: np.ndarray, state: np.ndarray, forcing: np.ndarray, path: np.ndarray) -> None:
-    """All steps without feedback."""
-    no_coupling = np.zeros_like(state[0])
-    for k in range(forcing.shape[1]):
-        _step(matrix, k, state, forcing, no_coupling, path)
+def _unroll(
+    matrix: np.ndarray,
+    tau: float,
+    goal: np.ndarray,
+    state: np.ndarray,
+    forcing: np.ndarray,
+    path: np.ndarray,
+) -> None:
+    """All steps without feedback, one movement after the other: they are contiguous in memory."""
+    batch, samples, axes = forcing.shape
+    for b in range(batch):
+        for k in range(samples):
+            for d in range(axes):
+                _advance(b, k, d, matrix, tau, goal, state, forcing, 0.0, path)

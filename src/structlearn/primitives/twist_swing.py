@@ -83,6 +83,7 @@ class TwistSwingPrimitive:
             dt, coordinates, np.zeros(3), duration, rates, accelerations, coupling, until
         )
         orientation = quaternion.product(from_chart(path.position, self.axes), goal)
+        orientation = np.where(orientation[..., :1, :] @ start[:, None] < 0, -orientation, orientation)
         velocities = angular_rates(path.position, path.velocity, path.acceleration, self.axes)
         return OrientationTrajectory(path.time, quaternion.sign_continuous(orientation), *velocities)
 

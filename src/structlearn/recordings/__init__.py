@@ -7,7 +7,7 @@ and `text_log` (public data sets).
 
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.folders import read_demonstrations, write_recordings
+from structlearn.recordings.folders import read_demonstrations, read_recordings, write_recordings
 from structlearn.recordings.mcap_file import read_recording, write_recording
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.topics import OWN_TOPICS, TopicMap
@@ -20,6 +20,7 @@ __all__ = [
     "TopicMap",
     "read_demonstrations",
     "read_recording",
+    "read_recordings",
     "synchronise",
     "write_recording",
     "write_recordings",

@@ -44,6 +44,22 @@ def read_demonstrations(
     return _map(read, paths, "read")
 
 
+def read_recordings(source: str | Path, topics: TopicMap = OWN_TOPICS) -> list[Recording]:
+    """Read recordings as they are, each stream with its own clock.
+
+    Args:
+        source: as in `read_demonstrations`.
+        topics: which topic carries which signal.
+
+    Returns:
+        One recording per file, in natural order of their names.
+
+    Raises:
+        InputError: as `read_demonstrations`, but for the clock.
+    """
+    return _map(partial(read_recording, topics=topics), _mcap_files(Path(source)), "read")
+
+
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
     """Write recordings as folder/NAME.mcap; numbers as names are padded with zeros to equal length.
 

@@ -1,6 +1,7 @@
 """Primitives from segmented demonstrations (IV.5.4), and how well they reproduce them."""
 
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ from structlearn.primitives.trajectory import (
     differentiated_orientation,
 )
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.result import Segmentation
 
 
 class FitParameters(Parameters):
@@ -40,6 +42,13 @@ class FitParameters(Parameters):
 
 Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
+
+
+def whole(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
+    """Cuts of demonstrations that are one primitive from start to end: index demonstration."""
+    ends = [(0.0, float(demonstration.time[-1])) for demonstration in demonstrations]
+    names = pd.Index([demonstration.name for demonstration in demonstrations], name="demonstration")
+    return pd.DataFrame(ends, columns=["start_s", "end_s"], index=names)
 
 
 def segment_paths(
@@ -96,6 +105,66 @@ def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParam
         fit_position(positions, parameters.scaled_axes, *choice),
         fit_orientation(orientations, *choice) if orientations else None,
     )
+
+
+def learn_sequence(
+    demonstrations: Sequence[Demonstration], segmentation: Segmentation, parameters: FitParameters
+) -> list[PosePrimitive]:
+    """All primitives of segmented demonstrations, in order (IV.5.4).
+
+    Args:
+        demonstrations: the complete ones.
+        segmentation: of these demonstrations.
+        parameters: see there.
+
+    Returns:
+        One pose primitive per primitive of the segmentation.
+    """
+    primitives = []
+    for name in segmentation.primitives:
+        segments = segment_paths(demonstrations, segmentation.result(name), parameters.smoothing_hz)
+        primitives.append(learn_primitive(name, segments, parameters))
+    return primitives
+
+
+def cross_validation(
+    demonstrations: Sequence[Demonstration], segmentation: Segmentation, parameters: FitParameters
+) -> pd.DataFrame:
+    """Reproduction errors of demonstrations that were learned from and of ones that were left out.
+
+    Args:
+        demonstrations: the complete ones.
+        segmentation: of these demonstrations.
+        parameters: see there; both regressions are tried.
+
+    Returns:
+        Rows of `reproduction_errors` with `primitive`, `demonstration`, `regression` and `left_out`: False
+        where the primitive was learned from all demonstrations, True where from all but this one.
+    """
+    tables = []
+    for name in segmentation.primitives:
+        cuts = segmentation.result(name)
+        segments = segment_paths(demonstrations, cuts, parameters.smoothing_hz)
+        names = [demonstration.name for demonstration in demonstrations if demonstration.name in cuts.index]
+        for regression in get_args(Regression):
+            choice = parameters.model_copy(update={"regression": regression})
+            errors = {False: reproduction_errors(learn_primitive(name, segments, choice), segments)}
+            if len(segments) > 1:
+                errors[True] = _leave_one_out(name, segments, choice)
+            tables += [
+                table.assign(primitive=name, demonstration=names, regression=regression, left_out=left_out)
+                for left_out, table in errors.items()
+            ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _leave_one_out(name: str, segments: Sequence[Segment], parameters: FitParameters) -> pd.DataFrame:
+    """Errors of every segment against a primitive learned from all the others."""
+    errors = []
+    for place, segment in enumerate(segments):
+        others = [*segments[:place], *segments[place + 1 :]]
+        errors.append(reproduction_errors(learn_primitive(name, others, parameters), [segment]))
+    return pd.concat(errors)
 
 
 def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -> pd.DataFrame:

@@ -9,16 +9,12 @@ correspondences too (`wls`), which is the result.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 import pandas as pd
-from pydantic import Field, model_validator
 
 from structlearn import signals
 from structlearn.errors import InputError
-from structlearn.params import Parameters
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.alignment import (
     Alignment,
@@ -28,99 +24,8 @@ from structlearn.segmentation.alignment import (
 )
 from structlearn.segmentation.crossing import moving_interval
 from structlearn.segmentation.dtw import correspondences
-
-METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
-RESULT = "wls"
-
-AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
-
-
-class PrimitiveParameters(Parameters):
-    """How one primitive is found.
-
-    Attributes:
-        name: of the primitive.
-        axis: position signal that shows it, or `between`: what lies between its neighbours.
-        threshold_m_s: speed along the axis above which it moves; needs none when between.
-    """
-
-    name: str = Field(min_length=1)
-    axis: Literal["x", "y", "z", "xyz", "between"]
-    threshold_m_s: float | None = Field(default=None, gt=0)
-
-    @model_validator(mode="after")
-    def _threshold_where_needed(self) -> "PrimitiveParameters":
-        if (self.axis == "between") != (self.threshold_m_s is None):
-            raise ValueError("threshold_m_s is needed for an axis, and only there")
-        return self
-
-
-class SegmentParameters(Parameters):
-    """Parameters of the segmentation.
-
-    Attributes:
-        primitives: in order of time.
-        reference: name of the demonstration that is cut first; None: the first one.
-        guess_cutoff_hz: low-pass of the speed that finds a movement.
-        cut_cutoff_hz: low-pass of the speed that places its cut points.
-        align_cutoff_hz: low-pass of positions and velocities for the alignment.
-        bridge_s: a dip in speed up to this long is a hesitation, not an end.
-        extension_s: delta, by which a segment is extended on both sides before the alignment.
-        downsampling: g, every g-th sample is aligned (appendix C).
-        near_zero: fraction of the largest speed below which a pair is dropped.
-        decay: k of the weights exp(-k |v_ref - v_guess|).
-        crossing_weight: weight of the crossings as correspondences, relative to all other pairs together.
-        crossing_tolerance_s: distance from the alignment at which a crossing has half that weight.
-        skip_failures: go on without demonstrations that cannot be cut; the report lists them.
-    """
-
-    primitives: tuple[PrimitiveParameters, ...] = Field(min_length=1)
-    reference: str | None = None
-    guess_cutoff_hz: float = Field(default=5.0, gt=0)
-    cut_cutoff_hz: float = Field(default=20.0, gt=0)
-    align_cutoff_hz: float = Field(default=5.0, gt=0)
-    bridge_s: float = Field(default=0.5, ge=0)
-    extension_s: float = Field(default=0.2, gt=0)
-    downsampling: int = Field(default=1, ge=1)
-    near_zero: float = Field(default=0.1, ge=0, lt=1)
-    decay: float = Field(default=1.0, ge=0)
-    crossing_weight: float = Field(default=3.0, ge=0)
-    crossing_tolerance_s: float = Field(default=0.1, gt=0)
-    skip_failures: bool = False
-
-    @model_validator(mode="after")
-    def _between_has_neighbours(self) -> "SegmentParameters":
-        names = [primitive.name for primitive in self.primitives]
-        if len(set(names)) < len(names):
-            raise ValueError("names of primitives must differ")
-        between = [primitive.axis == "between" for primitive in self.primitives]
-        if between[0] or between[-1] or any(a and b for a, b in pairwise(between)):
-            raise ValueError("a primitive `between` needs a neighbour with an axis on either side")
-        return self
-
-
-@dataclass(frozen=True)
-class Segmentation:
-    """All cuts of a set of demonstrations.
-
-    Attributes:
-        cuts: one row per demonstration, primitive and method: `demonstration`, `primitive`, `method`,
-            `start_s`, `end_s` (since the start of the demonstration).
-        pairs: one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the
-            start of either demonstration), `weight`.
-        left_out: `demonstration`, `reason` of those that could not be cut.
-        reference: name of the reference demonstration.
-    """
-
-    cuts: pd.DataFrame
-    pairs: pd.DataFrame
-    left_out: pd.DataFrame
-    reference: str
-
-    def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
-        """Cuts of one primitive by one method; the reference has its crossing. Index: demonstration."""
-        chosen = self.cuts[(self.cuts["primitive"] == primitive) & (self.cuts["method"] == method)]
-        return chosen.set_index("demonstration")
+from structlearn.segmentation.parameters import AXES, SegmentParameters
+from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.fft import irfft, next_fast_len, rfftfreq
 
 import structlearn
 from structlearn import quaternion
 from structlearn.params import Parameters
 from structlearn.recordings.recording import Recording, Stream
+from structlearn.simulation.hand_noise import hand_noise
 from structlearn.simulation.touch import LOADING_S, sensor_streams
 
 # Task. Lengths from the recorded scraping (8.7 cm down, 6.4 cm along y); place and attitude as in the public
@@ -60,14 +60,6 @@ GOAL_SPREAD_DEG = 0.4  # what a person takes for flat; recorded: 0.2-0.5 degrees
 BOW_M = (
     np.array([[2.0, 2.0, 0.0], [0.8, 0.8, 0.0], [1.0, 0.0, 0.0]]) * 1e-3
 )  # std; hand paths are bowed a little
-
-# Noise of the hand: shares of the variance of `noise_mm`, and bands.
-SWAY_SHARE, SWAY_HZ = 0.70, (0.1, 1.0)  # slow postural drift, most of the error in holding still
-MOTOR_SHARE, MOTOR_HZ = 0.17, (1.0, 6.0)  # signal-dependent (Harris & Wolpert 1998): grows with speed
-TREMOR_SHARE, TREMOR_HZ = 0.13, (8.0, 12.0)  # physiological tremor, 0.05-0.2 mm rms in hand-held tools
-# (Riviere et al. 1997 and the microsurgery literature since): 0.11 mm at the default `noise_mm`
-HAND_WIDTH_M = 0.06  # two grips this far apart, each with the noise, turn the tool: rad = m / HAND_WIDTH_M
-BOARD_HOLDS = 0.3  # what remains of the noise along z while the board carries the tool
 
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 60_000_000_000
@@ -146,7 +138,7 @@ def _demonstrate(
     edge, tilt = _follow(plan, time)
     contact = np.interp(time, plan.segments[0, 1] + np.array([0.0, LOADING_S]), [0.0, 1.0])
     velocity = np.gradient(edge, 1 / parameters.rate_hz, axis=0)
-    position_noise, tilt_noise = _hand_noise(velocity, contact, parameters, noise)
+    position_noise, tilt_noise = hand_noise(velocity, contact, parameters.noise_mm, parameters.rate_hz, noise)
     lever = quaternion.rotate(quaternion.from_rotation_vector(tilt), EDGE_TO_GRASP_M)
     tilt = tilt + tilt_noise
     orientation = quaternion.product(quaternion.from_rotation_vector(tilt), FLAT_ORIENTATION)
@@ -279,38 +271,6 @@ def _follow(plan: _Plan, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         turn = plan.tilts[index + 1] - plan.tilts[index]
         tilt += np.hstack([first, second, first]) * turn
     return edge, tilt
-
-
-def _hand_noise(
-    velocity: np.ndarray, contact: np.ndarray, parameters: DemonstratorParameters, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Position noise (T, 3) in m and orientation noise (T, 3) in rad, both proportional to `noise_mm`."""
-    speed = np.linalg.norm(velocity, axis=1)
-    envelope = speed / np.sqrt(np.mean(speed**2))  # unit power over the trial
-    sway, motor, tremor = (
-        _band_noise(len(speed), parameters.rate_hz, band, rng) for band in (SWAY_HZ, MOTOR_HZ, TREMOR_HZ)
-    )  # (T, 6) each: x, y, z and the rotations about them
-    unit = (
-        np.sqrt(SWAY_SHARE) * sway
-        + np.sqrt(MOTOR_SHARE) * envelope[:, None] * motor
-        + np.sqrt(TREMOR_SHARE) * tremor
-    )
-    metres = 1e-3 * parameters.noise_mm * unit
-    metres[:, 2] *= 1 + (BOARD_HOLDS - 1) * contact
-    return metres[:, :3], metres[:, 3:] / HAND_WIDTH_M
-
-
-def _band_noise(
-    length: int, rate_hz: float, band: tuple[float, float], rng: np.random.Generator
-) -> np.ndarray:
-    """Six independent Gaussian processes with all power between two frequencies, unit std: (length, 6)."""
-    padded = next_fast_len(2 * length, real=True)  # twice as long: the ends do not meet
-    frequency = rfftfreq(padded, 1 / rate_hz)
-    inside = (frequency >= band[0]) & (frequency <= band[1])
-    spectrum = np.zeros((len(frequency), 6), dtype=complex)
-    spectrum[inside] = rng.standard_normal((inside.sum(), 6)) + 1j * rng.standard_normal((inside.sum(), 6))
-    signal = irfft(spectrum, padded, axis=0)[:length]
-    return signal / np.sqrt(np.mean(signal**2, axis=0))
 
 
 def _minimum_jerk(phase: np.ndarray) -> np.ndarray:

@@ -1,0 +1,36 @@
+"""The project's colours: one palette for pictures on pages and in recordings.
+
+The categorical colours are those of Okabe and Ito, which people with any common colour blindness can tell apart;
+yellow is left out because it vanishes on a white ground. All colours are hex strings (`#rrggbb`).
+"""
+
+BLUE = "#0072b2"
+ORANGE = "#e69f00"
+GREEN = "#009e73"
+VERMILION = "#d55e00"
+PURPLE = "#cc79a7"
+SKY = "#56b4e9"
+BLACK = "#1b1f24"
+GREY = "#8a9199"  # what is context: other demonstrations, true values, grids
+LIGHT_GREY = "#d5d9de"
+
+CATEGORICAL_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK, GREY)
+
+# primitives in their order of time; a longer sequence starts again
+PRIMITIVE_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, SKY)
+
+# x, y, z in the order of time plots
+AXIS_COLOURS = (VERMILION, GREEN, BLUE)
+
+# what a curve is, rather than which of several
+REFERENCE_COLOUR = BLACK
+DEMONSTRATION_COLOUR = GREY
+REPRODUCTION_COLOUR = VERMILION
+
+# ways of finding cut points, from the plainest to ours
+METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wls": BLUE}
+
+
+def primitive_colour(index: int) -> str:
+    """Colour of the primitive at `index` in its sequence."""
+    return PRIMITIVE_COLOURS[index % len(PRIMITIVE_COLOURS)]

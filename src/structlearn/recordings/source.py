@@ -1,0 +1,53 @@
+"""Where the demonstrations of a pipeline come from, and the clock they are read on."""
+
+import os
+from pathlib import Path
+
+from pydantic import Field
+
+from structlearn.params import Parameters
+from structlearn.recordings.clock import MAX_GAP_S
+from structlearn.recordings.topics import TopicMap
+
+SIMULATED = "simulated"
+PUBLIC_SOURCE_VARIABLE = "RECORDED_DATA"
+
+
+class SourceParameters(Parameters):
+    """Source of the raw demonstrations.
+
+    Attributes:
+        source: `simulated`, or the path of your own bags (see `folders.read_demonstrations`).
+        topics: which topic of your bags carries which signal; not looked at when simulated.
+    """
+
+    source: str = Field(default=SIMULATED, min_length=1)
+    topics: TopicMap
+
+
+class PublicSourceParameters(Parameters):
+    """Source of the public recordings.
+
+    Attributes:
+        source: folder that holds `clmc` and `slide`; the environment variable RECORDED_DATA stands in for it,
+            so that the place of the data on a machine need not be written into a file under version control.
+    """
+
+    source: str = Field(min_length=1)
+
+    @property
+    def folder(self) -> Path:
+        """The folder to import from."""
+        return Path(os.environ.get(PUBLIC_SOURCE_VARIABLE) or self.source)
+
+
+class ClockParameters(Parameters):
+    """The one clock on which all stages read the demonstrations.
+
+    Attributes:
+        rate_hz: ticks per second.
+        max_gap_s: longest hole in a stream that is bridged by interpolation.
+    """
+
+    rate_hz: float = Field(gt=0, le=10_000)
+    max_gap_s: float = Field(default=MAX_GAP_S, gt=0)

@@ -1,0 +1,63 @@
+"""The result of a segmentation, in memory and on disk."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from structlearn.artefacts import publish, read_table, write_table
+
+METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
+RESULT = "wls"
+"""The method whose cuts are used; the others are kept to be compared."""
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """All cuts of a set of demonstrations.
+
+    Attributes:
+        cuts: one row per demonstration, primitive and method: `demonstration`, `primitive`, `method`,
+            `start_s`, `end_s` (since the start of the demonstration).
+        pairs: one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the
+            start of either demonstration), `weight`.
+        left_out: `demonstration`, `reason` of those that could not be cut.
+        reference: name of the reference demonstration.
+    """
+
+    cuts: pd.DataFrame
+    pairs: pd.DataFrame
+    left_out: pd.DataFrame
+    reference: str
+
+    @property
+    def primitives(self) -> list[str]:
+        """Names of the primitives in order of time."""
+        return list(self.cuts["primitive"].unique())
+
+    def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
+        """Cuts of one primitive by one method; the reference has its crossing. Index: demonstration."""
+        chosen = self.cuts[(self.cuts["primitive"] == primitive) & (self.cuts["method"] == method)]
+        return chosen.set_index("demonstration")
+
+
+def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
+    """Publish a segmentation as a folder of Parquet tables, one per attribute."""
+    with publish(folder) as path:
+        path.mkdir()
+        write_table(segmentation.cuts, path / "cuts.parquet")
+        write_table(segmentation.pairs, path / "pairs.parquet")
+        write_table(segmentation.left_out, path / "left_out.parquet")
+        write_table(pd.DataFrame({"reference": [segmentation.reference]}), path / "reference.parquet")
+
+
+def read_segmentation(folder: str | Path) -> Segmentation:
+    """Read a segmentation.
+
+    Raises:
+        InputError: a table is missing or not readable.
+    """
+    folder = Path(folder)
+    tables = {name: read_table(folder / f"{name}.parquet") for name in ("cuts", "pairs", "left_out")}
+    reference = read_table(folder / "reference.parquet")["reference"][0]
+    return Segmentation(reference=reference, **tables)

@@ -1,0 +1,65 @@
+"""How the errors of cut points grow with the noise of the simulated demonstrator."""
+
+from functools import partial
+
+import pandas as pd
+from pydantic import Field
+
+from structlearn.parallel import parallel_map
+from structlearn.params import Parameters
+from structlearn.recordings.clock import synchronise
+from structlearn.segmentation.evaluation import cut_errors
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+from structlearn.simulation.demonstrator import DemonstratorParameters, simulate_demonstrations
+
+
+class SweepParameters(Parameters):
+    """Parameters of the sweep.
+
+    Attributes:
+        noise_mm: noise levels of the demonstrator.
+        seeds: sets of demonstrations per level.
+        downsampling: factors of the alignment whose effect is shown on the recorded demonstrations.
+    """
+
+    noise_mm: tuple[float, ...] = Field(min_length=1)
+    seeds: int = Field(ge=1, le=1000)
+    downsampling: tuple[int, ...] = Field(min_length=1)
+
+
+def noise_sweep(
+    parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    """Cut errors of all methods at every noise level, for several simulated people.
+
+    The same people move in the same way at every level: only the noise grows.
+
+    Args:
+        parameters: levels and number of seeds.
+        simulation: of the demonstrator; its noise and seed are replaced.
+        segmentation: of the cuts; demonstrations that cannot be cut are left out and counted.
+
+    Returns:
+        Errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one
+        row with method `left_out`.
+    """
+    work = [(noise, seed) for noise in parameters.noise_mm for seed in range(parameters.seeds)]
+    tolerant = segmentation.model_copy(update={"skip_failures": True})
+    errors = parallel_map(
+        partial(_one_set, simulation=simulation, segmentation=tolerant), work, "noise sweep"
+    )
+    return pd.concat(errors, ignore_index=True)
+
+
+def _one_set(
+    level: tuple[float, int], simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    noise, seed = level
+    settings = simulation.model_copy(update={"noise_mm": noise, "seed": seed})
+    recordings = simulate_demonstrations(settings, touch=False)
+    demonstrations = [synchronise(recording, settings.rate_hz) for recording in recordings]
+    cuts = cut(demonstrations, segmentation)
+    left_out = cuts.left_out[["demonstration"]].assign(method="left_out")
+    errors = pd.concat([cut_errors(demonstrations, cuts), left_out], ignore_index=True)
+    return errors.assign(noise_mm=noise, seed=seed)

@@ -1,0 +1,55 @@
+"""Noise of a human hand: slow sway, signal-dependent motor noise and tremor, each in its band."""
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfftfreq
+
+# Noise of the hand: shares of the variance of `noise_mm`, and bands.
+SWAY_SHARE, SWAY_HZ = 0.70, (0.1, 1.0)  # slow postural drift, most of the error in holding still
+MOTOR_SHARE, MOTOR_HZ = 0.17, (1.0, 6.0)  # signal-dependent (Harris & Wolpert 1998): grows with speed
+TREMOR_SHARE, TREMOR_HZ = 0.13, (8.0, 12.0)  # physiological tremor, 0.05-0.2 mm rms in hand-held tools
+# (Riviere et al. 1997 and the microsurgery literature since): 0.11 mm at the default `noise_mm`
+HAND_WIDTH_M = 0.06  # two grips this far apart, each with the noise, turn the tool: rad = m / HAND_WIDTH_M
+BOARD_HOLDS = 0.3  # what remains of the noise along z while the board carries the tool
+
+
+def hand_noise(
+    velocity: np.ndarray, contact: np.ndarray, noise_mm: float, rate_hz: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Noise of a hand that holds and moves a tool; both parts are proportional to `noise_mm`.
+
+    Args:
+        velocity: (T, 3) m/s, of the intended movement.
+        contact: (T,) 0 in the air, 1 with the tool on the board, which holds it along z.
+        noise_mm: std per axis in the air.
+        rate_hz: samples per second.
+        rng: source of randomness; the draws do not depend on `noise_mm`.
+
+    Returns:
+        position: (T, 3) m.   orientation: (T, 3) rotation vectors in rad.
+    """
+    speed = np.linalg.norm(velocity, axis=1)
+    envelope = speed / np.sqrt(np.mean(speed**2))  # unit power over the trial
+    sway, motor, tremor = (
+        _band_noise(len(speed), rate_hz, band, rng) for band in (SWAY_HZ, MOTOR_HZ, TREMOR_HZ)
+    )  # (T, 6) each: x, y, z and the rotations about them
+    unit = (
+        np.sqrt(SWAY_SHARE) * sway
+        + np.sqrt(MOTOR_SHARE) * envelope[:, None] * motor
+        + np.sqrt(TREMOR_SHARE) * tremor
+    )
+    metres = 1e-3 * noise_mm * unit
+    metres[:, 2] *= 1 + (BOARD_HOLDS - 1) * contact
+    return metres[:, :3], metres[:, 3:] / HAND_WIDTH_M
+
+
+def _band_noise(
+    length: int, rate_hz: float, band: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
+    """Six independent Gaussian processes with all power between two frequencies, unit std: (length, 6)."""
+    padded = next_fast_len(2 * length, real=True)  # twice as long: the ends do not meet
+    frequency = rfftfreq(padded, 1 / rate_hz)
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    spectrum = np.zeros((len(frequency), 6), dtype=complex)
+    spectrum[inside] = rng.standard_normal((inside.sum(), 6)) + 1j * rng.standard_normal((inside.sum(), 6))
+    signal = irfft(spectrum, padded, axis=0)[:length]
+    return signal / np.sqrt(np.mean(signal**2, axis=0))

@@ -1,0 +1,25 @@
+"""Find 97 recorded reaches between rests, and learn one position primitive from them (dissertation IV.5)."""
+
+from structlearn.artefacts import publish, write_metrics, write_table
+from structlearn.primitives.storage import write_primitives
+from structlearn.recorded.reaches import ReachParameters, learn_reaches, own_spread_mm, reach_cut_errors
+from structlearn.recordings import read_demonstrations
+from structlearn.segmentation.learning import segment_paths, whole
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("recorded_reaches", ReachParameters)
+    demonstrations = read_demonstrations("data/raw/recorded/reaches")
+    primitive, errors = learn_reaches(demonstrations, parameters)
+    segments = segment_paths(demonstrations, whole(demonstrations), parameters.fit.smoothing_hz)
+    with publish("data/recorded/reaches") as folder:
+        folder.mkdir()
+        write_primitives([primitive], folder / "primitive.safetensors")
+        write_table(errors, folder / "reproduction.parquet")
+        write_table(reach_cut_errors(demonstrations, parameters), folder / "cut_errors.parquet")
+        write_metrics({"own_spread_mm": own_spread_mm(segments)}, folder / "spread.json")
+
+
+if __name__ == "__main__":
+    run(main)

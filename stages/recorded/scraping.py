@@ -1,0 +1,30 @@
+"""Learn the primitives and the 38 electrode traces of a recorded scraping execution (dissertation IV.9)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.primitives.sequence import sequence_table
+from structlearn.primitives.storage import write_primitives, write_vector_primitive
+from structlearn.recorded.scraping import ExecutionParameters, learn_execution, learn_traces
+from structlearn.recordings import read_demonstrations
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("recorded_scraping", ExecutionParameters)
+    parts = read_demonstrations("data/raw/recorded/scraping")
+    primitives, path, errors = learn_execution(parts, parameters.fit)
+    sensors, scores, traces = learn_traces(parts, parameters)
+    with publish("data/recorded/scraping") as folder:
+        folder.mkdir()
+        write_primitives(primitives, folder / "primitives.safetensors")
+        write_table(sequence_table(path, [part.name for part in parts]), folder / "sequence.parquet")
+        write_table(errors, folder / "errors.parquet")
+        for part, sensor in zip(parts, sensors, strict=True):
+            write_vector_primitive(
+                sensor, folder / f"electrodes_{part.name}.safetensors", "electrode counts without offset"
+            )
+        write_table(scores, folder / "electrode_scores.parquet")
+        write_table(traces, folder / "electrode_traces.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

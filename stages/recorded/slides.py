@@ -1,0 +1,26 @@
+"""Expected sensor traces of recorded slides over one material, deviations on another (dissertation IV.6)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.primitives.storage import write_vector_primitive
+from structlearn.recorded.slides import SlideParameters, clock_errors, learn_slides
+from structlearn.recordings import read_recordings, synchronise
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("recorded_slides", SlideParameters)
+    recordings = read_recordings("data/raw/recorded/slides")
+    demonstrations = [
+        synchronise(recording, parameters.rate_hz, parameters.max_gap_s) for recording in recordings
+    ]
+    expected, deviations, statistics = learn_slides(demonstrations, parameters)
+    with publish("data/recorded/slides") as folder:
+        folder.mkdir()
+        write_vector_primitive(expected, folder / "expected.safetensors", "electrode counts without offset")
+        write_table(clock_errors(recordings), folder / "clock_errors.parquet")
+        write_table(deviations, folder / "deviations.parquet")
+        write_table(statistics, folder / "statistics.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,34 @@
+"""Learn the primitives of the scraping task and unroll them as a sequence (dissertation IV.3, IV.5.4)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.primitives import sequence
+from structlearn.primitives.storage import write_primitives
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.learning import FitParameters, cross_validation, learn_sequence
+from structlearn.segmentation.result import read_segmentation
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("fit_primitives", FitParameters)
+    situation = stage_parameters("generalise", sequence.GeneraliseParameters)
+    clock = stage_parameters("clock", ClockParameters)
+    demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
+    segmentation = read_segmentation("data/segments/scraping")
+
+    primitives = learn_sequence(demonstrations, segmentation, parameters)
+    dt = 1.0 / clock.rate_hz
+    nominal = sequence.unroll(primitives, dt)
+    generalised = sequence.generalised(primitives, dt, situation)
+    with publish("data/primitives/scraping") as folder:
+        folder.mkdir()
+        write_primitives(primitives, folder / "primitives.safetensors")
+        for name, path in (("nominal", nominal), ("generalised", generalised)):
+            write_table(sequence.sequence_table(path, segmentation.primitives), folder / f"{name}.parquet")
+        errors = cross_validation(demonstrations, segmentation, parameters)
+        write_table(errors, folder / "reproduction.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,21 @@
+"""Record the nominal demonstrations: simulated, or taken over from your own bags (dissertation IV.9.1)."""
+
+from structlearn.artefacts import publish
+from structlearn.recordings import read_recordings, write_recordings
+from structlearn.recordings.source import SIMULATED, SourceParameters
+from structlearn.simulation.demonstrator import DemonstratorParameters, simulate_demonstrations
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("record", SourceParameters)
+    if parameters.source == SIMULATED:
+        recordings = simulate_demonstrations(stage_parameters("simulate", DemonstratorParameters))
+    else:
+        recordings = read_recordings(parameters.source, parameters.topics)
+    with publish("data/raw/scraping/nominal") as folder:
+        write_recordings(recordings, folder)
+
+
+if __name__ == "__main__":
+    run(main)

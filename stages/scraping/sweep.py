@@ -1,0 +1,27 @@
+"""How the cuts suffer from noise, and from down-sampling the alignment (dissertation IV.5, appendix C)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.evaluation import downsampling_effect
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.simulation.cut_sweep import SweepParameters, noise_sweep
+from structlearn.simulation.demonstrator import DemonstratorParameters
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("segment_sweep", SweepParameters)
+    segmentation = stage_parameters("segment", SegmentParameters)
+    simulation = stage_parameters("simulate", DemonstratorParameters)
+    clock = stage_parameters("clock", ClockParameters)
+    demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
+    effect = downsampling_effect(demonstrations, segmentation, parameters.downsampling)
+    with publish("data/segments/scraping_sweep") as folder:
+        folder.mkdir()
+        write_table(noise_sweep(parameters, simulation, segmentation), folder / "noise.parquet")
+        write_table(effect, folder / "downsampling.parquet")
+
+
+if __name__ == "__main__":
+    run(main)
