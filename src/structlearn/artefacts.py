@@ -39,13 +39,16 @@ def publish(target: str | Path) -> Iterator[Path]:
     target = Path(target)
     target.parent.mkdir(parents=True, exist_ok=True)
     workspace = target.parent / f".publish-{target.name}"
+    replaced = workspace / "replaced"
+    if replaced.exists() and not target.exists():  # killed between the two moves below
+        replaced.rename(target)
     shutil.rmtree(workspace, ignore_errors=True)  # left by a killed run
     workspace.mkdir()
     try:
         temporary = workspace / target.name
         yield temporary
         if target.is_dir() and temporary.exists():  # nothing written: the old content stays
-            target.rename(workspace / "replaced")  # a folder cannot be replaced in one step
+            target.rename(replaced)  # a folder cannot be replaced in one step
         os.replace(temporary, target)
     finally:
         shutil.rmtree(workspace, ignore_errors=True)

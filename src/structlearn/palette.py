@@ -1,6 +1,6 @@
 """The project's colours: one palette for pictures on pages and in recordings.
 
-The categorical colours are those of Okabe and Ito, which people with any common colour blindness can tell apart;
+The categorical colours are those of Okabe and Ito, which people with common colour blindness can tell apart;
 yellow is left out because it vanishes on a white ground. All colours are hex strings (`#rrggbb`).
 """
 

@@ -16,9 +16,8 @@ KERNEL_COUNT = 25
 OVERLAP = 0.55
 """Width of a kernel in units of the distance to the next centre."""
 
-
-SMALLEST_EXPONENT = -100.0
-"""exp(-100) is nothing beside the nearest kernel's 1, and exp is three times slower where it underflows."""
+SMALLEST_EXPONENT = -700.0
+"""exp(-700) is nothing beside the nearest kernel's 1, and exp is three times slower where it underflows."""
 
 
 @lru_cache

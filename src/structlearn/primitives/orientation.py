@@ -189,8 +189,9 @@ def unroll(
     times = dt * np.arange(samples)
     q = np.array(np.broadcast_to(start, (*batch, 4)), dtype=float)
     v = np.array(np.broadcast_to(tau * np.asarray(velocity), (*batch, 3)), dtype=float)
-    first = forcing[..., 0, :] + (0.0 if coupling is None else coupling(0, q, v / tau))
-    goals = goal_path(goal, initial_goal(q, v / tau, acceleration, tau, first), times, tau)
+    first = 0.0 if coupling is None else coupling(0, q.copy(), v / tau)
+    first_goal = initial_goal(q, v / tau, acceleration, tau, forcing[..., 0, :] + first)
+    goals = goal_path(goal, first_goal, times, tau)
     flat = np.ascontiguousarray(forcing, dtype=float).reshape(-1, samples, 3)
     flat_goals = np.ascontiguousarray(goals).reshape(-1, samples, 4)
     orientation = np.empty((*batch, samples, 4))
@@ -201,7 +202,7 @@ def unroll(
         _unroll(*arguments, *outputs)
     else:
         for k in range(samples):
-            c = np.broadcast_to(coupling(k, q, v / tau), v.shape)
+            c = np.broadcast_to(first if k == 0 else coupling(k, q.copy(), v / tau), v.shape)
             _step(k, *arguments, c.reshape(-1, 3), *outputs)
     return OrientationTrajectory(times, orientation, rates[0] / tau, rates[1] / tau**2)
 

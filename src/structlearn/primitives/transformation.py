@@ -104,8 +104,8 @@ def unroll(
     goal = np.broadcast_to(goal, batch).astype(float)
     forcing = np.ascontiguousarray(np.broadcast_to(forcing, (*batch[:-1], *forcing.shape[-2:])))
     start, velocity = np.broadcast_to(start, batch), np.broadcast_to(velocity, batch)
-    first = forcing[..., 0, :] + (0.0 if coupling is None else coupling(0, start, velocity))
-    evolving_goal = initial_goal(start, velocity, acceleration, tau, first)
+    first = 0.0 if coupling is None else coupling(0, start, velocity)
+    evolving_goal = initial_goal(start, velocity, acceleration, tau, forcing[..., 0, :] + first)
     state = np.stack([start - goal, tau * velocity, evolving_goal - goal])  # (3, ..., D)
     path = np.empty((3, *forcing.shape))  # x, xd, xdd: written once, so large batches cost no copies
     flat_forcing = forcing.reshape(-1, *forcing.shape[-2:])
@@ -119,7 +119,7 @@ def unroll(
         held = np.empty(batch)
         flat_held = held.reshape(-1, batch[-1])
         for k in range(forcing.shape[-2]):
-            held[...] = coupling(k, offset + goal, rate / tau)
+            held[...] = first if k == 0 else coupling(k, offset + goal, rate / tau)
             _step(k, *arguments, flat_held, flat_path)
     return Trajectory(dt * np.arange(forcing.shape[-2]), *path)
 

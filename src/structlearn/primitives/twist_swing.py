@@ -70,7 +70,12 @@ class TwistSwingPrimitive:
 
         Returns:
             OrientationTrajectory with (T, 4) orientations.
+
+        Raises:
+            ValueError: only one of velocity and acceleration is given; on the chart they belong together.
         """
+        if (velocity is None) != (acceleration is None):
+            raise ValueError("velocity and acceleration must be given together")
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
         coordinates = to_chart(quaternion.product(start, quaternion.conjugate(goal)), self.axes)

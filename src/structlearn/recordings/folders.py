@@ -7,6 +7,7 @@ from pathlib import Path
 
 from structlearn.errors import InputError
 from structlearn.parallel import Item, Result, parallel_map
+from structlearn.recordings.checks import check_recording
 from structlearn.recordings.clock import MAX_GAP_S, synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.mcap_file import read_recording, write_recording
@@ -55,9 +56,9 @@ def read_recordings(source: str | Path, topics: TopicMap = OWN_TOPICS) -> list[R
         One recording per file, in natural order of their names.
 
     Raises:
-        InputError: as `read_demonstrations`, but for the clock.
+        InputError: as `read_demonstrations`, but for the clock; or a recording fails `check_recording`.
     """
-    return _map(partial(read_recording, topics=topics), _mcap_files(Path(source)), "read")
+    return _map(partial(_read_checked, topics=topics), _mcap_files(Path(source)), "read")
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
@@ -88,6 +89,15 @@ def _read(path: Path, topics: TopicMap, rate_hz: float | None, max_gap_s: float)
         return synchronise(recording, rate_hz, max_gap_s)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def _read_checked(path: Path, topics: TopicMap) -> Recording:
+    recording = read_recording(path, topics)
+    try:
+        check_recording(recording)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return recording
 
 
 def _write(item: tuple[Recording, Path]) -> None:

@@ -1,10 +1,18 @@
-"""Whether one way of finding cut points is better than another: paired comparisons over simulated people."""
+"""Whether one way of finding cut points is better than another, in pairs and with confidence intervals."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
 from structlearn.metrics import mean_interval
-from structlearn.segmentation.result import METHODS, RESULT
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.evaluation import aligned_spread_mm, distances_to_reference_mm
+from structlearn.segmentation.parameters import PrimitiveParameters
+from structlearn.segmentation.result import METHODS, RESULT, Segmentation
+
+BASELINE = "ls"
+"""The method that the text compares weighted least squares with."""
 
 BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
 
@@ -52,9 +60,9 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
 
     Returns:
         `noise_mm`, `method` (the other), `seeds`, `difference_ms` (positive where the result is better),
-        `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on the result: better, worse or undecided.
+        `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on the result.
     """
-    wide = by_seed.pivot(index=["noise_mm", "seed"], columns="method", values="error_ms")
+    wide = by_seed.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
     others = [method for method in METHODS if method in wide.columns and method != RESULT]
     rows = []
     for other in others:
@@ -64,16 +72,56 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
             rows.append((level, other, len(at_level), mean, mean - half, mean + half))
     columns = ["noise_mm", "method", "seeds", "difference_ms", "low_ms", "high_ms"]
     table = pd.DataFrame(rows, columns=columns)
-    verdict = np.select([table["low_ms"] > 0, table["high_ms"] < 0], [BETTER, WORSE], UNDECIDED)
-    return table.assign(verdict=verdict)
+    return table.assign(verdict=_verdict(table["low_ms"], table["high_ms"]))
 
 
 def wins_at_every_noise_level(by_level: pd.DataFrame) -> bool:
-    """Whether the result's mean error is the smallest at every level with noise.
+    """Whether the result's mean error is the smallest at every level with noise; False if there is none.
 
     Args:
         by_level: of `errors_by_level`.
     """
-    means = by_level.pivot(index="noise_mm", columns="method", values="mean_ms")
+    means = by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
     means = means[means.index > 0]
-    return bool((means.drop(columns=RESULT).min(axis=1) > means[RESULT]).all())
+    wins = means.drop(columns=RESULT).min(axis=1) > means[RESULT]
+    return len(wins) > 0 and bool(wins.all())
+
+
+def alignment_comparison(
+    demonstrations: Sequence[Demonstration],
+    segmentation: Segmentation,
+    primitives: Sequence[PrimitiveParameters],
+) -> pd.DataFrame:
+    """How closely the refined segments lie together, and whether closer than by ordinary least squares.
+
+    The spread is one number for the whole set, so the test is on the distances from the reference's segment,
+    in pairs over the demonstrations.
+
+    Args:
+        demonstrations: the complete ones.
+        segmentation: of these, with at least one demonstration beside the reference.
+        primitives: those with an axis.
+
+    Returns:
+        One row per primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm` (mean over the
+        demonstrations), `gain_mm` (distance by ordinary least squares minus this one, positive where this
+        one is closer), `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
+    """
+    rows = []
+    for primitive in primitives:
+        chosen = (demonstrations, segmentation, primitive.name)
+        baseline = distances_to_reference_mm(*chosen, BASELINE, primitive.axis)
+        for method in METHODS:
+            distances = distances_to_reference_mm(*chosen, method, primitive.axis)
+            spread = aligned_spread_mm(*chosen, method, primitive.axis)
+            mean, half = mean_interval((baseline - distances).to_numpy())
+            rows.append((primitive.name, method, spread, distances.mean(), mean, mean - half, mean + half))
+    columns = ["primitive", "method", "spread_mm", "distance_mm", "gain_mm", "low_mm", "high_mm"]
+    table = pd.DataFrame(rows, columns=columns)
+    verdict = np.where(table["method"] == BASELINE, "", _verdict(table["low_mm"], table["high_mm"]))
+    return table.assign(verdict=verdict)
+
+
+def _verdict(low: pd.Series, high: pd.Series) -> np.ndarray:
+    """What a confidence interval of a gain says; an unknown interval is undecided."""
+    return np.select([low > 0, high < 0], [BETTER, WORSE], UNDECIDED)

@@ -39,7 +39,7 @@ def moving_interval(
     if len(above) == 0:
         peak = smooth_speed[first:].max(initial=0.0)
         raise InputError(f"its speed never exceeds {threshold:g} m/s (largest {peak:.3g} m/s)")
-    runs = np.split(above, np.flatnonzero(np.diff(above) > bridge) + 1)
+    runs = np.split(above, np.flatnonzero(np.diff(above) > bridge + 1) + 1)
     run = max(runs, key=lambda samples: smooth_speed[samples].max())
     s, e = int(run[0]), int(run[-1])
     moving = np.flatnonzero(speed[s : e + 1] > threshold)

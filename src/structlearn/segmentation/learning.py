@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn import metrics, quaternion
+from structlearn import quaternion
 from structlearn.errors import InputError
 from structlearn.params import Parameters
 from structlearn.primitives.kernels import KERNEL_COUNT
@@ -39,6 +39,9 @@ class FitParameters(Parameters):
     regression: Regression = "joint"
     scaled_axes: tuple[bool, bool, bool] = (False, False, False)
 
+
+REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")
+"""Columns of the errors; those in degrees only with orientations."""
 
 Segment = tuple[Trajectory, OrientationTrajectory | None]
 """Position and, where recorded, orientation of one primitive in one demonstration."""
@@ -175,7 +178,7 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
         segments: the segments to compare with, whether it was learned from them or not.
 
     Returns:
-        One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (mean over axes that move) and, with an
+        One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an
         orientation, `mean_deg`, `max_deg`, `end_deg`.
     """
     rows = []
@@ -188,7 +191,7 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
             "mean_mm": distance.mean(),
             "max_mm": distance.max(),
             "end_mm": distance[-1],
-            "nmse": float(np.mean(metrics.nmse(path.position, position.position))),
+            "nmse": _overall_nmse(path.position, position.position),
         }
         if orientation is not None:
             turn = primitive.orientation.unroll(
@@ -201,3 +204,33 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
             row |= {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
+    """Errors over all demonstrations: means of the mean errors, largest of the largest and of the end errors.
+
+    Args:
+        errors: of `cross_validation`.
+
+    Returns:
+        One row per `primitive` (in order of time), `regression` and `left_out`: `mean_mm`, `max_mm`,
+        `end_mm` and, with orientations, `mean_deg`, `max_deg`, `end_deg`.
+    """
+    how = {column: "mean" if column.startswith("mean") else "max" for column in REPRODUCTION_ERRORS}
+    known = {column: how[column] for column in REPRODUCTION_ERRORS if column in errors.columns}
+    keys = ["primitive", "regression", "left_out"]
+    return (
+        errors.groupby(keys, as_index=False, sort=False)
+        .agg(known)
+        .sort_values(keys, key=_in_first_order, ignore_index=True)
+    )
+
+
+def _in_first_order(column: pd.Series) -> pd.Series:
+    """Sorting key: the order in which values first appear."""
+    return pd.Series(pd.factorize(column)[0], index=column.index)
+
+
+def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:
+    """Squared error over all axes / variance over all axes: (T, D), (T, D); a resting axis does no harm."""
+    return float(np.sum((prediction - target) ** 2) / np.sum((target - target.mean(axis=0)) ** 2))

@@ -1,0 +1,50 @@
+# make repro   create the environment, run the whole pipeline, write reports/index.html
+# make test    create the environment, lint, run all tests
+PYTHON ?= python3
+BIN := .venv/bin
+IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
+INSTALLED := .venv/installed
+DATA ?= data/public
+
+.PHONY: repro test lint recorded bench view deps clean
+
+repro: $(INSTALLED)
+	$(IN_ENVIRONMENT) dvc repro
+	@echo "reports/index.html is up to date"
+
+test: lint
+	$(BIN)/pytest --numprocesses auto
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+# The pipeline on recorded data; DATA holds the folders clmc and slide (see the README).
+recorded: $(INSTALLED)
+	$(IN_ENVIRONMENT) RECORDED_DATA="$(abspath $(DATA))" dvc repro stages/recorded/dvc.yaml
+	@echo "reports/recorded/index.html is up to date"
+
+# Timings beside public libraries, which are installed for it.
+bench: $(INSTALLED) .venv/installed-bench
+	$(BIN)/python benchmarks/run.py
+
+# Open the recordings of a testbed, e.g. `make view TESTBED=recorded`.
+TESTBED ?= scraping
+view: $(INSTALLED)
+	$(BIN)/rerun reports/recordings/$(TESTBED)/*.rrd
+
+# Bring the source files among the deps of all stages up to date.
+deps: $(INSTALLED)
+	$(BIN)/python -m structlearn.source_dependencies
+
+clean:
+	rm -rf .venv .pytest_cache .ruff_cache .hypothesis
+
+$(INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev]"
+	touch $@
+
+.venv/installed-bench: $(INSTALLED)
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable ".[dev,bench]"
+	touch $@

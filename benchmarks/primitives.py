@@ -1,0 +1,227 @@
+"""Fits and unrolls of movement primitives, beside movement_primitives and mp_pytorch.
+
+How the peers do the work is in `peer_movement_primitives` and `peer_mp_pytorch`. All keep their own kernels
+and clock, so results are compared as paths: fits must reproduce the demonstrations' mean, unrolls the
+demonstrations, and the coupled unroll a converged one. Numerical derivatives, Euler steps and single
+precision cost the peers accuracy, up to half a percent here, which is allowed.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import peer_movement_primitives
+import peer_mp_pytorch
+from primitive_inputs import (
+    AXES,
+    DT,
+    NETWORK,
+    SAMPLES,
+    CouplingNetwork,
+    demonstrations,
+    orientation_demonstration,
+    path_error,
+    turn_error,
+)
+from timing import Case, Contender
+
+from structlearn.primitives import kernels, trajectory, transformation
+from structlearn.primitives.kernels import KERNEL_COUNT
+from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.trajectory import Trajectory
+from structlearn.primitives.twist_swing import fit_twist_swing
+from structlearn.primitives.vector import VectorPrimitive, fit_vector
+
+DEMONSTRATIONS, BATCH = 11, 38
+CUTOFF_HZ = 25.0
+
+
+def fit() -> Case:
+    """Weights of one primitive from all demonstrations."""
+    paths = demonstrations(DEMONSTRATIONS)
+    mean = np.mean([path.position for path in paths], axis=0)
+    return Case(
+        work=f"fit {DEMONSTRATIONS} x {SAMPLES} x {AXES}, {KERNEL_COUNT} kernels",
+        ours=Contender(lambda: fit_vector(paths), lambda p: path_error(p.unroll(DT).position, mean)),
+        peers={
+            "movement_primitives": partial(peer_movement_primitives.fit, paths, mean),
+            "mp_pytorch ProDMP": partial(peer_mp_pytorch.fit, paths, mean),
+        },
+        aim_ms=1.5,
+        note="forcing targets and regression from trajectories that have their derivatives, features of this "
+        "length known; movement_primitives differentiates the positions too, ProDMP needs no derivatives",
+    )
+
+
+def fit_from_positions() -> Case:
+    """The same with all that a recording needs before."""
+    paths = demonstrations(DEMONSTRATIONS)
+    mean = np.mean([path.position for path in paths], axis=0)
+
+    def run() -> VectorPrimitive:
+        kernels.unit_features.cache_clear()
+        return fit_vector([trajectory.differentiated(path.position, DT, CUTOFF_HZ) for path in paths])
+
+    return Case(
+        work="  with low-pass, derivatives and features",
+        ours=Contender(run, lambda p: path_error(p.unroll(DT).position, mean)),
+        tolerance=0.05,
+    )
+
+
+def fit_lengths() -> Case:
+    """Demonstrations of eleven lengths, none of them seen before."""
+    lengths = [SAMPLES + 10 * (i - DEMONSTRATIONS // 2) for i in range(DEMONSTRATIONS)]
+    paths = demonstrations(DEMONSTRATIONS, lengths)
+    fractions = np.linspace(0.0, 1.0, SAMPLES)
+    mean = np.mean(
+        [path.position[np.rint(fractions * (len(path.time) - 1)).astype(int)] for path in paths], 0
+    )
+
+    def run() -> VectorPrimitive:
+        kernels.unit_features.cache_clear()
+        return fit_vector(paths)
+
+    return Case(
+        work="  of eleven different new lengths",
+        ours=Contender(run, lambda p: path_error(p.unroll(DT).position, mean)),
+    )
+
+
+def unroll(batch: int, aim_ms: float) -> Case:
+    """Movements of different weights with common start and goal, no feedback."""
+    paths = demonstrations(batch)
+    primitive = _fitted_batch(paths)
+    reference = np.stack([path.position for path in paths])
+    return Case(
+        work=f"unroll {batch} x {SAMPLES} x {AXES}",
+        ours=Contender(lambda: primitive.unroll(DT), lambda path: path_error(path.position, reference)),
+        peers={
+            "movement_primitives": partial(peer_movement_primitives.unroll, paths, reference),
+            "mp_pytorch DMP": partial(peer_mp_pytorch.unroll, paths, reference, "dmp"),
+            "mp_pytorch ProDMP": partial(peer_mp_pytorch.unroll, paths, reference, "prodmp"),
+        },
+        aim_ms=aim_ms,
+        note="from the weights, so with the forcing term; ours returns positions, velocities, accelerations, "
+        "mp_pytorch no accelerations, movement_primitives positions only",
+    )
+
+
+def unroll_new_duration() -> Case:
+    """An unroll whose step matrix is not known from before."""
+    (path,) = demonstrations(1)
+    primitive = _fitted_batch([path])
+
+    def run() -> Trajectory:
+        transformation.step_matrix.cache_clear()
+        return primitive.unroll(DT)
+
+    return Case(
+        work="  of a duration not seen before",
+        ours=Contender(run, lambda unrolled: path_error(unrolled.position, path.position)),
+    )
+
+
+def coupled(batch: int, aim_ms: float | None) -> Case:
+    """Movements with a network in the loop, evaluated by numpy once per step."""
+    paths = demonstrations(batch)
+    primitive = _fitted_batch(paths)
+    shape = (batch,) if batch > 1 else ()
+    network = CouplingNetwork(shape)
+    fine = 8
+    reference = primitive.unroll(DT / fine, coupling=CouplingNetwork(shape, fine), until=DT * (SAMPLES - 1))
+    reference = reference.position[..., ::fine, :]
+    bend = path_error(reference, np.squeeze(np.stack([path.position for path in paths])))
+    if not bend > 0.05:
+        raise ValueError(f"the coupling bends the path by {bend:.2g} only, which checks nothing")
+    peer = partial(peer_movement_primitives.coupled, paths[0], network, reference)
+    size = "-".join(map(str, NETWORK))
+    return Case(
+        work=f"unroll {batch} x {SAMPLES} x {AXES} with a {size} network",
+        ours=Contender(
+            lambda: primitive.unroll(DT, coupling=network), lambda path: path_error(path.position, reference)
+        ),
+        peers={"movement_primitives": peer} if batch == 1 else {},
+        aim_ms=aim_ms,
+        note="the network is a Python callback of numpy products, the same object for both",
+    )
+
+
+def coupled_idle() -> Case:
+    """What the loop costs beside the coupling term."""
+    (path,) = demonstrations(1)
+    primitive = _fitted_batch([path])
+    return Case(
+        work="  with a term that does nothing",
+        ours=Contender(
+            lambda: primitive.unroll(DT, coupling=lambda step, x, xd: 0.0),
+            lambda unrolled: path_error(unrolled.position, path.position),
+        ),
+        peers={"movement_primitives": partial(peer_movement_primitives.coupled_idle, path)},
+    )
+
+
+def quaternion_fit() -> Case:
+    """Weights of a quaternion primitive from one demonstration."""
+    path = orientation_demonstration(1.0)
+    return Case(
+        work=f"quaternion fit {SAMPLES}",
+        ours=Contender(
+            lambda: fit_quaternion([path]), lambda p: turn_error(p.unroll(DT).orientation, path.orientation)
+        ),
+        peers={"movement_primitives": partial(peer_movement_primitives.quaternion_fit, path)},
+        aim_ms=4.0,
+        note="`off by` is an angle in rad; the peer differentiates the orientations too",
+    )
+
+
+def quaternion_unroll() -> Case:
+    """Unroll of a quaternion primitive."""
+    path = orientation_demonstration(1.0)
+    primitive = fit_quaternion([path])
+    return Case(
+        work=f"quaternion unroll {SAMPLES}",
+        ours=Contender(
+            lambda: primitive.unroll(DT), lambda turned: turn_error(turned.orientation, path.orientation)
+        ),
+        peers={"movement_primitives": partial(peer_movement_primitives.quaternion_unroll, path)},
+        aim_ms=1.0,
+        note="ours returns angular velocities and accelerations too",
+    )
+
+
+def twist_swing_unroll() -> Case:
+    """Unroll of two and a half turns, which no peer has."""
+    path = orientation_demonstration(5.0 * np.pi)
+    primitive = fit_twist_swing([path])
+    return Case(
+        work=f"twist-swing unroll {SAMPLES}",
+        ours=Contender(
+            lambda: primitive.unroll(DT), lambda turned: turn_error(turned.orientation, path.orientation)
+        ),
+        tolerance=0.05,  # of 15.7 rad
+        note="two and a half turns; angular velocities and accelerations included",
+    )
+
+
+def _fitted_batch(paths: Sequence[Trajectory]) -> VectorPrimitive:
+    """Primitive with one set of weights per demonstration; start and goal are common to all."""
+    weights = np.stack([fit_vector([path]).weights for path in paths])
+    return replace(fit_vector(paths), weights=weights if len(paths) > 1 else weights[0])
+
+
+CASES: tuple[Callable[[], Case], ...] = (
+    fit,
+    fit_from_positions,
+    fit_lengths,
+    lambda: unroll(1, 0.3),
+    unroll_new_duration,
+    lambda: unroll(BATCH, 3.0),
+    lambda: coupled(1, 5.0),
+    coupled_idle,
+    lambda: coupled(BATCH, None),
+    quaternion_fit,
+    quaternion_unroll,
+    twist_swing_unroll,
+)

@@ -1,0 +1,137 @@
+"""The overview of the testbeds: a card for each, made from its metrics."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from structlearn.reporting.page import (
+    HOW_TO_OPEN,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Link,
+    Links,
+    Page,
+    Prose,
+    Section,
+)
+
+Metrics = Mapping[str, float | int | str | bool | None]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A key number of a card.
+
+    Attributes:
+        key: in the testbed's metrics; a number that is not there is left out.
+        label: what it is.
+        number_format: how it is written.
+        unit: written behind it.
+        factor: times the value.
+    """
+
+    key: str
+    label: str
+    number_format: str
+    unit: str = ""
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Card:
+    """What the overview says about one testbed.
+
+    Attributes:
+        folder: of its report, beside the overview; it holds `index.html`, `metrics.json` and `figures`.
+        title: of the card.
+        text: what the testbed is about.
+        picture: name of one of its figures.
+        caption: of the picture.
+        numbers: the key numbers.
+    """
+
+    folder: str
+    title: str
+    text: str
+    picture: str
+    caption: str
+    numbers: tuple[Number, ...]
+
+
+SCRAPING = Card(
+    folder="scraping",
+    title="Scraping: from demonstrations to a sequence of primitives",
+    text=(
+        "Demonstrations of a scraping task are cut into primitives by aligning them, the primitives are "
+        "learned and executed as one movement without a jump. Dissertation, sections IV.3, IV.5 and IV.9.2."
+    ),
+    picture="sequence",
+    caption="The learned sequence, as demonstrated and in a new situation.",
+    numbers=(
+        Number("demonstrations", "demonstrations cut into primitives", "d"),
+        Number("cut_error_ms_wls", "mean error of a cut point", ".0f", " ms"),
+        Number("left_one_out_scrape_mean_mm", "distance from scrapes that were left out", ".1f", " mm"),
+        Number("acceleration_jump_nominal", "jump of the acceleration at a switch", ".1g", " %", 100.0),
+    ),
+)
+
+
+def overview_page(cards: Sequence[tuple[Card, Metrics]]) -> Page:
+    """The overview.
+
+    Args:
+        cards: every testbed with its metrics.
+    """
+    recorded = Section(
+        "Recorded data",
+        (
+            Prose(
+                "The same methods on public recordings of the dissertation's set-up. This report is made by "
+                "a pipeline of its own, `stages/recorded/dvc.yaml`."
+            ),
+            Links((Link("recorded/index.html", "Report on recorded data"),)),
+        ),
+        link="recorded/index.html",
+    )
+    files = Section(
+        "How to open the recordings",
+        (
+            Prose(
+                "Recordings (`.rrd`) show demonstrations, cut points and movements in three dimensions, with "
+                f"a time line. They are linked on the page of their testbed. {HOW_TO_OPEN}"
+            ),
+        ),
+    )
+    return Page(
+        title="Learning robot control and reactive planning with structured models",
+        lead=(
+            "A reproduction of the dissertation of Giovanni Sutanto (USC, 2020) as a pipeline. What is "
+            "simulated is made by `dvc repro`, from the demonstrations to this page."
+        ),
+        sections=(*[_section(card, metrics) for card, metrics in cards], recorded, files),
+    )
+
+
+def _section(card: Card, metrics: Metrics) -> Section:
+    page = f"{card.folder}/index.html"
+    known = [number for number in card.numbers if metrics.get(number.key) is not None]
+    strip = tuple(
+        KeyNumber(
+            format(int(metrics[number.key]), "d") + number.unit
+            if number.number_format == "d"
+            else f"{number.factor * metrics[number.key]:{number.number_format}}{number.unit}",
+            number.label,
+        )
+        for number in known
+    )
+    return Section(
+        card.title,
+        (
+            Prose(card.text),
+            *([KeyNumbers(strip)] if strip else []),
+            Figure(f"{card.folder}/figures/{card.picture}.png", card.caption, card.caption),
+            Links((Link(page, "Report", "figures, tables, parameters and recordings"),)),
+        ),
+        simulated=bool(metrics.get("simulated")),
+        link=page,
+    )

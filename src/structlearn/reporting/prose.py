@@ -1,0 +1,29 @@
+"""Small turns of phrase, so that sentences come out of numbers."""
+
+import math
+from collections.abc import Iterable
+
+
+def listing(words: Iterable[object], nothing: str = "none") -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    items = [str(word) for word in words]
+    if not items:
+        return nothing
+    return " and ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else items[0]
+
+
+def counted(number: int, thing: str) -> str:
+    """`1 demonstration`, `3 demonstrations`."""
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
+
+
+def interval(low: float, high: float, number_format: str = ".1f") -> str:
+    """`[0.4, 1.2]` with true minus signs; `unknown` where a single sample gives no interval."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "unknown"
+    return f"[{low:{number_format}}, {high:{number_format}}]".replace("-", "\N{MINUS SIGN}")
+
+
+def capitalised(sentence: str) -> str:
+    """The same with a capital first letter; the rest is left as it is."""
+    return sentence[:1].upper() + sentence[1:]

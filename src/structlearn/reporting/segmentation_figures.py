@@ -1,0 +1,253 @@
+"""Figures of the segmentation: IV.14 and IV.15, and what noise and down-sampling do to the cut points."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullLocator
+
+from structlearn.palette import (
+    BLUE,
+    DEMONSTRATION_COLOUR,
+    METHOD_COLOURS,
+    ORANGE,
+    REFERENCE_COLOUR,
+    VERMILION,
+)
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.reporting.figures import canvas, legend_above, styled
+from structlearn.segmentation.evaluation import aligned_segments, aligned_spread_mm
+from structlearn.segmentation.parameters import AXES, PrimitiveParameters
+from structlearn.segmentation.result import METHODS, RESULT, Segmentation
+
+METHOD_NAMES = {
+    "zvc": "zero-velocity crossing",
+    "dtw": "time warping",
+    "ls": "least squares",
+    "wls_text": "weighted, as printed",
+    "wls": "weighted, with crossings",
+}
+PAIRS_SHOWN = 16
+TOP_PAIRS = 8
+APART = 0.03
+"""Top pairs are this fraction of the reference segment apart: neighbouring samples have the same weight."""
+
+
+def top_pairs(pairs: pd.DataFrame, count: int = TOP_PAIRS, apart: float = APART) -> pd.DataFrame:
+    """Pairs of largest weight that are at least a fraction of the reference segment apart.
+
+    Args:
+        pairs: rows of one demonstration and primitive (`Segmentation.pairs`).
+        count: how many at most.
+        apart: fraction of the span of `reference_s`.
+
+    Returns:
+        The chosen rows in order of time.
+    """
+    distance = apart * np.ptp(pairs["reference_s"].to_numpy())
+    chosen: list[int] = []
+    times = pairs["reference_s"].to_numpy()
+    for place in np.argsort(-pairs["weight"].to_numpy(), kind="stable"):
+        if len(chosen) == count or pairs["weight"].iloc[place] <= 0.0:
+            break
+        if all(abs(times[place] - times[other]) >= distance for other in chosen):
+            chosen.append(int(place))
+    return pairs.iloc[sorted(chosen)]
+
+
+@styled
+def correspondence_figure(
+    reference: Demonstration, guess: Demonstration, segmentation: Segmentation, primitive: PrimitiveParameters
+) -> Figure:
+    """Figure IV.14: pairs without weights, the pairs of largest weight, and the refined segments."""
+    chosen = segmentation.pairs["primitive"] == primitive.name
+    pairs = segmentation.pairs[chosen & (segmentation.pairs["demonstration"] == guess.name)]
+    some = pairs.iloc[np.linspace(0, len(pairs) - 1, min(PAIRS_SHOWN, len(pairs))).round().astype(int)]
+    figure = canvas(3.7)
+    every, top, refined = figure.subplots(1, 3)
+    _draw_pairs(every, reference, guess, pairs, some, primitive.axis)
+    every.set_title(f"(a) Every {len(pairs) // max(len(some) - 1, 1)}th pair, no weights")
+    every.legend(
+        handles=[
+            Line2D([], [], color=REFERENCE_COLOUR, linewidth=1.8, label="reference"),
+            Line2D([], [], color=DEMONSTRATION_COLOUR, linewidth=1.8, label="guess"),
+            Line2D([], [], color=BLUE, linewidth=0.8, label="pair"),
+            Line2D([], [], color=VERMILION, linewidth=0.8, label="pair, near-zero velocity"),
+        ],
+        handlelength=1.2,
+        fontsize=7.5,
+    )
+    best = top_pairs(pairs)
+    _draw_pairs(top, reference, guess, pairs, best, primitive.axis)
+    top.set_title(f"(b) {len(best)} pairs of largest weight")
+    curves = {}
+    for method in ("ls", "wls_text", "wls"):
+        segments, names = aligned_segments(
+            [reference, guess], segmentation, primitive.name, method, primitive.axis
+        )
+        curves["reference"] = segments[names.index(reference.name)]
+        curves[method] = segments[names.index(guess.name)]
+    time = np.linspace(0.0, 1.0, len(curves["reference"]))
+    for name, curve in curves.items():
+        label = "reference" if name == "reference" else METHOD_NAMES[name]
+        colour = REFERENCE_COLOUR if name == "reference" else METHOD_COLOURS[name]
+        refined.plot(time, 1e3 * (curve - curve.mean(axis=0)), color=colour, label=label)
+    refined.set(title="(c) Refined and stretched", xlabel="time / duration of the segment")
+    refined.set_ylabel(f"{primitive.axis} from its mean (mm)")
+    refined.legend(handlelength=1.2, fontsize=7.5)
+    return figure
+
+
+def _draw_pairs(
+    panel: Axes,
+    reference: Demonstration,
+    guess: Demonstration,
+    pairs: pd.DataFrame,
+    shown: pd.DataFrame,
+    axis: str,
+) -> None:
+    """Both segments over time, the reference above the guess, with lines between corresponding samples."""
+    column = AXES[axis][0] if len(AXES[axis]) == 1 else 2
+    ends, signals, colours = [], [], (REFERENCE_COLOUR, DEMONSTRATION_COLOUR)
+    for demonstration, times in ((reference, "reference_s"), (guess, "guess_s")):
+        inside = (demonstration.time >= pairs[times].min()) & (demonstration.time <= pairs[times].max())
+        signals.append((demonstration.time[inside], 1e3 * demonstration.position[inside, column]))
+        ends.append(np.interp(shown[times], demonstration.time, 1e3 * demonstration.position[:, column]))
+    lift = 0.75 * np.ptp(signals[0][1]) + signals[1][1].max() - signals[0][1].max()  # reference above guess
+    for (time, values), raised, colour in zip(signals, (lift, 0.0), colours, strict=True):
+        panel.plot(time - time[0], values + raised, color=colour, linewidth=1.8)
+    starts = [signals[0][0][0], signals[1][0][0]]
+    for number, row in enumerate(shown.itertuples()):
+        colour = VERMILION if row.weight == 0.0 else BLUE
+        x = row.reference_s - starts[0], row.guess_s - starts[1]
+        y = ends[0][number] + lift, ends[1][number]
+        panel.plot(x, y, color=colour, linewidth=0.8, marker="o", markersize=2.6)
+    panel.set_xlabel("time in the extended segment (s)")
+    panel.set_ylabel(f"{'xyz'[column]}, shifted (mm)")
+
+
+@styled
+def alignment_figure(
+    demonstrations: Sequence[Demonstration],
+    segmentation: Segmentation,
+    primitives: Sequence[PrimitiveParameters],
+    methods: Sequence[str] = ("zvc", "ls", "wls_text", "wls"),
+) -> Figure:
+    """Figure IV.15a, b: segments of all demonstrations stretched to one duration, before and after refining.
+
+    Args:
+        demonstrations: the complete ones.
+        segmentation: of these.
+        primitives: those with an axis, one row each.
+        methods: one column each.
+    """
+    figure = canvas(0.5 + 2.3 * len(primitives))
+    panels = figure.subplots(len(primitives), len(methods), sharex=True, sharey="row", squeeze=False)
+    for row, primitive in zip(panels, primitives, strict=True):
+        for panel, method in zip(row, methods, strict=True):
+            arguments = (demonstrations, segmentation, primitive.name, method, primitive.axis)
+            curves, names = aligned_segments(*arguments)
+            curves = 1e3 * (curves - curves.mean(axis=1, keepdims=True))
+            time = np.linspace(0.0, 1.0, curves.shape[1])
+            order = sorted(range(len(names)), key=lambda place: names[place] == segmentation.reference)
+            for place in order:
+                first = names[place] == segmentation.reference
+                colour = REFERENCE_COLOUR if first else METHOD_COLOURS[method]
+                for column in curves[place].T:
+                    panel.plot(time, column, color=colour, linewidth=1.5 if first else 0.8)
+            if len(names) > 1:
+                rises = curves[:, -1].mean() > curves[:, 0].mean()
+                x, side = (0.05, "left") if rises else (0.97, "right")
+                spread = f"spread {aligned_spread_mm(*arguments):.2f} mm"
+                panel.text(x, 0.95, spread, transform=panel.transAxes, ha=side, va="top")
+        row[0].set_ylabel(f"{primitive.name}:\n{primitive.axis} from its mean (mm)")
+    for panel, method in zip(panels[0], methods, strict=True):
+        panel.set_title(METHOD_NAMES[method][0].upper() + METHOD_NAMES[method][1:])
+    for panel in panels[-1]:
+        panel.set_xlabel("time / duration")
+    return figure
+
+
+@styled
+def noise_figure(by_level: pd.DataFrame, comparison: pd.DataFrame) -> Figure:
+    """Cut errors over the noise of the demonstrator, and the paired differences to the result's method.
+
+    Args:
+        by_level: of `segmentation.comparison.errors_by_level`.
+        comparison: of `segmentation.comparison.paired_comparison`.
+    """
+    figure = canvas(3.9)
+    errors, differences = figure.subplots(1, 2)
+    levels = sorted(by_level["noise_mm"].unique())
+    places = {level: place for place, level in enumerate(levels)}
+    _draw_methods(errors, by_level, places, "mean_ms", "half_width_ms", METHODS)
+    errors.set_yscale("log")
+    errors.yaxis.set_minor_locator(NullLocator())
+    low, high = by_level["mean_ms"].min(), by_level["mean_ms"].max()
+    ticks = [tick for tick in (1, 2, 5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000)]
+    errors.set_yticks([tick for tick in ticks if 0.7 * low <= tick <= 1.4 * high])
+    errors.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    errors.set(title="Mean cut error", ylabel="mean absolute error (ms)")
+    close = [method for method in ("zvc", "ls", "wls_text") if method in set(comparison["method"])]
+    halves = comparison.assign(half_ms=comparison["high_ms"] - comparison["difference_ms"])
+    _draw_methods(differences, halves, places, "difference_ms", "half_ms", close)
+    differences.axhline(0.0, color=METHOD_COLOURS[RESULT], linewidth=1.4)
+    differences.set(title=f"Error more than “{METHOD_NAMES[RESULT]}”", ylabel="difference, same person (ms)")
+    for panel in (errors, differences):
+        panel.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
+        panel.set_xlabel("noise of the demonstrator (mm)")
+        panel.grid(axis="x", visible=False)
+    legend_above(figure, errors)
+    return figure
+
+
+def _draw_methods(
+    panel: Axes,
+    table: pd.DataFrame,
+    places: dict[float, int],
+    mean: str,
+    half: str,
+    methods: Sequence[str],
+) -> None:
+    """Lines with error bars; methods stand a little beside each other so that the bars can be told apart."""
+    for number, method in enumerate(methods):
+        rows = table[table["method"] == method]
+        x = rows["noise_mm"].map(places) + 0.07 * (number - 0.5 * (len(methods) - 1))
+        panel.errorbar(
+            x,
+            rows[mean],
+            rows[half].fillna(0.0),
+            color=METHOD_COLOURS[method],
+            marker="o",
+            markersize=3.5,
+            linewidth=1.3,
+            elinewidth=1.0,
+            capsize=2.0,
+            label=METHOD_NAMES[method],
+        )
+
+
+@styled
+def downsampling_figure(effect: pd.DataFrame) -> Figure:
+    """Work of the time warping and shift of the cut points over the down-sampling factor g (appendix C)."""
+    figure = canvas(2.9)
+    work, shift = figure.subplots(1, 2)
+    work.plot(effect["factor"], effect["work"], color=BLUE, marker="o", markersize=4)
+    work.set_yscale("log")
+    work.set(title="Work", ylabel="cells of the warping table,\nrelative to the first g")
+    work.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    for column, label, colour in (("max_shift_ms", "largest", ORANGE), ("mean_shift_ms", "mean", BLUE)):
+        shift.plot(effect["factor"], effect[column], color=colour, marker="o", markersize=4, label=label)
+    shift.set(title="Shift of the cut points", ylabel="shift (ms)")
+    shift.set_ylim(bottom=0.0)
+    shift.legend(loc="upper left")
+    for panel in (work, shift):
+        panel.set_xscale("log", base=2)
+        panel.set_xticks(effect["factor"], [f"{factor}" for factor in effect["factor"]])
+        panel.xaxis.set_minor_locator(NullLocator())
+        panel.yaxis.set_minor_locator(NullLocator())
+        panel.set_xlabel("down-sampling factor g")
+    return figure

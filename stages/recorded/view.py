@@ -1,0 +1,48 @@
+"""Recordings of the recorded data to look at: what was recorded, what was learned from it, deviations."""
+
+from dataclasses import replace
+
+from structlearn.artefacts import publish, read_table
+from structlearn.primitives import sequence
+from structlearn.primitives.sensor_traces import deviation, without_offset
+from structlearn.primitives.storage import read_primitives, read_vector_primitive
+from structlearn.recorded.slides import SlideParameters
+from structlearn.recordings import read_demonstrations
+from structlearn.stage import run, stage_parameters
+from structlearn.viewer import write_demonstrations, write_primitives
+
+FOLDER = "reports/recordings/recorded"
+
+
+def main() -> None:
+    slides = stage_parameters("recorded_slides", SlideParameters)
+    for name, heading in (("reaches", "97 reaches"), ("unscrewing", "Unscrewing")):
+        demonstrations = read_demonstrations(f"data/raw/recorded/{name}")
+        primitives = read_primitives(f"data/recorded/{name}/primitive.safetensors")
+        path = sequence.unroll(primitives, demonstrations[0].dt, from_rest=False)
+        tables = {"unrolled": sequence.sequence_table(path, [primitive.name for primitive in primitives])}
+        with publish(f"{FOLDER}/{name}.rrd") as target:
+            write_primitives(target, demonstrations, primitives, tables, f"{heading} and the primitive")
+
+    execution = read_demonstrations("data/raw/recorded/scraping")
+    with publish(f"{FOLDER}/scraping_recorded.rrd") as target:
+        write_demonstrations(target, execution, title="Scraping execution: as recorded")
+    primitives = read_primitives("data/recorded/scraping/primitives.safetensors")
+    tables = {"unrolled": read_table("data/recorded/scraping/sequence.parquet")}
+    with publish(f"{FOLDER}/scraping_learned.rrd") as target:
+        write_primitives(target, execution, primitives, tables, "Scraping execution: learned sequence")
+
+    expected = read_vector_primitive("data/recorded/slides/expected.safetensors")
+    trials = read_demonstrations(
+        "data/raw/recorded/slides", rate_hz=slides.rate_hz, max_gap_s=slides.max_gap_s
+    )
+    deviating = [
+        replace(trial, tactile=deviation(expected, without_offset(trial.tactile), trial.dt))
+        for trial in trials
+    ]
+    with publish(f"{FOLDER}/slides.rrd") as target:
+        write_demonstrations(target, deviating, title="Slides: deviation from the expected traces")
+
+
+if __name__ == "__main__":
+    run(main)

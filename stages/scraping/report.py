@@ -1,0 +1,65 @@
+"""The report of the scraping testbed: figures, tables, metrics and the page that shows them."""
+
+from structlearn.artefacts import publish, read_table, write_csv, write_metrics
+from structlearn.primitives.sequence import GeneraliseParameters
+from structlearn.primitives.storage import read_primitives
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.reporting.figures import save
+from structlearn.reporting.page import Link, render
+from structlearn.reporting.scraping_page import pictures, scraping_page
+from structlearn.reporting.scraping_results import ScrapingResults, metrics, tables
+from structlearn.segmentation.learning import FitParameters
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.result import read_segmentation
+from structlearn.simulation.cut_sweep import SweepParameters
+from structlearn.simulation.demonstrator import DemonstratorParameters
+from structlearn.stage import run, stage_parameters
+
+PARAMETERS = {
+    "clock": ClockParameters,
+    "record": SourceParameters,
+    "simulate": DemonstratorParameters,
+    "segment": SegmentParameters,
+    "segment_sweep": SweepParameters,
+    "fit_primitives": FitParameters,
+    "generalise": GeneraliseParameters,
+}
+RECORDINGS = tuple(
+    Link(f"../recordings/scraping/{name}.rrd", f"{name}.rrd", note)
+    for name, note in (
+        ("demonstrations", "all demonstrations with their cut points"),
+        ("alignment", "reference and guesses with their corresponding samples"),
+        ("primitives", "the learned primitives and both sequences"),
+    )
+)
+
+
+def main() -> None:
+    parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
+    results = ScrapingResults(
+        demonstrations=read_demonstrations("data/raw/scraping/nominal", **parameters["clock"].model_dump()),
+        segmentation=read_segmentation("data/segments/scraping"),
+        noise=read_table("data/segments/scraping_sweep/noise.parquet"),
+        downsampling=read_table("data/segments/scraping_sweep/downsampling.parquet"),
+        primitives=read_primitives("data/primitives/scraping/primitives.safetensors"),
+        reproduction=read_table("data/primitives/scraping/reproduction.parquet"),
+        nominal=read_table("data/primitives/scraping/nominal.parquet"),
+        generalised=read_table("data/primitives/scraping/generalised.parquet"),
+        segment_parameters=parameters["segment"],
+        fit_parameters=parameters["fit_primitives"],
+    )
+    with publish("reports/scraping/figures") as folder:
+        folder.mkdir()
+        sizes = {name: save(figure, folder / f"{name}.png") for name, figure in pictures(results).items()}
+    with publish("reports/scraping/tables") as folder:
+        folder.mkdir()
+        for name, table in tables(results).items():
+            write_csv(table, folder / f"{name}.csv")
+    write_metrics(metrics(results), "reports/scraping/metrics.json")
+    with publish("reports/scraping/index.html") as path:
+        path.write_text(render(scraping_page(results, sizes, parameters, RECORDINGS)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run(main)

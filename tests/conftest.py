@@ -1,0 +1,66 @@
+"""Settings and small data that several test files share."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from structlearn import quaternion
+from structlearn.recordings.demonstration import Demonstration
+
+settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=30)
+settings.load_profile("repeatable")
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The project's root."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def recorded_data() -> Path:
+    """Folder of the public recordings; tests that need it are skipped where it is not."""
+    folder = Path(os.environ.get("RECORDED_DATA") or ROOT / ".." / "shared")
+    if not (folder / "clmc").is_dir():
+        pytest.skip("the public recordings are not here: set RECORDED_DATA to their folder")
+    return folder
+
+
+def minimum_jerk(fraction: np.ndarray) -> np.ndarray:
+    """From 0 to 1 with speed and acceleration zero at both ends."""
+    s = np.clip(fraction, 0.0, 1.0)
+    return s**3 * (10 - 15 * s + 6 * s**2)
+
+
+def two_move_demonstration(name: str, stretch: float = 1.0, rest: float = 0.5) -> Demonstration:
+    """Down 8 cm along z, rest, forward 6 cm along y with a turn; 100 Hz; known cut points."""
+    down, pause, forward = 1.5 * stretch, 0.6, 2.0 * stretch
+    starts = np.cumsum([rest, down, pause, forward])
+    time = np.arange(round((starts[-1] + rest) * 100)) / 100
+    z = -0.08 * minimum_jerk((time - starts[0]) / down)
+    y = 0.06 * minimum_jerk((time - starts[2]) / forward)
+    roll = 0.3 * minimum_jerk((time - starts[1]) / pause)
+    zero = np.zeros_like(time)
+    return Demonstration(
+        name=name,
+        time=time,
+        position=np.column_stack([zero, y, 0.5 + z]),
+        orientation=quaternion.from_rotation_vector(np.column_stack([roll, zero, zero])),
+        true_segments=np.array([starts[:2], starts[1:3], starts[2:]]),
+        provenance={"origin": "simulated"},
+    )
+
+
+@pytest.fixture(scope="session")
+def two_move_demonstrations() -> list[Demonstration]:
+    """Five demonstrations at different speeds and with different rests."""
+    stretches, rests = [1.0, 1.2, 0.85, 1.1, 0.95], [0.5, 0.7, 0.4, 0.9, 0.6]
+    return [
+        two_move_demonstration(f"{place + 1:02d}", stretch, rest)
+        for place, (stretch, rest) in enumerate(zip(stretches, rests, strict=True))
+    ]

@@ -1,0 +1,202 @@
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from structlearn import artefacts
+from structlearn.errors import InputError
+
+TABLE = pd.DataFrame(
+    {"name": ["a", "b", "c"] * 2000, "value": np.linspace(0, 1, 6000) ** 0.5, "count": np.arange(6000)}
+)
+TENSORS = {"weights": np.arange(12.0).reshape(4, 3), "axes": np.eye(3)[:, ::-1].T, "duration": np.array(1.5)}
+
+
+def test_publish_makes_folders_and_leaves_only_the_target(tmp_path):
+    target = tmp_path / "data" / "deep" / "note.txt"
+    with artefacts.publish(target) as path:
+        assert path.suffix == ".txt"
+        path.write_text("new")
+        assert not target.exists()
+    assert target.read_text() == "new"
+    assert list(target.parent.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("old", [None, "old"])
+def test_nothing_is_published_when_the_body_raises(tmp_path, old):
+    target = tmp_path / "note.txt"
+    if old:
+        target.write_text(old)
+
+    def fail():
+        with artefacts.publish(target) as path:
+            path.write_text("half")
+            raise RuntimeError("killed")
+
+    with pytest.raises(RuntimeError, match="killed"):
+        fail()
+    assert [entry.read_text() for entry in tmp_path.iterdir()] == ([old] if old else [])
+
+
+def test_a_folder_replaces_a_folder(tmp_path):
+    target = tmp_path / "logs"
+    for name in ("first", "second"):
+        with artefacts.publish(target) as path:
+            path.mkdir()
+            (path / name).write_text(name)
+    assert [entry.name for entry in target.iterdir()] == ["second"]
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("writes_half", [True, False])
+def test_an_old_folder_stays_when_no_new_one_is_complete(tmp_path, writes_half):
+    target = tmp_path / "logs"
+    target.mkdir()
+    (target / "old").write_text("old")
+
+    def fail():
+        with artefacts.publish(target) as path:
+            if writes_half:
+                path.mkdir()
+                raise FileNotFoundError("killed")
+
+    with pytest.raises(FileNotFoundError):
+        fail()
+    assert (target / "old").read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_leftovers_of_a_killed_run_are_cleaned(tmp_path):
+    target = tmp_path / "logs"
+    with artefacts.publish(target) as path:
+        path.mkdir()
+        left_behind = path.parent
+    left_behind.mkdir()
+    (left_behind / "logs").mkdir()
+    (left_behind / "logs" / "half").write_text("half")
+    with artefacts.publish(target) as path:
+        path.mkdir()  # would fail if the leftover were still there
+    assert list(tmp_path.iterdir()) == [target]
+    assert list(target.iterdir()) == []
+
+
+WRITERS = {
+    "table.parquet": lambda path: artefacts.write_table(TABLE, path),
+    "tensors.safetensors": lambda path: artefacts.write_tensors(TENSORS, path, "test"),
+    "metrics.json": lambda path: artefacts.write_metrics({"error": 0.1, "runs": 3}, path),
+    "table.csv": lambda path: artefacts.write_csv(TABLE, path),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_the_same_data_give_the_same_bytes(tmp_path, name):
+    for folder in ("once", "again"):
+        WRITERS[name](tmp_path / folder / name)
+    assert (tmp_path / "once" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+
+
+def test_the_order_of_tensors_does_not_change_the_bytes(tmp_path):
+    artefacts.write_tensors(TENSORS, tmp_path / "a.safetensors", "test")
+    artefacts.write_tensors(dict(reversed(TENSORS.items())), tmp_path / "b.safetensors", "test")
+    assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
+
+
+def test_a_table_comes_back_and_its_index_does_not_matter(tmp_path):
+    artefacts.write_table(TABLE.set_index(TABLE.index[::-1]), tmp_path / "t.parquet")
+    pd.testing.assert_frame_equal(artefacts.read_table(tmp_path / "t.parquet"), TABLE)
+    artefacts.write_table(TABLE, tmp_path / "u.parquet")
+    assert (tmp_path / "t.parquet").read_bytes() == (tmp_path / "u.parquet").read_bytes()
+    assert b"pandas" not in (tmp_path / "t.parquet").read_bytes()  # its version would change the bytes
+
+
+def test_tensors_come_back_with_their_shapes(tmp_path):
+    path = tmp_path / "t.safetensors"
+    artefacts.write_tensors(TENSORS, path, "what this is")
+    found = artefacts.read_tensors(path)
+    assert artefacts.read_description(path) == "what this is"
+    assert found.keys() == TENSORS.keys()
+    for name, tensor in TENSORS.items():
+        assert found[name].shape == tensor.shape  # also of a single number
+        np.testing.assert_array_equal(found[name], tensor)
+
+
+READERS = [
+    (artefacts.read_table, "t.parquet", "not a readable Parquet file"),
+    (artefacts.read_tensors, "t.safetensors", "not a readable safetensors file"),
+    (artefacts.read_description, "t.safetensors", "not a readable safetensors file"),
+    (artefacts.read_metrics, "t.json", "not a JSON file"),
+]
+
+
+@pytest.mark.parametrize(("read", "name", "complaint"), READERS)
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"time,x\n0,1\n" * 50, b"\x80\x81\xfe\xff" * 20],
+    ids=["empty", "text", "binary"],
+)
+def test_a_foreign_file_is_named(tmp_path, read, name, complaint, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: {complaint}")):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize(("read", "name", "complaint"), READERS)
+def test_a_missing_file_is_named(tmp_path, read, name, complaint):
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: no such file; run the stage")):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize(("read", "name", "complaint"), READERS[:3])
+@pytest.mark.parametrize("kept", [0.02, 0.5, 0.999])
+def test_a_truncated_file_is_named(tmp_path, read, name, complaint, kept):
+    WRITERS["table.parquet" if name == "t.parquet" else "tensors.safetensors"](tmp_path / name)
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[: int(kept * len(whole))])
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: {complaint}")):
+        read(tmp_path / name)
+
+
+def test_a_table_with_damaged_pages_is_named(tmp_path):
+    artefacts.write_table(TABLE, tmp_path / "t.parquet")
+    content = bytearray((tmp_path / "t.parquet").read_bytes())
+    content[100:400] = bytes(300)
+    (tmp_path / "t.parquet").write_bytes(content)
+    with pytest.raises(InputError, match=r"t\.parquet: not a readable Parquet file"):
+        artefacts.read_table(tmp_path / "t.parquet")
+
+
+def test_metrics_are_flat_rounded_and_readable(tmp_path):
+    metrics = {
+        "error": 1 / 3,
+        "tiny": np.float32(1.23456789e-9),
+        "runs": np.int64(7),
+        "ok": True,
+        "none": None,
+    }
+    artefacts.write_metrics({**metrics, "text": "joint"}, tmp_path / "m.json")
+    expected = {"error": 0.333333, "tiny": 1.23457e-9, "runs": 7, "ok": True, "none": None, "text": "joint"}
+    assert artefacts.read_metrics(tmp_path / "m.json") == expected
+    assert list(json.loads((tmp_path / "m.json").read_text())) == list(expected)  # the order is the caller's
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), np.float64("nan"), np.float32("-inf")])
+def test_metrics_refuse_what_is_not_a_number(tmp_path, value):
+    with pytest.raises(ValueError, match=f"metric 'error' is {value}"):
+        artefacts.write_metrics({"error": value}, tmp_path / "m.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_csv_is_for_people(tmp_path):
+    artefacts.write_csv(pd.DataFrame({"a": [1 / 3, 2.0], "b": ["x", "y"]}), tmp_path / "t.csv")
+    assert (tmp_path / "t.csv").read_bytes() == b"a,b\n0.333333,x\n2,y\n"
+
+
+def test_a_folder_moved_aside_by_a_killed_run_comes_back(tmp_path):
+    aside = tmp_path / ".publish-folder" / "replaced"
+    aside.mkdir(parents=True)
+    (aside / "old").write_text("kept")
+    with pytest.raises(RuntimeError), artefacts.publish(tmp_path / "folder"):
+        raise RuntimeError
+    assert (tmp_path / "folder" / "old").read_text() == "kept"

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from primitives_movements import quick, rngs
+
+from structlearn.metrics import nmse, pairwise_spread
+
+
+@given(rngs)
+@quick
+def test_nmse_is_one_for_the_mean_zero_for_the_target_and_free_of_units(rng):
+    target, prediction = rng.normal(size=(2, 60, 3))
+    np.testing.assert_allclose(nmse(np.broadcast_to(target.mean(axis=0), target.shape), target), 1.0)
+    np.testing.assert_array_equal(nmse(target, target), np.zeros(3))
+    scaled = nmse(5.0 * prediction - 2.0, 5.0 * target - 2.0)
+    np.testing.assert_allclose(scaled, nmse(prediction, target))
+
+
+def test_nmse_of_an_offset_is_its_square_over_the_variance():
+    target = np.stack([[0.0, 1.0, 2.0, 3.0], [0.0, 10.0, 20.0, 30.0]], axis=1)  # ddof 0: 1.25, 125
+    np.testing.assert_allclose(nmse(target + 0.5, target), [0.25 / 1.25, 0.25 / 125.0])
+
+
+def test_nmse_of_a_constant_target_is_zero_or_infinite_without_a_warning(recwarn):
+    target = np.ones((10, 2))
+    found = nmse(target + np.array([0.0, 0.1]), target)
+    np.testing.assert_array_equal(found, [0.0, np.inf])
+    assert not recwarn.list
+
+
+def test_spread_of_parallel_curves_is_their_mean_distance():
+    curve = np.stack([np.linspace(0, 1, 20), np.zeros(20)], axis=1)
+    curves = curve + np.array([[[0.0, 0.0]], [[0.0, 3.0]], [[0.0, 4.0]]])
+    assert pairwise_spread(curves) == pytest.approx((3 + 4 + 1) / 3)
+    assert pairwise_spread(np.stack([curve, curve])) == 0.0
+
+
+@given(rngs)
+@quick
+def test_spread_does_not_depend_on_the_order_of_the_curves(rng):
+    curves = rng.normal(size=(5, 12, 3))
+    assert pairwise_spread(rng.permutation(curves)) == pytest.approx(pairwise_spread(curves))

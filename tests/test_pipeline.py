@@ -1,0 +1,135 @@
+"""The real pipeline, end to end, on reduced parameters in a temporary clone."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+REDUCED = {
+    "simulate": {"count": 4},
+    "segment_sweep": {"noise_mm": [0.0, 0.5], "seeds": 2, "downsampling": [1, 8]},
+    "fit_primitives": {"kernel_count": 15},
+}
+
+
+def clone(root: Path, target: Path) -> Path:
+    """The project's files as git sees them, with uncommitted changes, in a repository of their own."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=root, check=True, capture_output=True, text=True,
+    ).stdout.split("\0")  # fmt: skip
+    for name in filter(None, listed):
+        if (root / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(root / name, target / name)
+    parameters = yaml.safe_load((target / "params.yaml").read_text())
+    for key, values in REDUCED.items():
+        parameters[key].update(values)
+    (target / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
+    subprocess.run(["git", "init", "--quiet"], cwd=target, check=True)
+    return target
+
+
+def environment() -> dict[str, str]:
+    """The environment in which `python` and `dvc` are those of the tests."""
+    return {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+
+
+def repro(project: Path, *options: str) -> list[str]:
+    """Run `dvc repro`; returns the stages that it ran."""
+    command = [sys.executable, "-m", "dvc", "repro", *options]
+    done = subprocess.run(command, cwd=project, env=environment(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return [line.split("'")[1] for line in done.stdout.splitlines() if line.startswith("Running stage")]
+
+
+def artefacts(project: Path) -> dict[str, bytes]:
+    """All that the pipeline wrote, by path, but the recordings for the viewer, which carry random ids."""
+    files = [*(project / "data").rglob("*"), *(project / "reports").rglob("*")]
+    return {
+        file.relative_to(project).as_posix(): file.read_bytes()
+        for file in files
+        if file.is_file() and file.suffix != ".rrd" and file.name != ".gitignore"
+    }
+
+
+@pytest.fixture(scope="module")
+def project(root, tmp_path_factory) -> Path:
+    project = clone(root, tmp_path_factory.mktemp("clone"))
+    repro(project)
+    return project
+
+
+def test_everything_is_there(project):
+    written = artefacts(project)
+    for path in (
+        "data/raw/scraping/nominal/04.mcap",
+        "data/segments/scraping/cuts.parquet",
+        "data/primitives/scraping/primitives.safetensors",
+        "reports/index.html",
+        "reports/scraping/index.html",
+        "reports/scraping/metrics.json",
+    ):
+        assert written[path]
+    recordings = list((project / "reports/recordings/scraping").glob("*.rrd"))
+    assert len(recordings) == 3
+    assert not list(project.rglob(".publish-*"))
+
+
+def test_nothing_is_done_again(project):
+    assert repro(project) == []
+
+
+def test_same_inputs_and_seed_give_the_same_bytes(root, project, tmp_path):
+    again = clone(root, tmp_path)
+    repro(again)
+    first, second = artefacts(project), artefacts(again)
+    assert first.keys() == second.keys()
+    assert [path for path in first if first[path] != second[path]] == []
+
+
+def test_a_changed_parameter_reruns_only_what_depends_on_it(project):
+    file = project / "params.yaml"
+    before = file.read_text()
+    parameters = yaml.safe_load(before)
+    parameters["generalise"]["duration_factor"] = 2.0
+    file.write_text(yaml.safe_dump(parameters, sort_keys=False))
+    ran = repro(project)
+    file.write_text(before)
+    repro(project)
+    assert "fit_primitives" in ran
+    assert not {"record", "segment", "segment_sweep"} & set(ran)
+
+
+def test_a_killed_stage_leaves_nothing_half_written(project):
+    """Killed after its second table of three; what stood there before stays, the next run does the rest."""
+    before = artefacts(project)
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED_HALF_WAY, "stages/scraping/fit_primitives.py"],
+        cwd=project, env=environment(), check=False,
+    )  # fmt: skip
+    assert killed.returncode == -signal.SIGKILL
+    kept = {path: data for path, data in artefacts(project).items() if ".publish-" not in path}
+    assert kept == before
+    repro(project, "--single-item", "--force", "fit_primitives")
+    assert artefacts(project) == before
+    assert not list(project.rglob(".publish-*"))
+
+
+KILLED_HALF_WAY = """
+import os, runpy, signal, sys
+from structlearn import artefacts
+write_table, calls = artefacts.write_table, []
+def write_and_die(*arguments):
+    write_table(*arguments)
+    calls.append(arguments)
+    if len(calls) == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+artefacts.write_table = write_and_die
+runpy.run_path(sys.argv[1], run_name="__main__")
+"""

@@ -1,0 +1,296 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from primitives_movements import (
+    fading_coupling,
+    few,
+    quick,
+    random_orientations,
+    random_vectors,
+    rngs,
+    wobbly_turn,
+)
+from scipy.integrate import solve_ivp
+
+from structlearn import quaternion
+from structlearn.primitives import orientation, transformation
+from structlearn.primitives.canonical import phase, time_constant
+from structlearn.primitives.kernels import features
+from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion, goal_path, initial_goal
+from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA
+
+DT = 0.005
+
+
+def random_primitive(rng, *batch, bound=100.0):
+    return QuaternionPrimitive(
+        weights=rng.uniform(-bound, bound, size=(*batch, 25, 3)),
+        start=random_orientations(rng),
+        goal=random_orientations(rng),
+        velocity=rng.normal(size=3),
+        acceleration=5 * rng.normal(size=3),
+        duration=float(rng.uniform(0.3, 4.0)),
+    )
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+@given(rng=rngs)
+@quick
+def test_the_goal_is_reached_whatever_the_weights(coupled, rng):
+    primitive = random_primitive(rng)
+    start, goal, duration = random_orientations(rng), random_orientations(rng), rng.uniform(0.3, 4.0)
+    dt = duration / 100
+    path = primitive.unroll(
+        dt,
+        start,
+        goal,
+        duration,
+        velocity=rng.normal(size=3),
+        acceleration=5 * rng.normal(size=3),
+        coupling=fading_coupling(rng, duration, dt, bound=100.0) if coupled else None,
+        until=5 * duration,
+    )
+    assert quaternion.angle_between(path.orientation[-1], goal) < 1e-6
+    assert np.abs(path.angular_velocity[-1]).max() < 1e-5
+    np.testing.assert_allclose(np.linalg.norm(path.orientation, axis=1), 1.0, atol=1e-9)
+
+
+@given(rngs)
+@quick
+def test_the_path_starts_in_the_state_asked_for(rng):
+    primitive = random_primitive(rng)
+    start, goal = random_orientations(rng, 2)
+    velocity, acceleration, c = rng.normal(size=(3, 3))
+    for coupling in (None, lambda *_: c):
+        path = primitive.unroll(0.01, start, goal, 1.0, velocity, 5 * acceleration, coupling)
+        np.testing.assert_allclose(path.orientation[0], start, atol=1e-14)
+        np.testing.assert_allclose(path.angular_velocity[0], velocity, atol=1e-13)
+        np.testing.assert_allclose(path.angular_acceleration[0], 5 * acceleration, atol=1e-10)  # eq. IV.13
+
+
+@given(rngs, st.floats(0.2, 5.0))
+@quick
+def test_another_duration_gives_the_same_shape(rng, factor):
+    primitive = random_primitive(rng, bound=30.0)
+    dt = primitive.duration / 200
+    path = primitive.unroll(dt)
+    scaled = primitive.unroll(factor * dt, duration=factor * primitive.duration)
+    assert quaternion.angle_between(scaled.orientation, path.orientation).max() < 1e-6
+    np.testing.assert_allclose(factor * scaled.angular_velocity, path.angular_velocity, atol=1e-6)
+
+
+@given(rngs)
+@quick
+def test_turning_the_body_frame_turns_nothing_else(rng):
+    primitive, turn = random_primitive(rng, bound=30.0), random_orientations(rng)
+    path = primitive.unroll(0.01)
+    moved = primitive.unroll(
+        0.01, quaternion.product(primitive.start, turn), quaternion.product(primitive.goal, turn)
+    )
+    expected = quaternion.product(path.orientation, turn)
+    assert quaternion.angle_between(moved.orientation, expected).max() < 1e-6
+    np.testing.assert_allclose(moved.angular_velocity, path.angular_velocity, atol=1e-6)
+
+
+@given(rngs)
+@quick
+def test_turning_the_base_frame_with_the_weights_turns_the_path(rng):
+    primitive, turn = random_primitive(rng, bound=30.0), random_orientations(rng)
+    moved = QuaternionPrimitive(
+        weights=quaternion.rotate(turn, primitive.weights),
+        start=quaternion.product(turn, primitive.start),
+        goal=quaternion.product(turn, primitive.goal),
+        velocity=quaternion.rotate(turn, primitive.velocity),
+        acceleration=quaternion.rotate(turn, primitive.acceleration),
+        duration=primitive.duration,
+    ).unroll(0.01)
+    path = primitive.unroll(0.01)
+    expected = quaternion.product(turn, path.orientation)
+    assert quaternion.angle_between(moved.orientation, expected).max() < 1e-6
+    np.testing.assert_allclose(
+        moved.angular_velocity, quaternion.rotate(turn, path.angular_velocity), atol=1e-6
+    )
+
+
+@given(rngs)
+@few
+def test_the_path_solves_the_text_equations(rng):
+    duration, dt = rng.uniform(1.0, 3.0), 1 / 300
+    tau = time_constant(duration)
+    times = dt * np.arange(round(duration / dt) + 1)
+    weights = rng.uniform(-20, 20, size=(25, 3))
+    start = random_orientations(rng)
+    goal = quaternion.product(
+        quaternion.from_rotation_vector(random_vectors(rng, rng.uniform(0.2, 1.5))), start
+    )
+    velocity, acceleration = 0.3 * rng.normal(size=(2, 3))
+
+    def forcing(t):
+        return features(*phase(np.asarray(t), tau)) @ weights
+
+    first = initial_goal(start, velocity, acceleration, tau, forcing(0.0))
+
+    def rates(t, state):
+        q, w, g = state[:4], state[4:7], state[7:]
+        q, g = q / np.linalg.norm(q), g / np.linalg.norm(g)
+        wd = (ALPHA * (BETA * quaternion.difference(g, q) - tau * w) + forcing(t)) / tau**2  # eq. IV.2
+        w_g = ALPHA_G * quaternion.difference(goal, g) / tau  # eq. IV.11
+        return np.concatenate(
+            [
+                quaternion.product(np.append(0, w), q) / 2,
+                wd,
+                quaternion.product(np.append(0, w_g), g) / 2,
+            ]
+        )
+
+    solution = solve_ivp(
+        rates, (0, times[-1]), np.concatenate([start, velocity, first]), "DOP853", times, rtol=1e-8, atol=1e-9
+    )
+    path = orientation.unroll(start, goal, forcing(times), dt, tau, velocity, acceleration)
+    error = quaternion.angle_between(path.orientation, quaternion.normalised(solution.y[:4].T))
+    assert error.max() < 1e-3
+    np.testing.assert_allclose(path.angular_velocity, solution.y[4:7].T, atol=3e-3)
+
+
+@given(rngs, st.sampled_from([1 / 300, 0.02, 0.1]))
+@quick
+def test_a_turn_about_a_fixed_axis_is_exactly_the_vector_system(rng, dt):
+    axis, base, tau = random_vectors(rng, 1.0), random_orientations(rng), 4.0
+    turn, velocity, acceleration = rng.uniform(-1, 1, size=3) * [1.5, 0.5, 0.5]
+    times = dt * np.arange(round(2.0 / dt) + 1)
+    forcing = features(*phase(times, tau)) @ rng.uniform(-20, 20, size=(25, 1))
+    line = transformation.unroll(np.zeros(1), np.array([turn]), forcing, dt, tau, velocity, acceleration)
+    assert np.ptp(line.position) < np.pi  # the logarithm stays below half a turn
+    path = orientation.unroll(
+        base,
+        quaternion.product(quaternion.from_rotation_vector(turn * axis), base),
+        forcing * axis,
+        dt,
+        tau,
+        velocity * axis,
+        acceleration * axis,
+    )
+    expected = quaternion.product(quaternion.from_rotation_vector(line.position * axis), base)
+    assert quaternion.angle_between(path.orientation, expected).max() < 1e-7
+    np.testing.assert_allclose(path.angular_velocity, line.velocity * axis, atol=1e-11)
+    np.testing.assert_allclose(path.angular_acceleration, line.acceleration * axis, atol=1e-10)
+
+
+@given(rngs)
+@quick
+def test_the_evolving_goal_follows_its_own_equation(rng):
+    goal, first = random_orientations(rng, 2)
+    tau, times = 3.0, np.linspace(0.0, 3.0, 3001)
+    path = goal_path(goal, first, times, tau)
+    assert quaternion.angle_between(path[0], first) < 1e-7
+    expected = ALPHA_G * quaternion.difference(goal, path) / tau  # eq. IV.11
+    found = quaternion.angular_velocity(path, times[1])
+    np.testing.assert_allclose(found[1:-1], expected[1:-1], atol=1e-3)
+
+
+@given(rngs)
+@quick
+def test_smooth_demonstrations_are_reproduced(rng):
+    taught = wobbly_turn(rng, rng.uniform(-2.0, 2.0), base=random_orientations(rng), axis=rng.normal(size=3))
+    primitive = fit_quaternion([taught])
+    path = primitive.unroll(DT)
+    assert quaternion.angle_between(path.orientation, taught.orientation).max() < np.radians(0.2)
+    scale = np.abs(taught.angular_velocity).max()
+    np.testing.assert_allclose(path.angular_velocity, taught.angular_velocity, atol=0.05 * scale)
+    np.testing.assert_allclose(path.angular_velocity[0], taught.angular_velocity[0], atol=1e-9)
+
+
+@given(rngs)
+@quick
+def test_demonstrations_of_different_durations_and_signs_are_one_primitive(rng):
+    seed, base, axis = rng.integers(2**32), random_orientations(rng), rng.normal(size=3)
+    taught = [
+        wobbly_turn(np.random.default_rng(seed), 1.5, 0.1, duration, duration / 250, base, axis)
+        for duration in (1.0, 1.5, 2.5)
+    ]
+    flipped = [*taught[:2], dataclasses.replace(taught[2], orientation=-taught[2].orientation)]
+    primitive = fit_quaternion(flipped)
+    for demonstration in taught:
+        path = primitive.unroll(demonstration.dt, duration=demonstration.duration)
+        error = quaternion.angle_between(path.orientation, demonstration.orientation)
+        assert error.max() < np.radians(0.2)
+
+
+@given(rngs)
+@quick
+def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
+    duration, dt, tau = 1.5, 0.01, 3.0
+    start = random_orientations(rng)
+    turn = quaternion.from_rotation_vector(random_vectors(rng, 1.0))
+    times = dt * np.arange(1501)  # long enough to end at the goal
+    forcing = features(*phase(times, tau)) @ rng.uniform(-15, 15, size=(25, 3))
+    path = orientation.unroll(start, quaternion.product(turn, start), forcing, dt, tau)
+    np.testing.assert_allclose(orientation.forcing_target(path, tau), forcing, atol=1e-5)  # eq. IV.9
+    assert duration < path.duration
+
+
+@given(rngs)
+@quick
+def test_a_batch_is_its_movements_one_by_one(rng):
+    primitive = random_primitive(rng, 3, bound=30.0)
+    gain = rng.normal(size=3)
+    for coupling in (None, lambda k, q, w: gain * q[..., 1:] - w):
+        batch = primitive.unroll(0.05, coupling=coupling)
+        for i in range(3):
+            alone = dataclasses.replace(primitive, weights=primitive.weights[i]).unroll(
+                0.05, coupling=coupling
+            )
+            np.testing.assert_allclose(batch.orientation[i], alone.orientation, atol=1e-9)
+            np.testing.assert_allclose(batch.angular_velocity[i], alone.angular_velocity, atol=1e-8)
+
+
+@given(rngs)
+@quick
+def test_coupling_of_zero_is_no_coupling_and_constant_coupling_is_forcing(rng):
+    primitive = random_primitive(rng, bound=30.0)
+    plain = primitive.unroll(0.02)
+    coupled = primitive.unroll(0.02, coupling=lambda k, q, w: np.zeros(3))
+    np.testing.assert_array_equal(coupled.orientation, plain.orientation)
+    start, goal = random_orientations(rng, 2)
+    c = rng.uniform(-20, 20, size=3)
+    by_coupling = orientation.unroll(start, goal, np.zeros((80, 3)), 0.02, 2.0, coupling=lambda *_: c)
+    by_forcing = orientation.unroll(start, goal, np.tile(c, (80, 1)), 0.02, 2.0)
+    np.testing.assert_allclose(by_coupling.orientation, by_forcing.orientation, atol=1e-10)
+
+
+def test_coupling_sees_every_sample_of_the_path():
+    seen = {}
+
+    def coupling(k, q, w):
+        seen[k] = np.concatenate([q, w])
+        return -3.0 * w
+
+    path = random_primitive(np.random.default_rng(5), bound=30.0).unroll(0.02, coupling=coupling)
+    expected = np.concatenate([path.orientation, path.angular_velocity], axis=1)
+    np.testing.assert_allclose(np.stack([seen[k] for k in range(len(path.time))]), expected, atol=1e-12)
+
+
+@given(rngs)
+@quick
+def test_the_compiled_helpers_agree_with_the_batched_ones(rng):
+    a, b = random_orientations(rng, 2)
+    np.testing.assert_allclose(orientation._product(a, b), quaternion.product(a, b), atol=1e-15)
+    for target in (a, -a, b, -b, quaternion.product(quaternion.exp(1e-13 * np.ones(3)), b)):
+        vector = np.empty(3)
+        orientation._difference(target, b, vector)
+        np.testing.assert_allclose(vector, quaternion.difference(target, b), atol=1e-14)
+    for length in (0.0, 1e-14, 1e-6, 1.0, 3.1, 7.0):
+        turned, vector = a.copy(), random_vectors(rng, length)
+        orientation._turn(turned, vector)
+        expected = quaternion.product(quaternion.from_rotation_vector(vector), a)
+        np.testing.assert_allclose(turned, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("dt", [0.01, 0.2])
+def test_the_norm_stays_one_through_a_long_unroll(dt):
+    primitive = random_primitive(np.random.default_rng(7))
+    path = primitive.unroll(dt, duration=1.0, until=10000 * dt)
+    np.testing.assert_allclose(np.linalg.norm(path.orientation, axis=1), 1.0, atol=1e-12)

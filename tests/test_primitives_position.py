@@ -1,0 +1,181 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from primitives_movements import (
+    fading_coupling,
+    normalised_error,
+    quick,
+    random_orientations,
+    reach,
+    rngs,
+)
+
+from structlearn import quaternion
+from structlearn.frames import local_frame
+from structlearn.primitives.position import PositionPrimitive, fit_position, in_local_frame
+
+DT = 0.005
+START, LEVEL, STEEP = np.array([0.1, 0.2, 0.3]), np.array([0.5, 0.4, 0.35]), np.array([0.12, 0.2, 0.8])
+REACHES = pytest.mark.parametrize(("goal", "kind"), [(LEVEL, "up"), (STEEP, "side"), (START, "world")])
+
+
+def demonstration(rng, goal, **options):
+    detour = 0.0 if goal is START else 0.03
+    path = reach(rng, START, goal, **options, detour=detour)
+    if goal is START:  # a small loop that ends where it began
+        loop = reach(rng, START, START, **options, detour=0.03)
+        back = (loop.position[-1] - loop.position[0]) * (loop.time / loop.duration)[:, None]
+        rate = (loop.position[-1] - loop.position[0]) / loop.duration
+        return type(path)(loop.time, loop.position - back, loop.velocity - rate, loop.acceleration)
+    return path
+
+
+@REACHES
+@given(rng=rngs)
+@quick
+def test_a_smooth_demonstration_is_reproduced(goal, kind, rng):
+    taught = demonstration(rng, goal)
+    primitive = fit_position([taught])
+    assert primitive.frame == kind
+    assert primitive.duration == pytest.approx(taught.duration)
+    path = primitive.unroll(DT)
+    assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3
+    assert normalised_error(path.position, taught.position) < 1e-5
+    assert normalised_error(path.velocity, taught.velocity) < 1e-4
+    np.testing.assert_allclose(path.acceleration[0], taught.acceleration[0], atol=1e-9)
+
+
+def random_primitive(rng, goal=LEVEL):
+    fitted = fit_position([demonstration(rng, goal)])
+    weights = rng.uniform(-300, 300, size=(25, 3))
+    return PositionPrimitive(
+        type(fitted.local)(**{**vars(fitted.local), "weights": weights}),
+        fitted.frame,
+        fitted.start,
+        fitted.goal,
+    )
+
+
+@REACHES
+@pytest.mark.parametrize("coupled", [False, True])
+@given(rng=rngs)
+@quick
+def test_the_goal_is_reached_whatever_the_weights(goal, kind, coupled, rng):
+    primitive = random_primitive(rng, goal)
+    start, new_goal, duration = rng.normal(size=3), rng.normal(size=3), rng.uniform(0.3, 4.0)
+    dt = duration / 100
+    path = primitive.unroll(
+        dt,
+        start,
+        new_goal,
+        duration,
+        velocity=rng.normal(size=3),
+        acceleration=rng.normal(size=3),
+        coupling=fading_coupling(rng, duration, dt, bound=300.0) if coupled else None,
+        until=5 * duration,
+    )
+    np.testing.assert_allclose(path.position[-1], new_goal, atol=1e-6)
+
+
+@REACHES
+@given(rng=rngs, factor=st.floats(0.2, 5.0))
+@quick
+def test_another_duration_gives_the_same_shape(goal, kind, rng, factor):
+    primitive = random_primitive(rng, goal)
+    path = primitive.unroll(DT)
+    scaled = primitive.unroll(factor * DT, duration=factor * primitive.duration)
+    np.testing.assert_allclose(scaled.position, path.position, atol=1e-9)
+
+
+@given(rngs)
+@quick
+def test_turning_the_world_about_the_vertical_turns_the_path(rng):
+    primitive = random_primitive(rng)
+    turn = quaternion.from_rotation_vector([0.0, 0.0, rng.uniform(-3, 3)])
+    shift = rng.normal(size=3)
+    path = primitive.unroll(DT)
+    moved = primitive.unroll(
+        DT, quaternion.rotate(turn, primitive.start) + shift, quaternion.rotate(turn, primitive.goal) + shift
+    )
+    np.testing.assert_allclose(moved.position, quaternion.rotate(turn, path.position) + shift, atol=1e-9)
+    np.testing.assert_allclose(moved.velocity, quaternion.rotate(turn, path.velocity), atol=1e-8)
+    np.testing.assert_allclose(moved.acceleration, quaternion.rotate(turn, path.acceleration), atol=1e-7)
+
+
+@REACHES
+@given(rng=rngs)
+@quick
+def test_turning_start_goal_and_frame_together_turns_the_path(goal, kind, rng):
+    primitive = random_primitive(rng, goal)
+    turn, shift = random_orientations(rng), rng.normal(size=3)
+    velocity, acceleration = rng.normal(size=(2, 3))
+    frame = local_frame(primitive.start, primitive.goal, primitive.frame)
+    path = primitive.unroll(DT, velocity=velocity, acceleration=acceleration)
+    moved = primitive.unroll(
+        DT,
+        quaternion.rotate(turn, primitive.start) + shift,
+        quaternion.rotate(turn, primitive.goal) + shift,
+        velocity=quaternion.rotate(turn, velocity),
+        acceleration=quaternion.rotate(turn, acceleration),
+        frame=quaternion.rotate(turn, frame.T).T,
+    )
+    np.testing.assert_allclose(moved.position, quaternion.rotate(turn, path.position) + shift, atol=1e-9)
+
+
+@given(rngs)
+@quick
+def test_demonstrations_in_other_directions_are_one_primitive(rng):
+    taught = demonstration(rng, LEVEL)
+    taught_again = []
+    for angle in (0.0, 0.5, -0.4):
+        turn = quaternion.from_rotation_vector([0.0, 0.0, angle])
+        signals = {
+            name: quaternion.rotate(turn, value) for name, value in vars(taught).items() if name != "time"
+        }
+        taught_again.append(type(taught)(taught.time, **signals))
+    primitive = fit_position(taught_again)
+    alone = fit_position([taught])
+    np.testing.assert_allclose(primitive.local.weights[1:], alone.local.weights[1:], atol=1e-3)
+    path = primitive.unroll(DT, taught.position[0], taught.position[-1])
+    assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3  # IV.6.1
+
+
+def test_the_local_frame_sees_the_reach_along_x():
+    taught = demonstration(np.random.default_rng(0), LEVEL)
+    local = in_local_frame(taught, "up")
+    distance = np.linalg.norm(taught.position[-1] - taught.position[0])
+    np.testing.assert_allclose(local.position[[0, -1]], [[0, 0, 0], [distance, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(local.velocity, axis=1), np.linalg.norm(taught.velocity, axis=1)
+    )
+
+
+@given(rngs)
+@quick
+def test_a_scaled_reach_grows_as_a_whole(rng):
+    taught = demonstration(rng, LEVEL)
+    primitive = fit_position([taught], scaled=(True, True, True))
+    rest = {"velocity": 0.0, "acceleration": 0.0}
+    path = primitive.unroll(DT, **rest)
+    twice = primitive.unroll(DT, primitive.start, 2 * primitive.goal - primitive.start, **rest)
+    frame = local_frame(primitive.start, primitive.goal)
+    along = (path.position - primitive.start) @ frame[:, 0]
+    along_twice = (twice.position - primitive.start) @ frame[:, 0]
+    np.testing.assert_allclose(along_twice, 2 * along, atol=1e-9)
+
+
+def test_coupling_acts_in_the_local_frame_relative_to_the_start():
+    primitive = random_primitive(np.random.default_rng(3))
+    seen = []
+
+    def coupling(k, x, xd):
+        seen.append(x.copy())
+        return np.array([0.0, 50.0, 0.0])
+
+    plain, pushed = primitive.unroll(DT), primitive.unroll(DT, coupling=coupling)
+    frame = local_frame(primitive.start, primitive.goal)
+    push = (pushed.position - plain.position) @ frame
+    np.testing.assert_allclose(push[:, [0, 2]], 0.0, atol=1e-9)
+    assert push[-1, 1] > 0.1
+    np.testing.assert_allclose(seen[-1], (pushed.position[-1] - primitive.start) @ frame, atol=1e-9)

@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from primitives_movements import quick, rngs
+
+from structlearn.primitives.canonical import phase, time_constant
+from structlearn.primitives.kernels import centres_and_widths, features
+from structlearn.primitives.regression import forcing_weights
+
+
+def feature_matrix(samples, count):
+    return features(*phase(np.linspace(0.0, 1.0, samples), time_constant(1.0)), count)
+
+
+def stacked(lengths, count):
+    return np.concatenate([feature_matrix(samples, count) for samples in lengths])
+
+
+@given(rngs)
+@quick
+def test_known_weights_are_recovered_from_demonstrations_of_different_lengths(rng):
+    weights = rng.uniform(-100, 100, size=(25, 3))
+    lengths = (200, 350, 200, 91)
+    found = forcing_weights([feature_matrix(samples, 25) @ weights for samples in lengths])
+    np.testing.assert_allclose(found[1:], weights[1:], atol=0.02)
+    np.testing.assert_allclose(found[0], weights[0], atol=1.0)  # u = 0 hides the first kernel
+    matrix = stacked(lengths, 25)
+    np.testing.assert_allclose(matrix @ found, matrix @ weights, atol=1e-3)
+
+
+@given(rngs)
+@quick
+def test_joint_weights_are_the_least_squares_of_the_stacked_demonstrations(rng):
+    lengths, count = (120, 300, 120), 12
+    targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]
+    expected = np.linalg.lstsq(stacked(lengths, count), np.concatenate(targets), rcond=None)[0]
+    np.testing.assert_allclose(
+        forcing_weights(targets, count=count), expected, rtol=1e-4, atol=1e-3
+    )  # IV.5.4
+
+
+@given(rngs)
+@quick
+def test_scales_weight_each_demonstration_and_axis(rng):
+    lengths, count = (150, 150, 220), 12
+    scales = rng.uniform(-2.0, 2.0, size=(3, 2))
+    targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]
+    found = forcing_weights(targets, scales, count=count)
+    for axis in range(2):
+        matrix = np.concatenate(
+            [scales[i, axis] * feature_matrix(samples, count) for i, samples in enumerate(lengths)]
+        )
+        expected = np.linalg.lstsq(matrix, np.concatenate(targets)[:, axis], rcond=None)[0]
+        np.testing.assert_allclose(found[:, axis], expected, rtol=1e-4, atol=1e-3)
+
+
+@given(rngs)
+@quick
+def test_scaled_copies_of_one_demonstration_give_its_weights(rng):
+    target, scales = 50 * rng.normal(size=(200, 2)), rng.uniform(0.5, 2.0, size=(4, 2))
+    for method in ("joint", "local"):
+        found = forcing_weights([scale * target for scale in scales], scales, method)
+        np.testing.assert_allclose(found, forcing_weights([target], None, method), rtol=1e-6, atol=1e-6)
+
+
+@given(rngs)
+@quick
+def test_local_weights_fit_each_kernel_alone(rng):
+    lengths, count = (90, 140), 10
+    targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]
+    found = forcing_weights(targets, None, "local", count)
+    p = np.concatenate([phase(np.linspace(0, 1, n), time_constant(1.0))[0] for n in lengths])
+    u = np.concatenate([phase(np.linspace(0, 1, n), time_constant(1.0))[1] for n in lengths])
+    kernels = np.exp(-0.5 * centres_and_widths(count)[1] * (p[:, None] - centres_and_widths(count)[0]) ** 2)
+    kernels /= kernels.sum(axis=1, keepdims=True)
+    for i in range(count):  # weighted regression of f on u with weights psi_i
+        root = np.sqrt(kernels[:, i])[:, None]
+        expected = np.linalg.lstsq(root * u[:, None], root * np.concatenate(targets), rcond=None)[0][0]
+        np.testing.assert_allclose(found[i], expected, rtol=1e-9)
+
+
+@given(rngs)
+@quick
+def test_no_weights_fit_better_than_the_joint_ones(rng):
+    targets = [rng.normal(size=(200, 1)).cumsum(axis=0) for _ in range(3)]
+    matrix, target = stacked((200, 200, 200), 25), np.concatenate(targets)
+
+    def loss(weights):
+        return np.sum((matrix @ weights - target) ** 2)
+
+    joint = forcing_weights(targets)
+    assert loss(joint) <= loss(forcing_weights(targets, None, "local"))
+    assert loss(joint) <= loss(joint + rng.normal(size=(25, 1)))
+
+
+@pytest.mark.parametrize("method", ["joint", "local"])
+def test_a_forcing_proportional_to_the_phase_velocity_has_equal_weights(method):
+    _, u = phase(np.linspace(0.0, 1.0, 300), time_constant(1.0))
+    found = forcing_weights([7.0 * u[:, None]], None, method)
+    np.testing.assert_allclose(found[1:], 7.0, rtol=1e-3)
+
+
+@given(rngs)
+@quick
+def test_the_order_of_the_demonstrations_does_not_matter(rng):
+    targets = [rng.normal(size=(samples, 2)) for samples in (80, 120, 80, 95)]
+    order = rng.permutation(4)
+    np.testing.assert_allclose(
+        forcing_weights([targets[i] for i in order]), forcing_weights(targets), rtol=1e-6, atol=1e-6
+    )

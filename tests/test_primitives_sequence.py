@@ -1,0 +1,215 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from primitives_movements import few, random_orientations, random_vectors, reach, rngs, wobbly_turn
+
+from structlearn import quaternion
+from structlearn.primitives import sequence
+from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.sequence import PoseGoal, PosePrimitive, fit_orientation
+from structlearn.primitives.twist_swing import TwistSwingPrimitive
+
+DT = 1 / 300
+POINTS = np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.05], [0.3, 0.1, 0.05], [0.3, 0.3, 0.25]])
+TURNS = {"short": (0.8, -0.6, 1.0), "mixed": (0.8, 1.7 * 2 * np.pi, -1.0), "full": (7.0, -11.0, 7.0)}
+
+
+def learned(rng, turns=None):
+    """Three primitives; with turns also orientations, each from where the last one ended."""
+    primitives = []
+    base = random_orientations(rng)
+    for i in range(3):
+        duration = rng.uniform(0.8, 2.0)
+        orientation = None
+        if turns is not None:
+            taught = wobbly_turn(rng, turns[i], 0.15, duration, DT, base, rng.normal(size=3))
+            base = taught.orientation[-1]
+            orientation = fit_orientation([taught])
+        points = reach(rng, POINTS[i], POINTS[i + 1], duration, DT, detour=0.03)
+        primitives.append(PosePrimitive(f"part {i + 1}", fit_position([points]), orientation))
+    return primitives
+
+
+def new_situation(rng, primitives):
+    turn = quaternion.from_rotation_vector(random_vectors(rng, 0.3))
+    goals = sequence.moved_goals(sequence.default_goals(primitives), rng.uniform(-0.1, 0.1, 3), turn)
+    return {"goals": goals, "durations": [rng.uniform(0.5, 2.0) * p.duration for p in primitives]}
+
+
+SIGNALS = [
+    ("position", "position"),
+    ("position", "velocity"),
+    ("position", "acceleration"),
+    ("orientation", "orientation"),
+    ("orientation", "angular_velocity"),
+    ("orientation", "angular_acceleration"),
+]
+
+
+@pytest.mark.parametrize("turns", TURNS.values(), ids=TURNS)
+@pytest.mark.parametrize("moved", [False, True])
+@given(rng=rngs)
+@few
+def test_no_signal_jumps_at_a_switch(turns, moved, rng):
+    primitives = learned(rng, turns)
+    situation = new_situation(rng, primitives) if moved else {}
+    whole = sequence.unroll(primitives, DT, **situation)
+    for count in (1, 2):  # the end of a shorter sequence is the predecessor's own last sample
+        shorter = {name: values[:count] for name, values in situation.items()}
+        part = sequence.unroll(primitives[:count], DT, **shorter)
+        switch = whole.switches[count]
+        assert switch == part.switches[-1]
+        for pose, name in SIGNALS:
+            predecessor = getattr(getattr(part, pose), name)[-1]
+            successor = getattr(getattr(whole, pose), name)[switch]
+            scale = np.abs(getattr(getattr(whole, pose), name)).max()
+            np.testing.assert_allclose(successor, predecessor, atol=1e-6 * scale)  # eq. IV.12-14
+
+
+@pytest.mark.parametrize("turns", TURNS.values(), ids=TURNS)
+@given(rng=rngs)
+@few
+def test_the_reported_derivatives_hold_across_the_switches(turns, rng):
+    path = sequence.unroll(learned(rng, turns), DT)
+    for signals in (path.position, path.orientation):
+        values, rates, accelerations = list(vars(signals).values())[1:]
+        if values.shape[1] == 3:
+            steps = np.diff(values, axis=0)
+        else:
+            steps = quaternion.difference(values[1:], values[:-1])
+        mean_rate = (rates[1:] + rates[:-1]) / 2
+        np.testing.assert_allclose(steps / DT, mean_rate, atol=5e-3 * np.abs(rates).max())
+        mean_acceleration = (accelerations[1:] + accelerations[:-1]) / 2
+        found = np.diff(rates, axis=0) / DT
+        np.testing.assert_allclose(found, mean_acceleration, atol=2e-2 * np.abs(accelerations).max())
+
+
+@pytest.mark.parametrize("turns", TURNS.values(), ids=TURNS)
+@given(rng=rngs)
+@few
+def test_quaternions_stay_unit_and_sign_continuous_through_the_whole_path(turns, rng):
+    primitives = learned(rng, turns)
+    path = sequence.unroll(primitives, DT, **new_situation(rng, primitives))
+    q = path.orientation.orientation
+    np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-9)
+    assert (np.sum(q[1:] * q[:-1], axis=1) > 0.9).all()
+
+
+@given(rngs)
+@few
+def test_the_sequence_starts_from_rest_where_asked(rng):
+    primitives = learned(rng, TURNS["short"])
+    start = PoseGoal(rng.normal(size=3), random_orientations(rng))
+    for asked, expected in (
+        (start, start),
+        (None, sequence.default_start(primitives)),
+    ):
+        path = sequence.unroll(primitives, DT, asked)
+        np.testing.assert_allclose(path.position.position[0], expected.position, atol=1e-12)
+        np.testing.assert_allclose(path.orientation.orientation[0], expected.orientation, atol=1e-12)
+        for pose, name in (SIGNALS[1], SIGNALS[2], SIGNALS[4], SIGNALS[5]):
+            np.testing.assert_allclose(getattr(getattr(path, pose), name)[0], 0.0, atol=1e-9)
+
+
+@given(rngs, st.floats(-0.2, 0.2))
+@few
+def test_every_goal_is_nearly_reached_at_its_switch(rng, offset):
+    primitives = learned(rng, TURNS["short"])
+    goals = sequence.moved_goals(sequence.default_goals(primitives), np.array([offset, -offset, 0.1]))
+    path = sequence.unroll(primitives, DT, goals=goals)
+    for goal, switch in zip(goals, path.switches[1:], strict=True):
+        assert np.linalg.norm(path.position.position[switch] - goal.position) < 0.01
+        error = quaternion.angle_between(path.orientation.orientation[switch], goal.orientation)
+        assert error < np.radians(2.0)
+
+
+@given(rngs)
+@few
+def test_all_parts_share_one_clock(rng):
+    primitives = learned(rng)
+    durations = rng.uniform(0.5, 2.0, size=3)
+    path = sequence.unroll(primitives, DT, durations=durations)
+    samples = np.round(durations / DT).astype(int)
+    np.testing.assert_array_equal(path.switches, np.cumsum([0, *samples]))
+    assert path.orientation is None
+    assert len(path.position.time) == len(path.position.position) == path.switches[-1] + 1
+    np.testing.assert_allclose(np.diff(path.position.time), DT, rtol=1e-9)
+
+
+@given(rngs)
+@few
+def test_position_and_orientation_have_the_same_switches(rng):
+    primitives = learned(rng, TURNS["mixed"])
+    path = sequence.unroll(primitives, DT, **new_situation(rng, primitives))
+    np.testing.assert_array_equal(path.orientation.time, path.position.time)
+
+
+@given(rngs)
+@few
+def test_shifting_every_goal_and_the_start_shifts_the_path(rng):
+    primitives, shift = learned(rng), rng.normal(size=3)
+    path = sequence.unroll(primitives, DT)
+    start = PoseGoal(primitives[0].position.start + shift)
+    goals = sequence.moved_goals(sequence.default_goals(primitives), shift)
+    moved = sequence.unroll(primitives, DT, start, goals)
+    np.testing.assert_allclose(moved.position.position, path.position.position + shift, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "form"),
+    [(150, QuaternionPrimitive), (170, TwistSwingPrimitive), (-400, TwistSwingPrimitive)],
+)
+def test_the_form_follows_from_the_largest_net_turn(turn_deg, form):
+    rng = np.random.default_rng(0)
+    taught = [wobbly_turn(rng, turn, 0.0) for turn in np.radians([20.0, turn_deg])]
+    assert isinstance(fit_orientation(taught), form)
+
+
+def test_moved_goals_are_shifted_and_turned_in_the_base_frame():
+    turn = quaternion.from_rotation_vector([0.0, 0.0, np.pi / 2])
+    tilted = quaternion.from_rotation_vector([1.0, 0.0, 0.0])
+    goal, bare = sequence.moved_goals([PoseGoal(np.ones(3), tilted), PoseGoal(np.ones(3))], [1, 2, 3], turn)
+    np.testing.assert_allclose(goal.position, [2, 3, 4])
+    expected = quaternion.product(quaternion.from_rotation_vector([0.0, 1.0, 0.0]), turn)
+    np.testing.assert_allclose(goal.orientation, expected, atol=1e-14)
+    assert bare.orientation is None
+
+
+@given(rngs, st.floats(-180.0, 180.0), st.floats(0.3, 3.0))
+@few
+def test_a_generalised_sequence_is_the_sequence_in_its_new_situation(rng, turn_deg, factor):
+    primitives = learned(rng, TURNS["short"])
+    start_offset, goal_offset = (tuple(values) for values in rng.uniform(-0.1, 0.1, size=(2, 3)))
+    path = sequence.generalised(
+        primitives,
+        DT,
+        sequence.GeneraliseParameters(
+            start_offset_m=start_offset,
+            goal_offset_m=goal_offset,
+            goal_turn_deg=turn_deg,
+            duration_factor=factor,
+        ),
+    )
+    np.testing.assert_allclose(path.position.position[0], primitives[0].position.start + start_offset)
+    np.testing.assert_allclose(path.orientation.orientation[0], primitives[0].orientation.start)
+    expected = sum(round(factor * primitive.duration / DT) for primitive in primitives)
+    assert path.switches[-1] == expected
+    goal = primitives[-1].position.goal + goal_offset
+    np.testing.assert_allclose(path.position.position[-1], goal, atol=0.01)
+
+
+@pytest.mark.parametrize("turns", [None, TURNS["short"]])
+def test_the_table_holds_the_path_and_gives_a_switch_to_the_successor(turns):
+    path = sequence.unroll(learned(np.random.default_rng(0), turns), DT)
+    table = sequence.sequence_table(path, ["a", "b", "c"])
+    assert list(table.primitive.iloc[path.switches]) == ["a", "b", "c", "c"]
+    assert (table.primitive.iloc[path.switches[1:3] - 1] == ["a", "b"]).all()
+    np.testing.assert_array_equal(table[["x", "y", "z"]], path.position.position)
+    np.testing.assert_array_equal(table[["ax", "ay", "az"]], path.position.acceleration)
+    if turns is None:
+        assert "qw" not in table
+    else:
+        np.testing.assert_array_equal(table[["qw", "qx", "qy", "qz"]], path.orientation.orientation)
+        np.testing.assert_array_equal(table[["dwx", "dwy", "dwz"]], path.orientation.angular_acceleration)

@@ -1,0 +1,131 @@
+import json
+
+import numpy as np
+import pytest
+from primitives_movements import random_orientations, reach, wobbly_turn
+
+from structlearn import artefacts
+from structlearn.errors import InputError
+from structlearn.primitives import sequence, storage
+from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.twist_swing import TwistSwingPrimitive, fit_twist_swing
+from structlearn.primitives.vector import fit_vector
+
+DT = 0.01
+
+
+def learned(oriented=True):
+    rng = np.random.default_rng(0)
+    primitives = []
+    reaches = {"approach": [0.0, 0.1, 0.9], "scrape along": [0.8, 0.1, 0.1], "stay": [0.0, 0.0, 0.001]}
+    for name, goal in reaches.items():
+        fit = fit_twist_swing if name == "scrape along" else fit_quaternion
+        taught = wobbly_turn(rng, 1.0, dt=DT, base=random_orientations(rng))
+        position = fit_position(
+            [reach(rng, np.zeros(3), goal, dt=DT, detour=0.0)], scaled=(True, False, False)
+        )
+        primitives.append(PosePrimitive(name, position, fit([taught]) if oriented else None))
+    return primitives
+
+
+def expected_traces():
+    rng = np.random.default_rng(1)
+    return fit_vector([reach(rng, np.zeros(19), np.ones(19), dt=DT)], scaled=[True] * 10 + [False] * 9)
+
+
+@pytest.mark.parametrize("oriented", [True, False])
+def test_stored_primitives_unroll_bit_for_bit_as_before(tmp_path, oriented):
+    primitives = learned(oriented)
+    storage.write_primitives(primitives, tmp_path / "p.safetensors")
+    found = storage.read_primitives(tmp_path / "p.safetensors")
+    assert [primitive.name for primitive in found] == ["approach", "scrape along", "stay"]
+    assert [primitive.position.frame for primitive in found] == ["side", "up", "world"]
+    before, after = sequence.unroll(primitives, DT), sequence.unroll(found, DT)
+    np.testing.assert_array_equal(after.switches, before.switches)
+    poses = ("position", "orientation") if oriented else ("position",)
+    for pose in poses:
+        for name, values in vars(getattr(before, pose)).items():
+            np.testing.assert_array_equal(getattr(getattr(after, pose), name), values)
+    assert oriented or after.orientation is None
+
+
+def test_stored_primitives_keep_every_field(tmp_path):
+    primitives = learned()
+    storage.write_primitives(primitives, tmp_path / "p.safetensors")
+    found = storage.read_primitives(tmp_path / "p.safetensors")
+    forms = [QuaternionPrimitive, TwistSwingPrimitive, QuaternionPrimitive]
+    for before, after, form in zip(primitives, found, forms, strict=True):
+        assert type(after.orientation) is form
+        pairs = [(before.position.local, after.position.local), (before.position, after.position)]
+        pairs.append((before.orientation, after.orientation))
+        for one, other in pairs:
+            for name, value in vars(one).items():
+                if isinstance(value, np.ndarray | float):
+                    np.testing.assert_array_equal(getattr(other, name), value)
+                    assert type(getattr(other, name)) is type(value)
+
+
+def test_the_same_primitives_give_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        storage.write_primitives(learned(), tmp_path / f"{name}.safetensors")
+        storage.write_vector_primitive(expected_traces(), tmp_path / f"{name}_traces.safetensors", "traces")
+    for suffix in ("", "_traces"):
+        first, second = (tmp_path / f"{name}{suffix}.safetensors" for name in ("a", "b"))
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_reading_and_writing_again_gives_the_same_bytes(tmp_path):
+    storage.write_primitives(learned(), tmp_path / "a.safetensors")
+    storage.write_primitives(storage.read_primitives(tmp_path / "a.safetensors"), tmp_path / "b.safetensors")
+    assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
+
+
+def test_a_stored_vector_primitive_unrolls_bit_for_bit_as_before(tmp_path):
+    primitive, path = expected_traces(), tmp_path / "traces.safetensors"
+    storage.write_vector_primitive(primitive, path, "expected traces")
+    found = storage.read_vector_primitive(path)
+    assert artefacts.read_description(path) == "expected traces"
+    assert type(found.duration) is float
+    for name, values in vars(primitive.unroll(DT)).items():
+        np.testing.assert_array_equal(getattr(found.unroll(DT), name), values)
+
+
+def foreign_files(folder):
+    """Files that are none of ours, by name."""
+    weights = {"layer.weights": np.ones(3)}
+    artefacts.write_tensors(weights, folder / "network.safetensors", "a network")
+    artefacts.write_tensors(weights, folder / "list.safetensors", json.dumps([1, 2]))
+    claim = json.dumps({"pose_primitives": [{"name": "a", "frame": "up", "orientation": "quaternion"}]})
+    artefacts.write_tensors(weights, folder / "claim.safetensors", claim)
+    (folder / "text.safetensors").write_text("x,y\n1,2\n" * 20)
+    return sorted(folder.iterdir())
+
+
+def test_a_foreign_file_is_named(tmp_path):
+    paths = foreign_files(tmp_path)
+    assert len(paths) == 4
+    for read, content in (
+        (storage.read_primitives, "holds no pose primitives"),
+        (storage.read_vector_primitive, "holds no vector primitive"),
+    ):
+        for path in paths:
+            complaint = "not a readable safetensors file" if path.stem == "text" else content
+            with pytest.raises(InputError, match=rf"{path.name}: {complaint}"):
+                read(path)
+
+
+def test_one_kind_of_primitive_is_not_read_as_the_other(tmp_path):
+    storage.write_primitives(learned(), tmp_path / "poses.safetensors")
+    storage.write_vector_primitive(expected_traces(), tmp_path / "traces.safetensors", "expected traces")
+    with pytest.raises(InputError, match=r"traces\.safetensors: holds no pose primitives"):
+        storage.read_primitives(tmp_path / "traces.safetensors")
+    with pytest.raises(InputError, match=r"poses\.safetensors: holds no vector primitive"):
+        storage.read_vector_primitive(tmp_path / "poses.safetensors")
+
+
+@pytest.mark.parametrize("read", [storage.read_primitives, storage.read_vector_primitive])
+def test_a_missing_file_is_named(tmp_path, read):
+    with pytest.raises(InputError, match=r"nothing\.safetensors: no such file"):
+        read(tmp_path / "nothing.safetensors")

@@ -1,0 +1,225 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from primitives_movements import few, quick, reach, rngs
+from scipy.integrate import solve_ivp
+
+from structlearn.primitives.transformation import (
+    ALPHA,
+    ALPHA_G,
+    BETA,
+    forcing_target,
+    initial_goal,
+    unroll,
+)
+
+
+def random_situation(rng, axes=2):
+    start, goal, velocity, acceleration = rng.normal(size=(4, axes))
+    return {"start": start, "goal": goal, "velocity": velocity, "acceleration": 5 * acceleration}
+
+
+def text_solution(times, forcing, tau, start, goal, velocity, acceleration, first=None, **options):
+    """The text's equations (eq. IV.1, IV.10, IV.12) by scipy: positions and velocities (T, D)."""
+    axes = len(start)
+    first = forcing(0.0) if first is None else first
+
+    def rates(t, state):
+        x, xd, g = state.reshape(3, axes)
+        xdd = (ALPHA * (BETA * (g - x) - tau * xd) + forcing(t)) / tau**2
+        return np.concatenate([xd, xdd, ALPHA_G * (goal - g) / tau])
+
+    state = np.concatenate([start, velocity, initial_goal(start, velocity, acceleration, tau, first)])
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12, **options}
+    solution = solve_ivp(rates, (times[0], times[-1]), state, t_eval=times, **options)
+    return solution.y[:axes].T, solution.y[axes : 2 * axes].T
+
+
+def test_the_constants_are_the_text_s_and_critically_damped():
+    assert (ALPHA, BETA, ALPHA_G) == (25.0, 25.0 / 4, 25.0 / 2)
+
+
+@given(rngs)
+@few
+def test_smooth_forcing_gives_the_text_s_path(rng):
+    tau, dt = rng.uniform(1.0, 5.0), 1 / 300
+    amplitude, rate, shift = rng.uniform(-100, 100, 2), rng.uniform(1, 8, 2), rng.uniform(0, 6, 2)
+
+    def forcing(t):
+        return amplitude * np.sin(rate * t + shift)
+
+    times = dt * np.arange(300)
+    situation = random_situation(rng)
+    path = unroll(forcing=np.stack([forcing(t) for t in times]), dt=dt, tau=tau, **situation)
+    position, velocity = text_solution(times, forcing, tau, **situation)
+    np.testing.assert_allclose(path.position, position, atol=2e-4)
+    np.testing.assert_allclose(path.velocity, velocity, atol=2e-3)
+
+
+@given(rngs)
+@few
+def test_forcing_that_is_linear_between_samples_is_integrated_exactly(rng):
+    tau, dt = rng.uniform(1.0, 5.0), 0.1
+    times, samples = dt * np.arange(9), rng.uniform(-100, 100, size=(9, 2))
+    situation = random_situation(rng)
+    path = unroll(forcing=samples, dt=dt, tau=tau, **situation)
+
+    def forcing(t):
+        return np.array([np.interp(t, times, column) for column in samples.T])
+
+    position, velocity = text_solution(times, forcing, tau, **situation, max_step=dt / 2)
+    np.testing.assert_allclose(path.position, position, atol=1e-6)
+    np.testing.assert_allclose(path.velocity, velocity, atol=1e-5)
+
+    fine = np.stack([forcing(t) for t in dt / 8 * np.arange(65)])
+    finer = unroll(forcing=fine, dt=dt / 8, tau=tau, **situation)
+    np.testing.assert_allclose(finer.position[::8], path.position, atol=1e-11)  # the step does not matter
+    np.testing.assert_allclose(finer.velocity[::8], path.velocity, atol=1e-10)
+    np.testing.assert_allclose(finer.acceleration[::8], path.acceleration, atol=1e-9)
+
+
+@given(rngs)
+@quick
+def test_the_path_starts_in_the_state_asked_for(rng):
+    situation = random_situation(rng)
+    forcing, c = rng.uniform(-100, 100, size=(5, 2)), rng.uniform(-100, 100, size=2)
+    for coupling in (None, lambda *_: c):
+        path = unroll(forcing=forcing, dt=0.01, tau=3.0, coupling=coupling, **situation)
+        np.testing.assert_allclose(path.position[0], situation["start"], atol=1e-14)
+        np.testing.assert_allclose(path.velocity[0], situation["velocity"], atol=1e-14)
+        np.testing.assert_allclose(path.acceleration[0], situation["acceleration"], atol=1e-11)  # eq. IV.12
+
+
+def test_the_reported_derivatives_are_those_of_the_path():
+    rng = np.random.default_rng(0)
+    dt = 1e-4
+    path = unroll(
+        forcing=50 * np.sin(np.arange(2000) * dt)[:, None], dt=dt, tau=0.5, **random_situation(rng, 1)
+    )
+    np.testing.assert_allclose(np.gradient(path.position[:, 0], dt)[1:-1], path.velocity[1:-1, 0], atol=1e-4)
+    np.testing.assert_allclose(
+        np.gradient(path.velocity[:, 0], dt)[1:-1], path.acceleration[1:-1, 0], atol=1e-2
+    )
+
+
+@given(rngs)
+@quick
+def test_without_forcing_the_goal_is_reached_and_not_overshot_from_rest(rng):
+    start, goal = rng.normal(size=(2, 3))
+    path = unroll(start, goal, np.zeros((400, 3)), 0.01, 2.0)
+    np.testing.assert_allclose(path.position[-1], goal, atol=1e-6)
+    progress = (path.position - start) / (goal - start)
+    assert progress.max() <= 1 + 1e-12
+    assert (np.diff(progress, axis=0) > -1e-12).all()
+
+
+@given(rngs)
+@few
+def test_a_batch_is_its_movements_one_by_one(rng):
+    forcing = rng.uniform(-100, 100, size=(3, 4, 20, 2))
+    start, velocity, acceleration = rng.normal(size=(3, 3, 4, 2))
+    goal = rng.normal(size=2)
+    gain = rng.normal()
+    for coupling in (None, lambda k, x, xd: gain * k * x - xd):
+        batch = unroll(start, goal, forcing, 0.05, 2.0, velocity, acceleration, coupling)
+        assert batch.position.shape == (3, 4, 20, 2)
+        for i, j in np.ndindex(3, 4):
+            alone = unroll(
+                start[i, j], goal, forcing[i, j], 0.05, 2.0, velocity[i, j], acceleration[i, j], coupling
+            )
+            np.testing.assert_allclose(batch.position[i, j], alone.position, atol=1e-12)
+            np.testing.assert_allclose(batch.velocity[i, j], alone.velocity, atol=1e-12)
+            np.testing.assert_allclose(batch.acceleration[i, j], alone.acceleration, atol=1e-10)
+
+
+@given(rngs)
+@quick
+def test_coupling_of_zero_is_no_coupling(rng):
+    forcing, situation = rng.uniform(-100, 100, size=(3, 30, 2)), random_situation(rng)
+    plain = unroll(forcing=forcing, dt=0.05, tau=2.0, **situation)
+    coupled = unroll(
+        forcing=forcing, dt=0.05, tau=2.0, coupling=lambda k, x, xd: np.zeros_like(x), **situation
+    )
+    for name in ("time", "position", "velocity", "acceleration"):
+        np.testing.assert_array_equal(getattr(coupled, name), getattr(plain, name))
+
+
+@given(rngs)
+@quick
+def test_constant_coupling_is_constant_forcing(rng):
+    tau, dt, c = 2.0, 0.05, rng.uniform(-100, 100, size=2)
+    situation = random_situation(rng)
+    times = dt * np.arange(20)
+    path = unroll(forcing=np.zeros((20, 2)), dt=dt, tau=tau, coupling=lambda *_: c, **situation)
+    position, velocity = text_solution(times, lambda t: c, tau, **situation)
+    np.testing.assert_allclose(path.position, position, atol=1e-8)
+    np.testing.assert_allclose(path.velocity, velocity, atol=1e-7)
+
+
+def test_coupling_is_held_over_the_step():
+    rng = np.random.default_rng(1)
+    tau, dt, held = 2.0, 0.1, rng.uniform(-100, 100, size=(8, 2))
+    situation = random_situation(rng)
+    path = unroll(forcing=np.zeros((8, 2)), dt=dt, tau=tau, coupling=lambda k, x, xd: held[k], **situation)
+
+    def staircase(t):
+        return held[min(int(t / dt + 1e-9), 7)]
+
+    position, _ = text_solution(dt * np.arange(8), staircase, tau, **situation, max_step=dt / 50, rtol=1e-8)
+    np.testing.assert_allclose(path.position, position, atol=2e-4)
+
+
+def test_coupling_sees_every_sample_of_the_path():
+    seen = {}
+
+    def spring(k, x, xd):
+        seen[k] = np.concatenate([x, xd])
+        return -20 * x - 5 * xd
+
+    situation = random_situation(np.random.default_rng(2))
+    path = unroll(forcing=np.zeros((30, 2)), dt=0.02, tau=1.0, coupling=spring, **situation)
+    assert list(seen) == list(range(30))
+    expected = np.concatenate([path.position, path.velocity], axis=1)
+    np.testing.assert_allclose(np.stack(list(seen.values())), expected, atol=1e-12)
+
+
+@given(rngs)
+@quick
+def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
+    duration, dt = 1.5, 0.01
+    tau = 2 * duration
+    forcing = rng.uniform(-100, 100, size=(151, 2))
+    situation = random_situation(rng)
+    path = unroll(forcing=forcing, dt=dt, tau=tau, **situation)
+    target = forcing_target(path, tau)
+    # eq. IV.8 takes the last position as the goal and knows no forcing at the start (u = 0 there)
+    g_error = situation["goal"] - path.position[-1]
+    decay = np.exp(-ALPHA_G * path.time / tau)[:, None]
+    expected = forcing + ALPHA * BETA * ((1 - decay) * g_error - decay * forcing[0] / (ALPHA * BETA))
+    np.testing.assert_allclose(target, expected, atol=1e-9)
+
+
+@given(rngs)
+@quick
+def test_unrolling_the_target_of_a_demonstration_gives_the_demonstration(rng):
+    demonstration = reach(rng, rng.normal(size=2), rng.normal(size=2), dt=0.001)
+    tau = 2 * demonstration.duration
+    path = unroll(
+        demonstration.position[0],
+        demonstration.position[-1],
+        forcing_target(demonstration, tau),
+        0.001,
+        tau,
+        demonstration.velocity[0],
+        demonstration.acceleration[0],
+    )
+    np.testing.assert_allclose(path.position, demonstration.position, atol=1e-5)
+    np.testing.assert_allclose(path.velocity, demonstration.velocity, atol=1e-4)
+    np.testing.assert_allclose(path.acceleration, demonstration.acceleration, atol=1e-2)
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.5, 20.0])
+def test_steps_of_any_length_are_stable(dt):
+    path = unroll(np.zeros(1), np.ones(1), np.zeros((60, 1)), dt, 2.0, velocity=3.0, acceleration=-5.0)
+    assert np.abs(path.position).max() < 2.0
+    assert np.isfinite(path.acceleration).all()

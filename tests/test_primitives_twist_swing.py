@@ -1,0 +1,276 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from primitives_movements import (
+    fading_coupling,
+    quick,
+    random_orientations,
+    random_vectors,
+    rngs,
+    wobbly_turn,
+)
+
+from structlearn import quaternion
+from structlearn.primitives.trajectory import differentiated_orientation
+from structlearn.primitives.twist_swing import (
+    angular_rates,
+    chart_rates,
+    dominant_axes,
+    fit_twist_swing,
+    from_chart,
+    largest_turn,
+    on_chart,
+    to_chart,
+)
+
+DT = 0.005
+AXIS = np.array([0.2, -0.4, 1.0])
+
+
+def random_axes(rng):
+    return np.linalg.qr(rng.normal(size=(3, 3)))[0]
+
+
+def random_coordinates(rng, *shape):
+    """Any twist; swings up to 2.9 rad (at pi the axis is upside down and the chart singular)."""
+    direction = rng.normal(size=(*shape, 2))
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    swing = rng.uniform(0, 2.9, size=(*shape, 1)) * direction
+    return np.concatenate([rng.uniform(-15, 15, size=(*shape, 1)), swing], axis=-1)
+
+
+def wrapped(angle):
+    return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+@given(rngs)
+@quick
+def test_the_chart_and_its_inverse_agree(rng):
+    axes, coordinates = random_axes(rng), random_coordinates(rng, 40)
+    found = to_chart(from_chart(coordinates, axes), axes)
+    np.testing.assert_allclose(found[:, 1:], coordinates[:, 1:], atol=1e-10)
+    np.testing.assert_allclose(wrapped(found[:, 0] - coordinates[:, 0]), 0.0, atol=1e-10)
+    assert np.abs(found[:, 0]).max() <= np.pi
+
+    q = random_orientations(rng, 40)
+    assert quaternion.angle_between(from_chart(to_chart(q, axes), axes), q).max() < 1e-7
+    np.testing.assert_allclose(from_chart(to_chart(-q, axes), axes), from_chart(to_chart(q, axes), axes))
+
+
+def test_a_pure_twist_and_a_pure_swing_stay_alone():
+    axes = np.eye(3)[:, [2, 0, 1]]
+    twist = quaternion.from_rotation_vector([0.0, 0.0, 3.0])
+    np.testing.assert_allclose(to_chart(twist, axes), [3.0, 0, 0], atol=1e-14)
+    swing = quaternion.from_rotation_vector([0.5, -0.2, 0.0])
+    np.testing.assert_allclose(to_chart(swing, axes), [0, 0.5, -0.2], atol=1e-14)
+    np.testing.assert_array_equal(to_chart(quaternion.IDENTITY, axes), np.zeros(3))
+
+
+@given(rngs)
+@quick
+def test_angular_rates_and_chart_rates_are_inverse(rng):
+    axes, coordinates = random_axes(rng), random_coordinates(rng, 40)
+    rates, accelerations = rng.normal(size=(2, 40, 3)) * 3
+    velocity, acceleration = angular_rates(coordinates, rates, accelerations, axes)
+    found = chart_rates(coordinates, velocity, acceleration, axes)
+    np.testing.assert_allclose(found[0], rates, atol=1e-9)
+    np.testing.assert_allclose(found[1], accelerations, atol=1e-8)
+
+
+@pytest.mark.parametrize("swing", [0.0, 1e-9, 0.05, 0.0999, 0.1001, 1.0, 2.8])
+def test_angular_rates_are_the_derivatives_of_the_orientation(swing):
+    rng = np.random.default_rng(1)
+    axes, h = random_axes(rng), 1e-4
+    direction = np.array([0.6, -0.8])
+    coordinates = np.concatenate([[4.0], swing * direction])
+    rates, accelerations = np.array([2.0, -1.0, 0.7]), np.array([-3.0, 2.0, 1.0])
+
+    def orientation(t):
+        return from_chart(coordinates + rates * t + accelerations * t**2 / 2, axes)
+
+    before, here, after = orientation(-h), orientation(0.0), orientation(h)
+    velocity, acceleration = angular_rates(coordinates, rates, accelerations, axes)
+    np.testing.assert_allclose(quaternion.difference(after, before) / (2 * h), velocity, atol=1e-6)
+    change = quaternion.difference(after, here) - quaternion.difference(here, before)
+    np.testing.assert_allclose(change / h**2, acceleration, atol=1e-5)
+
+
+def test_the_series_near_zero_swing_meet_the_closed_forms():
+    axes, rates, accelerations = np.eye(3), np.array([2.0, -1.0, 0.7]), np.array([-3.0, 2.0, 1.0])
+    gap = 1e-9  # the series end at a swing of 0.1
+    below, above = (
+        np.concatenate(angular_rates(np.array([1.0, swing, 0.0]), rates, accelerations, axes))
+        for swing in (0.1 - gap, 0.1 + gap)
+    )
+    np.testing.assert_allclose(below, above, atol=2e-8)
+
+
+@given(rngs, st.floats(0.3, 14.0))
+@quick
+def test_the_dominant_axis_is_the_one_turned_about(rng, turn):
+    taught = [wobbly_turn(rng, turn, wobble=0.02, axis=AXIS) for _ in range(3)]
+    axes = dominant_axes(taught)
+    np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    assert axes[:, 0] @ AXIS / np.linalg.norm(AXIS) > 0.9
+    assert largest_turn(taught) == pytest.approx(turn, abs=0.1)
+
+
+TURNS = pytest.mark.parametrize("turns", [0.3, -1.0, 1.7, -3.2])
+
+
+@TURNS
+@given(rng=rngs)
+@quick
+def test_one_demonstration_of_full_turns_is_reproduced(turns, rng):
+    taught = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
+    path = fit_twist_swing([taught]).unroll(DT)
+    error = np.degrees(quaternion.angle_between(path.orientation, taught.orientation))
+    assert error.max() < 0.5
+    assert error[-1] < 0.1
+    scale = np.abs(taught.angular_velocity).max()
+    np.testing.assert_allclose(path.angular_velocity, taught.angular_velocity, atol=0.05 * scale)
+
+
+@TURNS
+@given(rng=rngs)
+@quick
+def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
+    seed, base, axis = rng.integers(2**32), random_orientations(rng), rng.normal(size=3)
+    recorded = []
+    for duration in (1.2, 1.5, 2.0):
+        path = wobbly_turn(np.random.default_rng(seed), 2 * np.pi * turns, 0.2, duration, DT, base, axis)
+        nudge = quaternion.from_rotation_vector(random_vectors(rng, 0.05))
+        flips = rng.choice([-1.0, 1.0], size=(len(path.time), 1))
+        recorded.append(quaternion.product(path.orientation, nudge) * flips)
+    taught = [differentiated_orientation(path, DT, cutoff_hz=40.0) for path in recorded]
+    primitive = fit_twist_swing(taught)
+    for demonstration in taught:
+        start, goal = demonstration.orientation[[0, -1]]
+        path = primitive.unroll(DT, start, goal, demonstration.duration)
+        error = np.degrees(quaternion.angle_between(path.orientation, demonstration.orientation))
+        assert error.max() < 5.0
+        assert error[-1] < 0.5
+        turned = largest_turn([path])
+        assert turned == pytest.approx(largest_turn([demonstration]), abs=0.2)  # not a turn fewer or more
+
+
+def random_primitive(rng, turns=1.7, bound=50.0):
+    fitted = fit_twist_swing(
+        [wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))]
+    )
+    weights = fitted.chart.weights + rng.uniform(-bound, bound, size=(25, 3)) * [1.0, 0.1, 0.1]
+    return dataclasses.replace(fitted, chart=dataclasses.replace(fitted.chart, weights=weights))
+
+
+@TURNS
+@pytest.mark.parametrize("coupled", [False, True])
+@given(rng=rngs)
+@quick
+def test_the_goal_is_reached_whatever_the_weights(turns, coupled, rng):
+    primitive = random_primitive(rng, turns, bound=500.0)
+    duration = rng.uniform(0.3, 4.0)
+    dt = duration / 100
+    start, goal = random_orientations(rng, 2)
+    path = primitive.unroll(
+        dt,
+        start,
+        goal,
+        duration,
+        coupling=fading_coupling(rng, duration, dt, bound=100.0) if coupled else None,
+        until=5 * duration,
+    )
+    assert quaternion.angle_between(path.orientation[-1], goal) < 1e-6
+    assert np.abs(path.angular_velocity[-1]).max() < 1e-5
+    np.testing.assert_allclose(np.linalg.norm(path.orientation, axis=1), 1.0, atol=1e-9)
+
+
+@given(rngs, st.floats(0.2, 5.0))
+@quick
+def test_another_duration_gives_the_same_shape(rng, factor):
+    primitive = random_primitive(rng)
+    path = primitive.unroll(DT)
+    scaled = primitive.unroll(factor * DT, duration=factor * primitive.duration)
+    np.testing.assert_allclose(scaled.orientation, path.orientation, atol=1e-8)
+    np.testing.assert_allclose(factor * scaled.angular_velocity, path.angular_velocity, atol=1e-7)
+
+
+@given(rngs)
+@quick
+def test_turning_the_body_frame_turns_nothing_else(rng):
+    primitive, turn = random_primitive(rng), random_orientations(rng)
+    path = primitive.unroll(DT)
+    moved = primitive.unroll(
+        DT, quaternion.product(primitive.start, turn), quaternion.product(primitive.goal, turn)
+    )
+    expected = quaternion.product(path.orientation, turn)
+    assert quaternion.angle_between(moved.orientation, expected).max() < 1e-6
+
+
+@given(rngs)
+@quick
+def test_turning_the_base_frame_with_the_axes_turns_the_path(rng):
+    primitive, turn = random_primitive(rng), random_orientations(rng)
+    moved = dataclasses.replace(
+        primitive,
+        axes=quaternion.rotate(turn, primitive.axes.T).T,
+        start=quaternion.product(turn, primitive.start),
+        goal=quaternion.product(turn, primitive.goal),
+    ).unroll(DT)
+    path = primitive.unroll(DT)
+    turned_back = quaternion.product(quaternion.conjugate(turn), moved.orientation)
+    assert quaternion.angle_between(turned_back, path.orientation).max() < 1e-6
+    np.testing.assert_allclose(
+        moved.angular_velocity, quaternion.rotate(turn, path.angular_velocity), atol=1e-7
+    )
+
+
+@given(rngs)
+@quick
+def test_the_path_starts_in_the_state_asked_for(rng):
+    primitive = random_primitive(rng)
+    start = quaternion.product(
+        quaternion.from_rotation_vector(random_vectors(rng, 0.5)), primitive.start
+    ) * rng.choice([-1.0, 1.0])
+    velocity, acceleration = rng.normal(size=(2, 3))
+    path = primitive.unroll(DT, start, velocity=velocity, acceleration=acceleration)
+    np.testing.assert_allclose(path.orientation[0], start, atol=1e-12)  # with its sign
+    np.testing.assert_allclose(path.angular_velocity[0], velocity, atol=1e-9)
+    np.testing.assert_allclose(path.angular_acceleration[0], acceleration, atol=1e-8)
+    assert (np.sum(path.orientation[1:] * path.orientation[:-1], axis=1) > 0).all()
+
+
+@given(rngs)
+@quick
+def test_the_reported_rates_are_those_of_the_path(rng):
+    path = random_primitive(rng).unroll(0.0005)
+    found = quaternion.angular_velocity(path.orientation, 0.0005)
+    scale = np.abs(path.angular_velocity).max()
+    np.testing.assert_allclose(found[1:-1], path.angular_velocity[1:-1], atol=1e-3 * scale)
+    change = np.gradient(path.angular_velocity, 0.0005, axis=0)[1:-1]
+    scale = np.abs(path.angular_acceleration).max()
+    np.testing.assert_allclose(change, path.angular_acceleration[1:-1], atol=1e-2 * scale)
+
+
+@given(rngs)
+@quick
+def test_the_twist_of_a_demonstration_has_no_jump_and_ends_at_the_goal(rng):
+    taught = wobbly_turn(rng, 2 * np.pi * 3.2, base=random_orientations(rng), axis=AXIS)
+    chart = on_chart(taught, dominant_axes([taught]))
+    np.testing.assert_allclose(chart.position[-1], 0.0, atol=1e-12)
+    assert np.abs(np.diff(chart.position, axis=0)).max() < 0.5
+    rate = np.gradient(chart.position, DT, axis=0)[1:-1]
+    np.testing.assert_allclose(chart.velocity[1:-1], rate, atol=0.02 * np.abs(chart.velocity).max())
+
+
+def test_a_batch_of_weights_is_its_members_one_by_one():
+    primitive = random_primitive(np.random.default_rng(0))
+    chart = primitive.chart
+    weights = chart.weights * np.linspace(0.5, 1.0, 3)[:, None, None]
+    batch = dataclasses.replace(primitive, chart=dataclasses.replace(chart, weights=weights)).unroll(DT)
+    for i in range(3):
+        member = dataclasses.replace(primitive, chart=dataclasses.replace(chart, weights=weights[i]))
+        np.testing.assert_allclose(batch.orientation[i], member.unroll(DT).orientation, atol=1e-11)

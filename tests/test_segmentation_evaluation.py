@@ -1,0 +1,78 @@
+import numpy as np
+import pandas as pd
+
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.evaluation import (
+    Dwells,
+    aligned_segments,
+    aligned_spread_mm,
+    between_dwells,
+    cut_errors,
+    downsampling_effect,
+    mean_cut_errors_ms,
+)
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+
+PARAMETERS = SegmentParameters(
+    primitives=(
+        {"name": "down", "axis": "z", "threshold_m_s": 0.01},
+        {"name": "turn", "axis": "between"},
+        {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
+    )
+)
+
+
+def test_errors_are_found_minus_true(two_move_demonstrations):
+    segmentation = cut(two_move_demonstrations, PARAMETERS)
+    errors = cut_errors(two_move_demonstrations, segmentation)
+    row = errors[(errors["demonstration"] == "03") & (errors["primitive"] == "scrape")].iloc[0]
+    found = segmentation.result("scrape", row["method"]).loc["03"]
+    true = two_move_demonstrations[2].true_segments[2]
+    np.testing.assert_allclose(
+        [row["start_error_s"], row["end_error_s"]], [found["start_s"], found["end_s"]] - true
+    )
+
+
+def test_mean_and_largest_are_over_both_ends():
+    errors = pd.DataFrame(
+        {
+            "method": ["ls", "ls", "wls"],
+            "start_error_s": [0.01, -0.03, 0.0],
+            "end_error_s": [0.02, 0.0, -0.004],
+        }
+    )
+    table = mean_cut_errors_ms(errors)
+    assert table.index.tolist() == ["ls", "wls"]
+    np.testing.assert_allclose(table["mean_ms"], [15.0, 2.0])
+    np.testing.assert_allclose(table["max_ms"], [30.0, 4.0])
+
+
+def test_aligned_stretched_copies_coincide(two_move_demonstrations):
+    segmentation = cut(two_move_demonstrations, PARAMETERS)
+    curves, names = aligned_segments(two_move_demonstrations, segmentation, "down", "wls", "z")
+    assert curves.shape == (5, 200, 1)
+    assert names == ["01", "02", "03", "04", "05"]
+    assert aligned_spread_mm(two_move_demonstrations, segmentation, "down", "wls", "z") < 1.0
+
+
+def test_downsampling_work_falls_with_the_square(two_move_demonstrations):
+    effect = downsampling_effect(two_move_demonstrations, PARAMETERS, [1, 2, 4])
+    np.testing.assert_allclose(effect["work"], [1, 1 / 4, 1 / 16])
+    assert effect["max_shift_ms"][0] == 0.0
+    assert effect["max_shift_ms"].max() < 40.0
+
+
+def test_dwells_keep_the_movement_and_know_where_it_is():
+    path = np.column_stack([np.linspace(0, 0.4, 500), np.zeros(500), np.zeros(500)])
+    reach = Demonstration("a", np.arange(500) * 1e-3, path)
+    dwells = Dwells(0.3, 1.0, 5.0)
+    quiet, noisy = (between_dwells(reach, dwells, noise, np.random.default_rng(0)) for noise in (0.0, 2e-3))
+    first, last = np.round(quiet.true_segments[0] / 1e-3).astype(int)
+    np.testing.assert_array_equal(quiet.position[first : last + 1], path)
+    assert (quiet.position[:first] == path[0]).all()
+    assert (quiet.position[last:] == path[-1]).all()
+    np.testing.assert_array_equal(noisy.true_segments, quiet.true_segments)
+    np.testing.assert_allclose((noisy.position - quiet.position).std(axis=0), 2e-3)
+    step = np.diff(noisy.position - quiet.position, axis=0).std()
+    assert step < 2e-3 * 2 * np.pi * 5.0 * 1e-3  # smooth: slower than its cut-off

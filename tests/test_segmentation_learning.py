@@ -1,0 +1,89 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from structlearn.errors import InputError
+from structlearn.segmentation.learning import (
+    FitParameters,
+    cross_validation,
+    learn_primitive,
+    learn_sequence,
+    reproduction_errors,
+    segment_paths,
+    whole,
+)
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+
+SEGMENT = SegmentParameters(
+    primitives=(
+        {"name": "down", "axis": "z", "threshold_m_s": 0.01},
+        {"name": "turn", "axis": "between"},
+        {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
+    )
+)
+FIT = FitParameters(smoothing_hz=8.0)
+
+
+@pytest.fixture(scope="module")
+def segmentation(two_move_demonstrations):
+    return cut(two_move_demonstrations, SEGMENT)
+
+
+def test_neighbouring_segments_agree_at_the_cut(two_move_demonstrations, segmentation):
+    down, turn = (
+        segment_paths(two_move_demonstrations, segmentation.result(name), 8.0) for name in ("down", "turn")
+    )
+    for (position, _), (after, _) in zip(down, turn, strict=True):
+        np.testing.assert_array_equal(position.acceleration[-1], after.acceleration[0])
+
+
+def test_learned_primitives_reproduce_the_demonstrations(two_move_demonstrations, segmentation):
+    for name in segmentation.primitives:
+        segments = segment_paths(two_move_demonstrations, segmentation.result(name), 8.0)
+        errors = reproduction_errors(learn_primitive(name, segments, FIT), segments)
+        assert errors["mean_mm"].max() < 1.0
+        assert errors["mean_deg"].max() < 1.0
+
+
+def test_cross_validation_covers_every_demonstration_and_choice(two_move_demonstrations, segmentation):
+    errors = cross_validation(two_move_demonstrations, segmentation, FIT)
+    assert len(errors) == 3 * 5 * 2 * 2  # primitives, demonstrations, regressions, learned from or left out
+    assert not errors.duplicated(["primitive", "demonstration", "regression", "left_out"]).any()
+    joint = errors[errors["regression"] == "joint"].groupby("left_out")["mean_mm"].mean()
+    assert joint[False] <= joint[True]
+
+
+def test_left_out_demonstration_was_not_learned_from(two_move_demonstrations, segmentation):
+    """Its own fold is the primitive learned from the others alone."""
+    errors = cross_validation(two_move_demonstrations, segmentation, FIT)
+    fold = errors.query("primitive == 'down' and regression == 'joint' and left_out").iloc[1]
+    segments = segment_paths(two_move_demonstrations, segmentation.result("down"), 8.0)
+    others = learn_primitive("down", [segments[0], *segments[2:]], FIT)
+    expected = reproduction_errors(others, segments[1:2]).iloc[0]
+    assert fold["demonstration"] == "02"
+    assert fold["mean_mm"] == expected["mean_mm"]
+
+
+def test_whole_is_the_whole(two_move_demonstrations):
+    segments = segment_paths(two_move_demonstrations, whole(two_move_demonstrations), 8.0)
+    assert [len(position.time) for position, _ in segments] == [
+        len(demonstration.time) for demonstration in two_move_demonstrations
+    ]
+
+
+def test_position_only_demonstrations_make_position_primitives(two_move_demonstrations, segmentation):
+    bare = [replace(demonstration, orientation=None) for demonstration in two_move_demonstrations]
+    primitives = learn_sequence(bare, segmentation, FIT)
+    assert all(primitive.orientation is None for primitive in primitives)
+
+
+def test_mixed_and_empty_segments_are_told(two_move_demonstrations, segmentation):
+    mixed = [replace(two_move_demonstrations[0], orientation=None), *two_move_demonstrations[1:]]
+    with pytest.raises(InputError, match="some have none"):
+        segment_paths(mixed, segmentation.result("down"), 8.0)
+    empty = segmentation.result("down").copy()
+    empty.loc["02", "end_s"] = empty.loc["02", "start_s"]
+    with pytest.raises(InputError, match="02: a segment has fewer than three samples"):
+        segment_paths(two_move_demonstrations, empty, 8.0)

@@ -1,0 +1,125 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from structlearn.errors import InputError
+from structlearn.segmentation.evaluation import cut_errors
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.result import METHODS, read_segmentation, write_segmentation
+from structlearn.segmentation.segments import cut
+
+PRIMITIVES = (
+    {"name": "down", "axis": "z", "threshold_m_s": 0.01},
+    {"name": "turn", "axis": "between"},
+    {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
+)
+
+
+def parameters(**changes) -> SegmentParameters:
+    return SegmentParameters(primitives=PRIMITIVES, **changes)
+
+
+def test_known_cut_points_are_found(two_move_demonstrations):
+    errors = cut_errors(two_move_demonstrations, cut(two_move_demonstrations, parameters()))
+    wls = errors[errors["method"] == "wls"][["start_error_s", "end_error_s"]].abs()
+    assert len(wls) == 2 * 4  # two primitives with an axis; the reference is not guessed
+    assert wls.to_numpy().max() < 0.15  # a minimum-jerk movement starts invisibly
+
+
+def test_stretched_copies_align_exactly(two_move_demonstrations):
+    """Equation IV.15 holds for stretched copies, so all cuts fall on the same fraction of it."""
+    segmentation = cut(two_move_demonstrations, parameters())
+    for primitive, place in (("down", 0), ("scrape", 2)):
+        cuts = segmentation.result(primitive, "wls_text")
+        for demonstration in two_move_demonstrations:
+            start, end = demonstration.true_segments[place]
+            found = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)
+            fractions = (found - start) / (end - start)
+            if demonstration.name == segmentation.reference:
+                expected = fractions
+            np.testing.assert_allclose(fractions, expected, atol=0.04)
+
+
+def test_the_turn_is_what_lies_between(two_move_demonstrations):
+    segmentation = cut(two_move_demonstrations, parameters())
+    for method in METHODS:
+        down, turn, scrape = (segmentation.result(name, method) for name in ("down", "turn", "scrape"))
+        np.testing.assert_array_equal(turn["start_s"], down["end_s"])
+        np.testing.assert_array_equal(turn["end_s"], scrape["start_s"])
+
+
+def test_extension_is_undone(two_move_demonstrations):
+    short, long = (
+        cut(two_move_demonstrations, parameters(extension_s=extension)).result("scrape")
+        for extension in (0.1, 5.0)  # the longer one is clipped at both ends of every recording
+    )
+    np.testing.assert_allclose(short["start_s"], long["start_s"], atol=0.04)
+    np.testing.assert_allclose(short["end_s"], long["end_s"], atol=0.04)
+
+
+def test_reference_may_be_chosen(two_move_demonstrations):
+    segmentation = cut(two_move_demonstrations, parameters(reference="03"))
+    assert segmentation.reference == "03"
+    assert "03" not in set(segmentation.pairs["demonstration"])
+    with pytest.raises(InputError, match="no demonstration named '99'"):
+        cut(two_move_demonstrations, parameters(reference="99"))
+
+
+def test_downsampling_moves_the_cuts_by_less_than_its_step(two_move_demonstrations):
+    every, fourth = (cut(two_move_demonstrations, parameters(downsampling=g)).result("down") for g in (1, 4))
+    assert np.abs(every["start_s"] - fourth["start_s"]).max() < 4 * 0.01
+
+
+def motionless(demonstrations):
+    still = replace(demonstrations[1], position=demonstrations[1].position * [1, 0, 1])
+    return [demonstrations[0], still, *demonstrations[2:]]
+
+
+def test_a_demonstration_without_the_movement_is_named(two_move_demonstrations):
+    with pytest.raises(InputError, match=r"02: primitive 'scrape': its speed never exceeds 0\.01 m/s"):
+        cut(motionless(two_move_demonstrations), parameters())
+
+
+def test_failures_are_left_out_when_that_is_allowed(two_move_demonstrations):
+    segmentation = cut(motionless(two_move_demonstrations), parameters(skip_failures=True))
+    assert segmentation.left_out["demonstration"].tolist() == ["02"]
+    assert "never exceeds" in segmentation.left_out["reason"][0]
+    assert "02" not in set(segmentation.cuts["demonstration"])
+
+
+def test_a_bad_reference_is_never_skipped(two_move_demonstrations):
+    still = replace(two_move_demonstrations[0], position=two_move_demonstrations[0].position * 0)
+    with pytest.raises(InputError, match="01: primitive 'down'"):
+        cut([still, *two_move_demonstrations[1:]], parameters(skip_failures=True))
+
+
+def test_sampling_intervals_must_agree(two_move_demonstrations):
+    slower = replace(two_move_demonstrations[1], time=2 * two_move_demonstrations[1].time)
+    with pytest.raises(InputError, match=r"02: sampling interval 0\.02 s differs from 0\.01 s"):
+        cut([two_move_demonstrations[0], slower], parameters())
+
+
+def test_round_trip(two_move_demonstrations, tmp_path):
+    segmentation = cut(two_move_demonstrations, parameters())
+    write_segmentation(segmentation, tmp_path / "cuts")
+    read = read_segmentation(tmp_path / "cuts")
+    assert read.reference == segmentation.reference
+    assert read.primitives == ["down", "turn", "scrape"]
+    assert read.cuts.equals(segmentation.cuts)
+    assert read.pairs.equals(segmentation.pairs)
+
+
+@pytest.mark.parametrize(
+    ("primitives", "reason"),
+    [
+        (({"name": "a", "axis": "between"}, PRIMITIVES[0]), "neighbour"),
+        ((PRIMITIVES[0], PRIMITIVES[0]), "must differ"),
+        (({"name": "a", "axis": "z"},), "threshold_m_s is needed"),
+        (({"name": "a", "axis": "w", "threshold_m_s": 1.0},), "Input should be"),
+    ],
+)
+def test_bad_primitives_are_refused(primitives, reason):
+    with pytest.raises(ValidationError, match=reason):
+        SegmentParameters(primitives=primitives)

@@ -1,0 +1,111 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from primitives_movements import quick, rngs
+
+from structlearn.signals import derivative, low_pass, standardise, time_normalised
+
+DT = 1 / 300
+TIME = DT * np.arange(3000)  # 10 s
+
+
+def sinusoid(frequency_hz, phase=0.0):
+    return np.sin(2 * np.pi * frequency_hz * TIME + phase)
+
+
+def inside(signal):
+    """Without the first and last second, which the reflection at the ends disturbs."""
+    return signal[300:-300]
+
+
+def test_a_sinusoid_far_below_the_cutoff_passes():
+    wave = sinusoid(0.2)
+    np.testing.assert_allclose(inside(low_pass(wave, DT, 10.0)), inside(wave), atol=1e-6)
+
+
+def test_a_sinusoid_far_above_the_cutoff_is_removed():
+    assert np.abs(low_pass(sinusoid(100.0), DT, 2.0)[900:-900]).max() < 1e-6
+
+
+@pytest.mark.parametrize("cutoff_hz", [1.0, 5.0, 20.0])
+def test_the_cutoff_halves_the_amplitude_and_shifts_nothing(cutoff_hz):
+    wave = sinusoid(cutoff_hz, phase=0.3)
+    # -3 dB forwards and again backwards; no phase: the output is the input times a number
+    np.testing.assert_allclose(inside(low_pass(wave, DT, cutoff_hz)), 0.5 * inside(wave), atol=2e-3)
+
+
+def test_the_filter_is_the_same_forwards_and_backwards_in_time():
+    bump = np.exp(-((TIME - 5.0) ** 2) / 0.02)
+    smooth = low_pass(bump, DT, 3.0)
+    assert TIME[smooth.argmax()] == pytest.approx(5.0)
+    np.testing.assert_allclose(low_pass(bump[::-1], DT, 3.0)[::-1], smooth, atol=1e-9)
+
+
+def test_a_line_passes_unchanged_even_at_its_ends():
+    slope, cutoff_hz = -0.7, 5.0
+    line = 3.0 + slope * TIME
+    change_in_a_period = abs(slope) / cutoff_hz
+    np.testing.assert_allclose(low_pass(line, DT, cutoff_hz), line, atol=1e-3 * change_in_a_period)
+
+
+def test_columns_are_filtered_alone():
+    columns = np.stack([sinusoid(0.5), sinusoid(3.0), TIME], axis=1)
+    smooth = low_pass(columns.reshape(-1, 3, 1), DT, 2.0)
+    for column in range(3):
+        np.testing.assert_allclose(smooth[:, column, 0], low_pass(columns[:, column], DT, 2.0), atol=1e-12)
+
+
+@pytest.mark.parametrize("cutoff_hz", [150.0, 1000.0])
+def test_a_cutoff_beyond_half_the_sampling_rate_changes_nothing_and_copies(cutoff_hz):
+    wave = sinusoid(70.0)
+    same = low_pass(wave, DT, cutoff_hz)
+    np.testing.assert_array_equal(same, wave)
+    same[:] = 0.0
+    assert wave.any()
+
+
+def test_a_signal_shorter_than_the_padding_is_filtered():
+    short = np.array([0.0, 1.0, 0.0, 1.0, 0.0])
+    assert np.ptp(low_pass(short, DT, 1.0)) < 1.0
+
+
+@given(rngs)
+@quick
+def test_the_derivative_of_a_parabola_is_exact_up_to_its_ends(rng):
+    a, b, c = rng.normal(size=(3, 2))
+    time = 0.02 * np.arange(50)[:, None]
+    np.testing.assert_allclose(derivative(a + b * time + c * time**2, 0.02), b + 2 * c * time, atol=1e-10)
+
+
+def test_the_derivative_converges_with_the_square_of_the_step():
+    def largest_error(dt):
+        time = dt * np.arange(round(1.0 / dt) + 1)
+        return np.abs(derivative(np.sin(5 * time), dt) - 5 * np.cos(5 * time)).max()
+
+    assert largest_error(0.002) / largest_error(0.001) == pytest.approx(4.0, rel=0.05)
+
+
+def test_standardised_columns_have_no_mean_and_unit_variance():
+    columns = np.stack([sinusoid(1.0), 5.0 + 100.0 * TIME, np.full(3000, 7.0)], axis=1)
+    found = standardise(columns)
+    np.testing.assert_allclose(found.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.std(axis=0), [1.0, 1.0, 0.0])
+    assert not found[:, 2].any()  # a constant column is zero, not NaN
+
+
+@pytest.mark.parametrize("count", [2, 7, 50, 199])
+def test_time_normalisation_keeps_a_line_and_its_ends(count):
+    line = np.stack([np.linspace(1.0, 3.0, 50), np.linspace(0.0, -7.0, 50)], axis=1)
+    expected = np.stack([np.linspace(1.0, 3.0, count), np.linspace(0.0, -7.0, count)], axis=1)
+    np.testing.assert_allclose(time_normalised(line, count), expected, atol=1e-14)
+
+
+@given(rngs)
+@quick
+def test_time_normalisation_is_linear_interpolation(rng):
+    signal = rng.normal(size=(31, 2, 2))
+    found = time_normalised(signal, 83)
+    expected = np.interp(np.linspace(0, 30, 83), np.arange(31), signal[:, 1, 0])
+    np.testing.assert_allclose(found[:, 1, 0], expected, atol=1e-12)
+    np.testing.assert_array_equal(found[[0, -1]], signal[[0, -1]])
+    np.testing.assert_array_equal(time_normalised(signal, 31), signal)
