@@ -22,6 +22,9 @@ from safetensors.numpy import load_file, save_file
 
 from structlearn.errors import InputError
 
+Metrics = dict[str, float | int | str | bool | None]
+"""Flat key figures."""
+
 
 @contextmanager
 def publish(target: str | Path) -> Iterator[Path]:
@@ -108,7 +111,7 @@ def _readable_tensors(path: str | Path) -> Iterator[None]:
         raise InputError(f"{path}: not a readable safetensors file: {error}") from error
 
 
-def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target: str | Path) -> None:
+def write_metrics(metrics: Metrics, target: str | Path) -> None:
     """Publish a flat JSON of metrics, floats rounded to six significant digits.
 
     Rounding keeps the file readable; the data it came from stay in the cached artefacts.
@@ -129,7 +132,7 @@ def _rounded(key: str, value: float | int | str | bool | None) -> float | int | 
     return int(value) if isinstance(value, np.integer) else value
 
 
-def read_metrics(path: str | Path) -> dict[str, float | int | str | bool | None]:
+def read_metrics(path: str | Path) -> Metrics:
     """Read a flat JSON of metrics.
 
     Raises:

@@ -29,4 +29,5 @@ def parallel_map(function: Callable[[Item], Result], items: Iterable[Item], desc
     work: Sequence[Item] = list(items)
     with joblib.parallel_config(backend=os.environ.get("STRUCTLEARN_BACKEND", "loky"), n_jobs=-1):
         results = joblib.Parallel(return_as="generator")(joblib.delayed(function)(item) for item in work)
-        return list(tqdm(results, total=len(work), desc=description, leave=False))
+        bar = tqdm(results, total=len(work), desc=description, leave=False, disable=None)
+        return list(bar)  # `disable=None`: no bar where nobody watches

@@ -1,14 +1,15 @@
 """The report on recorded data: figures, tables, metrics and the page that shows them."""
 
-from structlearn.artefacts import publish, read_metrics, read_table, write_csv, write_metrics
+from structlearn.artefacts import read_metrics, read_table
 from structlearn.primitives.storage import read_primitives
 from structlearn.recorded.reaches import ReachParameters
 from structlearn.recorded.scraping import ExecutionParameters
 from structlearn.recorded.slides import SlideParameters
 from structlearn.recordings import read_demonstrations
-from structlearn.reporting.figures import save
-from structlearn.reporting.page import Link, render
-from structlearn.reporting.recorded_page import RecordedResults, metrics, pictures, recorded_page, tables
+from structlearn.reporting.page import Link
+from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.recorded_page import pictures, recorded_page
+from structlearn.reporting.recorded_results import RecordedResults, metrics, tables
 from structlearn.segmentation.learning import FitParameters, segment_paths, whole
 from structlearn.stage import run, stage_parameters
 
@@ -57,16 +58,13 @@ def main() -> None:
         slide_deviations=read_table(f"{data}/slides/deviations.parquet"),
         slide_statistics=read_table(f"{data}/slides/statistics.parquet"),
     )
-    with publish("reports/recorded/figures") as folder:
-        folder.mkdir()
-        sizes = {name: save(figure, folder / f"{name}.png") for name, figure in pictures(results).items()}
-    with publish("reports/recorded/tables") as folder:
-        folder.mkdir()
-        for name, table in tables(results).items():
-            write_csv(table, folder / f"{name}.csv")
-    write_metrics(metrics(results), "reports/recorded/metrics.json")
-    with publish("reports/recorded/index.html") as path:
-        path.write_text(render(recorded_page(results, sizes, parameters, RECORDINGS)), encoding="utf-8")
+    publish_report(
+        "reports/recorded",
+        pictures(results),
+        tables(results),
+        metrics(results),
+        lambda sizes: recorded_page(results, sizes, parameters, RECORDINGS),
+    )
 
 
 if __name__ == "__main__":

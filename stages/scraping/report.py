@@ -1,12 +1,12 @@
 """The report of the scraping testbed: figures, tables, metrics and the page that shows them."""
 
-from structlearn.artefacts import publish, read_table, write_csv, write_metrics
+from structlearn.artefacts import read_table
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.primitives.storage import read_primitives
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters, SourceParameters
-from structlearn.reporting.figures import save
-from structlearn.reporting.page import Link, render
+from structlearn.reporting.page import Link
+from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.scraping_page import pictures, scraping_page
 from structlearn.reporting.scraping_results import ScrapingResults, metrics, tables
 from structlearn.segmentation.learning import FitParameters
@@ -49,16 +49,13 @@ def main() -> None:
         segment_parameters=parameters["segment"],
         fit_parameters=parameters["fit_primitives"],
     )
-    with publish("reports/scraping/figures") as folder:
-        folder.mkdir()
-        sizes = {name: save(figure, folder / f"{name}.png") for name, figure in pictures(results).items()}
-    with publish("reports/scraping/tables") as folder:
-        folder.mkdir()
-        for name, table in tables(results).items():
-            write_csv(table, folder / f"{name}.csv")
-    write_metrics(metrics(results), "reports/scraping/metrics.json")
-    with publish("reports/scraping/index.html") as path:
-        path.write_text(render(scraping_page(results, sizes, parameters, RECORDINGS)), encoding="utf-8")
+    publish_report(
+        "reports/scraping",
+        pictures(results),
+        tables(results),
+        metrics(results),
+        lambda sizes: scraping_page(results, sizes, parameters, RECORDINGS),
+    )
 
 
 if __name__ == "__main__":

@@ -88,18 +88,28 @@ def learn_reaches(
         parameters: see there.
 
     Returns:
-        The primitive, and rows of `reproduction_errors` with `demonstration` and `left_out`.
+        The primitive, and rows of `reproduction_errors` with `demonstration` and `variant`: `learned from`,
+        `left out` (of the fold that was not learned from) and `learned from, forcing not scaled`.
     """
     segments = segment_paths(demonstrations, whole(demonstrations), parameters.fit.smoothing_hz)
     names = [demonstration.name for demonstration in demonstrations]
     primitive = learn_primitive("reach", segments, parameters.fit)
-    tables = [reproduction_errors(primitive, segments).assign(demonstration=names, left_out=False)]
+    plain = learn_primitive(
+        "reach", segments, parameters.fit.model_copy(update={"scaled_axes": (False, False, False)})
+    )
+    folds = []
     for first in range(0, len(segments), parameters.fold):
         fold = slice(first, first + parameters.fold)
         others = [*segments[:first], *segments[fold.stop :]]
         if others:
-            unseen = reproduction_errors(learn_primitive("reach", others, parameters.fit), segments[fold])
-            tables.append(unseen.assign(demonstration=names[fold], left_out=True))
+            unseen = learn_primitive("reach", others, parameters.fit)
+            folds.append(reproduction_errors(unseen, segments[fold]).assign(demonstration=names[fold]))
+    errors = {
+        "learned from": reproduction_errors(primitive, segments).assign(demonstration=names),
+        "left out": pd.concat(folds) if folds else None,
+        "learned from, forcing not scaled": reproduction_errors(plain, segments).assign(demonstration=names),
+    }
+    tables = [table.assign(variant=variant) for variant, table in errors.items() if table is not None]
     return primitive, pd.concat(tables, ignore_index=True)
 
 

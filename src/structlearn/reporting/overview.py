@@ -1,8 +1,9 @@
 """The overview of the testbeds: a card for each, made from its metrics."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from structlearn.artefacts import Metrics
 from structlearn.reporting.page import (
     HOW_TO_OPEN,
     Figure,
@@ -14,8 +15,6 @@ from structlearn.reporting.page import (
     Prose,
     Section,
 )
-
-Metrics = Mapping[str, float | int | str | bool | None]
 
 
 @dataclass(frozen=True)

@@ -56,10 +56,10 @@ def reaches_figure(segments: Sequence[Segment], primitive: PosePrimitive, errors
         unrolled = 1e3 * signals.time_normalised(path.position, SAMPLES)[:, axis]
         panel.plot(fraction, unrolled, color=REPRODUCTION_COLOUR, linewidth=1.8)
         panel.set(title=f"Local {'xyz'[axis]}", xlabel="time / duration", ylabel="mm")
-    for left_out, colour, label in ((False, BLUE, "learned from"), (True, ORANGE, "left out")):
-        values = errors[errors["left_out"] == left_out]["mean_mm"]
+    for variant, colour in (("learned from", BLUE), ("left out", ORANGE)):
+        values = errors[errors["variant"] == variant]["mean_mm"]
         grid[3].hist(
-            values, bins=np.arange(0, 65, 5), histtype="step", color=colour, label=label, linewidth=1.6
+            values, bins=np.arange(0, 65, 5), histtype="step", color=colour, label=variant, linewidth=1.6
         )
     grid[3].set(title="Distance of the primitive", xlabel="mean distance (mm)", ylabel="reaches")
     grid[3].legend()

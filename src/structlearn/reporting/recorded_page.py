@@ -1,29 +1,30 @@
-"""The page of the recorded data: what was gathered from the stages, its figures, metrics and sentences."""
+"""The page of the recorded data: its figures, and the sentences that its numbers say."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 
-import pandas as pd
 from matplotlib.figure import Figure as Picture
 
 from structlearn.params import Parameters
-from structlearn.primitives.sequence import PosePrimitive
-from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting import recorded_figures, segmentation_figures
-from structlearn.reporting.page import Block, Figure, KeyNumber, Link, Links, Page, Prose, Section, Table
+from structlearn.reporting.page import (
+    HOW_TO_OPEN,
+    Block,
+    KeyNumber,
+    Link,
+    Links,
+    Page,
+    Prose,
+    Section,
+    Sizes,
+    Table,
+    beside,
+)
 from structlearn.reporting.parameter_table import parameter_table
-from structlearn.reporting.prose import capitalised, listing
+from structlearn.reporting.prose import listing
+from structlearn.reporting.recorded_results import STRONG_RANGE, RecordedResults, metrics
 from structlearn.reporting.segmentation_figures import METHOD_NAMES
-from structlearn.segmentation.comparison import errors_by_level, errors_by_seed, paired_comparison
-from structlearn.segmentation.learning import Segment
-from structlearn.segmentation.result import METHODS, RESULT
-
-Sizes = Mapping[str, tuple[int, int]]
-Metrics = dict[str, float | int | str | bool | None]
-
-STRONG_RANGE = 20
-"""Counts; an electrode that moves more than this stands clear of the sensor's noise of half a count."""
+from structlearn.segmentation.comparison import paired_comparison
+from structlearn.segmentation.result import METHODS
 
 UNITS = {
     "pose": "m",
@@ -33,128 +34,6 @@ UNITS = {
     "wrench": "N, N m",
     "tactile": "counts",
 }
-
-
-@dataclass(frozen=True)
-class RecordedResults:
-    """All that the page shows; the attributes are results of the functions in `recorded`."""
-
-    reach_segments: list[Segment]
-    reach_primitive: PosePrimitive
-    reach_errors: pd.DataFrame
-    reach_cut_errors: pd.DataFrame
-    own_spread_mm: float
-    unscrewing_segments: list[Segment]
-    unscrewing_primitive: PosePrimitive
-    unscrewing_errors: pd.DataFrame
-    execution: list[Demonstration]
-    execution_path: pd.DataFrame
-    execution_errors: pd.DataFrame
-    electrode_scores: pd.DataFrame
-    electrode_traces: pd.DataFrame
-    clock_errors: pd.DataFrame
-    slide_deviations: pd.DataFrame
-    slide_statistics: pd.DataFrame
-
-    @cached_property
-    def by_seed(self) -> pd.DataFrame:
-        """Mean cut error of the reaches per noise level, draw and method."""
-        return errors_by_seed(self.reach_cut_errors)
-
-    @cached_property
-    def by_level(self) -> pd.DataFrame:
-        """The same, over the draws."""
-        return errors_by_level(self.by_seed)
-
-    @cached_property
-    def reach_fit(self) -> pd.DataFrame:
-        """Distance of the primitive from the reaches, learned from or left out."""
-        by = self.reach_errors.groupby("left_out")
-        return pd.DataFrame(
-            {
-                "reaches": ["learned from", "left out"],
-                "mean_mm": by["mean_mm"].mean().to_numpy(),
-                "max_mm": by["max_mm"].max().to_numpy(),
-                "end_max_mm": by["end_mm"].max().to_numpy(),
-            }
-        )
-
-    @cached_property
-    def electrodes(self) -> pd.DataFrame:
-        """Error of the sensor primitives, over all electrodes and over those that move."""
-        rows = []
-        for primitive, its in self.electrode_scores.groupby("primitive", sort=False):
-            strong = its[its["range"] > STRONG_RANGE]
-            rows.append(
-                {
-                    "primitive": primitive,
-                    "rms": its["rms"].median(),
-                    "nmse": its["nmse"].median(),
-                    "strong": len(strong),
-                    "strong_nmse": strong["nmse"].mean(),
-                }
-            )
-        return pd.DataFrame(rows)
-
-    @cached_property
-    def slides(self) -> pd.DataFrame:
-        """Deviation from the expected traces by group of trials."""
-        by = self.slide_deviations.groupby("group", sort=False)
-        return pd.DataFrame(
-            {
-                "group": list(by.groups),
-                "trials": by.size().to_numpy(),
-                "median_rms": by["rms"].median().to_numpy(),
-                "largest_rms": by["rms"].max().to_numpy(),
-            }
-        )
-
-
-def metrics(results: RecordedResults) -> Metrics:
-    """The flat metrics of the recorded data."""
-    values: Metrics = {}
-    for row in results.by_level.itertuples():
-        level = f"{row.noise_mm:g}".replace(".", "p")
-        if row.method == RESULT:
-            values[f"reach_cut_error_ms_{level}mm"] = row.mean_ms
-        else:
-            values[f"reach_cut_error_ms_{level}mm_{row.method}"] = row.mean_ms
-    learned, unseen = results.reach_fit.to_dict("records")
-    for prefix, row in (("reach_fit", learned), ("reach_left_ten_out", unseen)):
-        values |= {f"{prefix}_{name}": row[name] for name in ("mean_mm", "max_mm", "end_max_mm")}
-    values["reach_own_spread_mm"] = results.own_spread_mm
-    errors = results.unscrewing_errors
-    single, joint = errors[errors["learned_from"] != "all"], errors[errors["learned_from"] == "all"]
-    values["unscrewing_mean_deg_single"] = single["mean_deg"].mean()
-    values["unscrewing_mean_deg_joint"] = joint["mean_deg"].item()
-    values["unscrewing_end_deg_single"] = single["end_deg"].max()
-    values["unscrewing_end_deg_joint"] = joint["end_deg"].item()
-    for row in results.execution_errors.itertuples():
-        values[f"scraping_{row.primitive}_mean_mm"] = row.mean_mm
-        values[f"scraping_{row.primitive}_mean_deg"] = row.mean_deg
-    for row in results.electrodes.itertuples():
-        values[f"electrodes_{row.primitive}_median_nmse"] = row.nmse
-        values[f"electrodes_{row.primitive}_median_rms_counts"] = row.rms
-        values[f"electrodes_{row.primitive}_strong_mean_nmse"] = row.strong_nmse
-    for row in results.slides.itertuples():
-        values[f"slides_{row.group.replace(' ', '_')}_median_rms_counts"] = row.median_rms
-    pose = results.clock_errors.set_index("kind").loc["pose"]
-    values["slides_clock_pose_rms_mm"] = 1e3 * pose["rms_error"]
-    return values
-
-
-def tables(results: RecordedResults) -> dict[str, pd.DataFrame]:
-    """Tables of the page by name."""
-    return {
-        "reach_cut_errors": results.by_level,
-        "reach_comparison": paired_comparison(results.by_seed),
-        "reach_reproduction": results.reach_errors,
-        "unscrewing": results.unscrewing_errors,
-        "execution": results.execution_errors,
-        "electrodes": results.electrode_scores,
-        "slide_clock": results.clock_errors,
-        "slide_deviations": results.slide_deviations,
-    }
 
 
 def pictures(results: RecordedResults) -> dict[str, Picture]:
@@ -211,10 +90,6 @@ def recorded_page(
     )
 
 
-def _figure(name: str, sizes: Sizes, caption: str, alt: str) -> Figure:
-    return Figure(f"figures/{name}.png", caption, alt, sizes.get(name))
-
-
 def _reach_cuts(results: RecordedResults, sizes: Sizes) -> Section:
     wide = results.by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
     wide = wide[list(METHODS)].rename(columns=METHOD_NAMES).reset_index()
@@ -230,7 +105,7 @@ def _reach_cuts(results: RecordedResults, sizes: Sizes) -> Section:
                 "as long as the noise stays below its threshold; the alignment can do no better than two "
                 "reaches of one person are alike."
             ),
-            _figure(
+            beside(
                 "reach_cuts",
                 sizes,
                 "Mean absolute error of the cut points over the added noise; bars: 95 % confidence "
@@ -258,7 +133,7 @@ def _reaches(results: RecordedResults, sizes: Sizes) -> Section:
                 f"{results.own_spread_mm:.1f} mm from their own mean in local frame and normalised time, "
                 "so this is the distance that no single movement can undercut by much."
             ),
-            _figure(
+            beside(
                 "reaches",
                 sizes,
                 "Grey: the reaches in their local frames, x from start to goal. Red: the primitive.",
@@ -266,7 +141,9 @@ def _reaches(results: RecordedResults, sizes: Sizes) -> Section:
             ),
             Table(
                 results.reach_fit,
-                "Distance between the reaches and the primitive; left out: ten at a time.",
+                "Distance between the reaches and the primitive; left out: ten at a time. Scaled: the "
+                "forcing term along the reach grows with its length, so that a longer reach ends at its "
+                "goal on time.",
                 formats={"mean_mm": ".2f", "max_mm": ".1f", "end_max_mm": ".3f"},
                 headings={
                     "mean_mm": "mean (mm)",
@@ -290,7 +167,7 @@ def _unscrewing(results: RecordedResults, sizes: Sizes) -> Section:
                 "text's quaternion primitive runs, jumps at 180 degrees. Beyond 160 degrees of net turn "
                 "the primitive runs in a twist-swing chart about the dominant axis instead."
             ),
-            _figure(
+            beside(
                 "unscrewing",
                 sizes,
                 "Grey: the logs in the chart, relative to their goals. Red: the primitive learned from all "
@@ -323,7 +200,7 @@ def _execution(results: RecordedResults, sizes: Sizes) -> Section:
             "learned from each part; they are unrolled in sequence, each from the state in which the one "
             "before it ended."
         ),
-        _figure(
+        beside(
             "execution",
             sizes,
             "Recorded and unrolled position, and the distance in position and orientation. Lines: switches.",
@@ -348,7 +225,7 @@ def _execution(results: RecordedResults, sizes: Sizes) -> Section:
             "is large while their error is below a count or two; those that move by more than "
             f"{STRONG_RANGE} counts show what the primitives can do."
         ),
-        _figure(
+        beside(
             "electrodes",
             sizes,
             "Above: the electrodes that move most, recorded (grey) and as unrolled. Below: error of all.",
@@ -415,7 +292,7 @@ def _slides(results: RecordedResults, sizes: Sizes) -> Section:
                     else "."
                 )
             ),
-            _figure(
+            beside(
                 "slides",
                 sizes,
                 "Above: deviation from the expected traces, mean and standard deviation over trials, for the "
@@ -439,9 +316,9 @@ def _files(parameters: Mapping[str, Parameters], recordings: tuple[Link, ...]) -
         "stated; not redistributed here). Every imported file carries source, commit, licence and checksum."
     )
     return Section(
-        capitalised("files and parameters"),
+        "Files and parameters",
         (
-            Prose("Open a recording with `rerun FILE`."),
+            Prose(HOW_TO_OPEN),
             Links(recordings),
             Prose(sources),
             Links((Link("metrics.json", "metrics.json", "the key figures"),)),

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import pandas as pd
 
+from structlearn.artefacts import Metrics
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation import comparison
@@ -18,8 +19,6 @@ from structlearn.segmentation.learning import (
 )
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.result import RESULT, Segmentation
-
-Metrics = dict[str, float | int | bool]
 
 FIT_METRICS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "end_deg")
 LEFT_OUT_METRICS = ("mean_mm", "mean_deg")
