@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import fading_coupling, normalised_error, quick, reach, rngs
 
-from structlearn.primitives.vector import VectorPrimitive, fit_vector, relative_scale, sample_times
+from structlearn.primitives.vector import VectorPrimitive, fit_vector, relative_scale, sample_count
 
 DT = 0.005
 
@@ -158,7 +158,7 @@ def test_the_sampling_rate_does_not_change_the_movement(rng):
 
 @pytest.mark.parametrize(("duration", "samples"), [(1.0, 301), (0.9999, 301), (1.0018, 302)])
 def test_samples_run_up_to_the_one_nearest_to_the_duration(duration, samples):
-    times = sample_times(duration, 1 / 300)
+    times = np.arange(sample_count(duration, 1 / 300)) / 300
     assert len(times) == samples
     assert times[0] == 0.0
     np.testing.assert_allclose(np.diff(times), 1 / 300)

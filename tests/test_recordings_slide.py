@@ -53,6 +53,19 @@ def test_a_missing_stream_and_an_empty_folder(folder, tmp_path_factory):
         slide.read_slides(tmp_path_factory.mktemp("empty"))
 
 
+def test_trials_may_lie_in_folders_of_their_material_and_be_limited(folder):
+    flat = [recording.name for recording in slide.read_slides(folder)]
+    inner = folder / "material"
+    inner.mkdir()
+    for path in folder.glob("*.csv"):
+        path.rename(inner / path.name)
+    assert [recording.name for recording in slide.read_slides(folder)] == flat
+    limited = slide.read_slides(folder, trials=2)
+    assert [recording.name for recording in limited] == [
+        name for name in flat if int(name.split("_")[1]) <= 2
+    ]
+
+
 def test_a_broken_row_is_named(folder):
     path = folder / "mat9_2_jp.csv"
     path.write_text(path.read_text().replace(",7\n", "\n", 1))

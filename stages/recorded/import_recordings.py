@@ -7,12 +7,13 @@ from structlearn.stage import run, stage_parameters
 
 
 def main() -> None:
-    folder = stage_parameters("import_recordings", PublicSourceParameters).folder
+    parameters = stage_parameters("import_recordings", PublicSourceParameters)
+    folder = parameters.folder
     sets = {
         "reaches": clmc.read_reaches(folder / "clmc"),
         "unscrewing": clmc.read_unscrewing(folder / "clmc"),
         "scraping": clmc.read_scraping_execution(folder / "clmc"),
-        "slides": slide.read_slides(folder / "slide"),
+        "slides": slide.read_slides(folder / "slide", parameters.slide_trials),
     }
     for name, recordings in sets.items():
         with publish(f"data/raw/recorded/{name}") as target:

@@ -58,13 +58,27 @@ def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndar
     return np.moveaxis(values, 0, -1)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=64)
+def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np.ndarray:
+    """Features at the samples of a movement; equal movements share them.
+
+    Args:
+        samples: number of samples T from the start.
+        step: sampling interval / tau, dimensionless.
+        count: number of kernels N.
+
+    Returns:
+        (T, N) read-only features.
+    """
+    values = features(*phase(step * np.arange(samples), 1.0), count)
+    values.flags.writeable = False
+    return values
+
+
 def unit_features(samples: int, count: int = KERNEL_COUNT) -> np.ndarray:
     """Features at `samples` equally spaced times from start to end; they do not depend on the duration.
 
     Returns:
         (samples, N) read-only features.
     """
-    values = features(*phase(np.linspace(0.0, 1.0, samples), TAU_PER_DURATION), count)
-    values.flags.writeable = False
-    return values
+    return sampled_features(samples, 1.0 / (TAU_PER_DURATION * (samples - 1)), count)

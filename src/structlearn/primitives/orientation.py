@@ -18,7 +18,7 @@ from structlearn import quaternion
 from structlearn.primitives import canonical, kernels, regression
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Coupling, step_matrix
-from structlearn.primitives.vector import sample_times
+from structlearn.primitives.vector import sample_count
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,9 @@ class QuaternionPrimitive:
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
         duration = self.duration if duration is None else duration
-        times = sample_times(duration if until is None else until, dt)
-        forcing, tau = self.forcing(times, duration), canonical.time_constant(duration)
+        tau = canonical.time_constant(duration)
+        samples = sample_count(duration if until is None else until, dt)
+        forcing = kernels.sampled_features(samples, dt / tau, self.weights.shape[-2]) @ self.weights
         velocity = self.velocity / duration if velocity is None else velocity
         acceleration = self.acceleration / duration**2 if acceleration is None else acceleration
         return unroll(start, goal, forcing, dt, tau, velocity, acceleration, coupling)
@@ -122,6 +123,9 @@ def initial_goal(
     forcing: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Evolving goal at which the system starts with the given acceleration (eq. IV.13, IV.14).
+
+    A goal further than half a turn away cannot be told from one on the other side: the initial acceleration
+    is met as long as |(tau^2 wd - f) / ALPHA + tau w| / BETA < pi.
 
     Args:
         orientation: (..., 4) initial orientation.

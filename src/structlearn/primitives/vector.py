@@ -47,12 +47,7 @@ class VectorPrimitive:
             (..., T, D) forcing term.
         """
         p, u = canonical.phase(times, canonical.time_constant(duration))
-        features = kernels.features(p, u, self.weights.shape[-2])
-        return (
-            features
-            @ self.weights
-            * relative_scale(np.subtract(goal, start), self.goal - self.start, self.scaled)
-        )
+        return self._forcing(kernels.features(p, u, self.weights.shape[-2]), start, goal)
 
     def unroll(
         self,
@@ -86,12 +81,18 @@ class VectorPrimitive:
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
         duration = self.duration if duration is None else duration
-        times = sample_times(duration if until is None else until, dt)
-        forcing = self.forcing(times, start, goal, duration)
         tau = canonical.time_constant(duration)
+        samples = sample_count(duration if until is None else until, dt)
+        features = kernels.sampled_features(samples, dt / tau, self.weights.shape[-2])
+        forcing = self._forcing(features, start, goal)
         velocity = self.velocity / duration if velocity is None else velocity
         acceleration = self.acceleration / duration**2 if acceleration is None else acceleration
         return transformation.unroll(start, goal, forcing, dt, tau, velocity, acceleration, coupling)
+
+    def _forcing(self, features: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """Forcing term (..., T, D) from features (T, N)."""
+        scale = relative_scale(np.subtract(goal, start), self.goal - self.start, self.scaled)
+        return features @ self.weights * scale
 
 
 def fit_vector(
@@ -149,6 +150,6 @@ def relative_scale(distance: np.ndarray, amplitude: np.ndarray, scaled: np.ndarr
     return np.where(meaningful, distance / np.where(meaningful, amplitude, 1.0), 1.0)
 
 
-def sample_times(duration: float, dt: float) -> np.ndarray:
-    """Times 0, dt, 2 dt, ... up to the sample nearest to the duration, in s."""
-    return dt * np.arange(round(duration / dt) + 1)
+def sample_count(duration: float, dt: float) -> int:
+    """Number of samples 0, dt, 2 dt, ... up to the one nearest to the duration in s."""
+    return round(duration / dt) + 1

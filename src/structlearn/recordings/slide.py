@@ -25,11 +25,12 @@ FIRST_ELECTRODE = 25
 """Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
 
 
-def read_slides(folder: str | Path) -> list[Recording]:
-    """All trials of a folder: pose, joint positions, velocities and torques, wrench and 19 electrodes.
+def read_slides(folder: str | Path, trials: int | None = None) -> list[Recording]:
+    """Trials of a folder: pose, joint positions, velocities and torques, wrench and 19 electrodes.
 
     Args:
-        folder: holds MATERIAL_TRIAL_STREAM.csv files.
+        folder: holds MATERIAL_TRIAL_STREAM.csv files, or folders of them, as the repository has.
+        trials: the first so many of each material; None: all.
 
     Returns:
         Recordings named "MATERIAL_TRIAL", e.g. "mat9_1", by material and trial; stamps are Unix time.
@@ -38,11 +39,14 @@ def read_slides(folder: str | Path) -> list[Recording]:
         InputError: there is no trial, or a stream is missing or not a table of its columns.
     """
     folder = Path(folder)
-    trials = [re.fullmatch(r"mat(\d+)_(\d+)_cp", path.stem) for path in folder.glob("*_cp.csv")]
-    numbers = sorted((int(trial[1]), int(trial[2])) for trial in trials if trial)
-    if not numbers:
+    found = {}
+    for path in folder.rglob("*_cp.csv"):
+        name = re.fullmatch(r"mat(\d+)_(\d+)_cp", path.stem)
+        if name and (trials is None or int(name[2]) <= trials):
+            found[int(name[1]), int(name[2])] = path.parent
+    if not found:
         raise InputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
-    return [read_slide(folder, f"mat{material}_{trial}") for material, trial in numbers]
+    return [read_slide(found[number], "mat{}_{}".format(*number)) for number in sorted(found)]
 
 
 def read_slide(folder: str | Path, name: str) -> Recording:

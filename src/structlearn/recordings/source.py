@@ -31,9 +31,11 @@ class PublicSourceParameters(Parameters):
     Attributes:
         source: folder that holds `clmc` and `slide`; the environment variable RECORDED_DATA stands in for it,
             so that the place of the data on a machine need not be written into a file under version control.
+        slide_trials: the first so many trials of each material are taken.
     """
 
     source: str = Field(min_length=1)
+    slide_trials: int = Field(default=12, ge=1)
 
     @property
     def folder(self) -> Path:

@@ -85,8 +85,8 @@ def overview_page(cards: Sequence[tuple[Card, Metrics]]) -> Page:
         "Recorded data",
         (
             Prose(
-                "The same methods on public recordings of the dissertation's set-up. This report is made by "
-                "a pipeline of its own, `stages/recorded/dvc.yaml`."
+                "The same methods on public recordings of people and robots: reaches, unscrewing, scraping "
+                "and sliding with tactile fingers. The pipeline `stages/recorded/dvc.yaml` makes the report."
             ),
             Links((Link("recorded/index.html", "Report on recorded data"),)),
         ),
