@@ -1,5 +1,6 @@
 """The real pipeline, end to end, on reduced parameters in a temporary clone."""
 
+import json
 import os
 import shutil
 import signal
@@ -14,6 +15,7 @@ REDUCED = {
     "simulate": {"count": 4},
     "segment_sweep": {"noise_mm": [0.0, 0.5], "seeds": 2, "downsampling": [1, 8]},
     "fit_primitives": {"kernel_count": 15},
+    "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
 }
 
 
@@ -40,10 +42,10 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
-def repro(project: Path, *options: str) -> list[str]:
+def repro(project: Path, *options: str, **variables: str) -> list[str]:
     """Run `dvc repro`; returns the stages that it ran."""
     command = [sys.executable, "-m", "dvc", "repro", *options]
-    done = subprocess.run(command, cwd=project, env=environment(), capture_output=True, text=True)
+    done = subprocess.run(command, cwd=project, env=environment() | variables, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return [line.split("'")[1] for line in done.stdout.splitlines() if line.startswith("Running stage")]
 
@@ -119,6 +121,16 @@ def test_a_killed_stage_leaves_nothing_half_written(project):
     repro(project, "--single-item", "--force", "fit_primitives")
     assert artefacts(project) == before
     assert not list(project.rglob(".publish-*"))
+
+
+def test_recorded_data_have_a_pipeline_of_their_own(project, recorded_data):
+    ran = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
+    assert len(ran) == 7
+    values = json.loads((project / "reports/recorded/metrics.json").read_text())
+    assert values["reach_cut_error_ms_2mm"] <= 40.0
+    assert len(list((project / "reports/recordings/recorded").glob("*.rrd"))) == 5
+    again = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
+    assert [stage.split(":")[1] for stage in again] == ["import_recordings"]  # it always looks
 
 
 KILLED_HALF_WAY = """

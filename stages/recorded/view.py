@@ -6,7 +6,7 @@ from structlearn.artefacts import publish, read_table
 from structlearn.primitives import sequence
 from structlearn.primitives.sensor_traces import deviation, without_offset
 from structlearn.primitives.storage import read_primitives, read_vector_primitive
-from structlearn.recorded.slides import SlideParameters
+from structlearn.recorded.slides import GROUPS, SlideParameters, trial_group
 from structlearn.recordings import read_demonstrations
 from structlearn.stage import run, stage_parameters
 from structlearn.viewer import write_demonstrations, write_primitives
@@ -36,6 +36,7 @@ def main() -> None:
     trials = read_demonstrations(
         "data/raw/recorded/slides", rate_hz=slides.rate_hz, max_gap_s=slides.max_gap_s
     )
+    trials.sort(key=lambda trial: GROUPS.index(trial_group(trial.name, slides)))  # the first ones have a tab
     deviating = [
         replace(trial, tactile=deviation(expected, without_offset(trial.tactile), trial.dt))
         for trial in trials

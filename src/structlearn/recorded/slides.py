@@ -14,6 +14,9 @@ from structlearn.recordings.clock import held_out_error
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording
 
+GROUPS = ("left out", "other material", "learned")
+"""Groups of trials, the most telling first."""
+
 
 class SlideParameters(Parameters):
     """Parameters of the slides.
@@ -89,7 +92,7 @@ def learn_slides(
     Raises:
         InputError: there is no trial to learn from.
     """
-    groups = {one.name: _group(one.name, parameters) for one in demonstrations}
+    groups = {one.name: trial_group(one.name, parameters) for one in demonstrations}
     traces = {one.name: without_offset(one.tactile) for one in demonstrations}
     dt = demonstrations[0].dt
     learned = [traces[name] for name, group in groups.items() if group == "learned"]
@@ -110,7 +113,8 @@ def learn_slides(
     return primitive, pd.DataFrame(rows), _group_statistics(groups, deviations, dt)
 
 
-def _group(name: str, parameters: SlideParameters) -> str:
+def trial_group(name: str, parameters: SlideParameters) -> str:
+    """Group of a trial MATERIAL_TRIAL: one of `GROUPS`."""
     material, trial = name.split("_")
     if material != parameters.material:
         return "other material"
