@@ -61,34 +61,30 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
                 f"{reference.dt:g} s of the reference {reference.name}"
             )
     reference_motions = _guess(reference, parameters)
-    aligned: dict[str, dict[str, _Aligned]] = {}  # demonstration -> primitive -> how it lies
-    left_out: dict[str, str] = {}
+    cuts, pairs, left_out = [], [], {}
     for demonstration in demonstrations:
         try:
             motions = reference_motions if demonstration is reference else _guess(demonstration, parameters)
-            aligned[demonstration.name] = {
+            aligned = {
                 name: _align(demonstration.name, name, reference_motions[name], motion, parameters)
                 for name, motion in motions.items()
             }
+            cuts.append(_cut_rows(demonstration, aligned, parameters))
+            if demonstration is not reference:
+                pairs.append(_pair_rows(demonstration, aligned))
         except InputError as error:
             if demonstration is reference or not parameters.skip_failures:
                 raise
             left_out[demonstration.name] = str(error)
-    cuts = []
-    for demonstration in demonstrations:
-        if demonstration.name in aligned:
-            try:
-                cuts.append(_cut_rows(demonstration, aligned[demonstration.name], parameters))
-            except InputError as error:
-                if not parameters.skip_failures:
-                    raise
-                left_out[demonstration.name] = str(error)
     return Segmentation(
         cuts=pd.concat(cuts, ignore_index=True),
-        pairs=_pair_rows({d: a for d, a in aligned.items() if d != reference.name}, reference.dt),
+        pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(left_out.items(), columns=["demonstration", "reason"]),
         reference=reference.name,
     )
+
+
+PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
 
 
 @dataclass(frozen=True)
@@ -149,14 +145,12 @@ def _align(
     """Lines 11 to 24 of algorithm IV.1 for one primitive."""
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
-    firsts, parts = [], []
-    for motion in (
-        reference,
-        guess,
-    ):  # clipped at the ends; times below count from the demonstration's start,
-        first = max(0, motion.start - extension)  # so the extension need not be undone
-        firsts.append(first)
-        parts.append(motion.position[first : motion.end + extension + 1 : g])
+    # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.
+    firsts = [max(0, motion.start - extension) for motion in (reference, guess)]
+    parts = [
+        motion.position[first : motion.end + extension + 1 : g]
+        for motion, first in zip((reference, guess), firsts, strict=True)
+    ]
     pairs = g * correspondences(*parts) + np.array(firsts)
     weights = velocity_weights(
         reference.velocity[pairs[:, 0]],
@@ -204,20 +198,18 @@ def _cut_rows(
     return pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
 
 
-def _pair_rows(aligned: dict[str, dict[str, _Aligned]], dt: float) -> pd.DataFrame:
+def _pair_rows(demonstration: Demonstration, aligned: dict[str, _Aligned]) -> pd.DataFrame:
     """Rows of `Segmentation.pairs`."""
-    columns = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
     tables = [
         pd.DataFrame(
             {
-                "demonstration": demonstration,
+                "demonstration": demonstration.name,
                 "primitive": primitive,
-                "reference_s": dt * one.pairs[:, 0],
-                "guess_s": dt * one.pairs[:, 1],
+                "reference_s": one.reference.dt * one.pairs[:, 0],
+                "guess_s": one.motion.dt * one.pairs[:, 1],
                 "weight": one.weights,
             }
         )
-        for demonstration, primitives in aligned.items()
-        for primitive, one in primitives.items()
+        for primitive, one in aligned.items()
     ]
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=columns)
+    return pd.concat(tables, ignore_index=True)

@@ -5,6 +5,7 @@ from functools import partial
 import pandas as pd
 from pydantic import Field
 
+from structlearn.errors import InputError
 from structlearn.parallel import parallel_map
 from structlearn.params import Parameters
 from structlearn.recordings.clock import synchronise
@@ -42,7 +43,7 @@ def noise_sweep(
 
     Returns:
         Errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one
-        row with method `left_out`.
+        row with method `left_out`; without a reference that is all of them.
     """
     work = [(noise, seed) for noise in parameters.noise_mm for seed in range(parameters.seeds)]
     tolerant = segmentation.model_copy(update={"skip_failures": True})
@@ -59,7 +60,10 @@ def _one_set(
     settings = simulation.model_copy(update={"noise_mm": noise, "seed": seed})
     recordings = simulate_demonstrations(settings, touch=False)
     demonstrations = [synchronise(recording, settings.rate_hz) for recording in recordings]
-    cuts = cut(demonstrations, segmentation)
-    left_out = cuts.left_out[["demonstration"]].assign(method="left_out")
-    errors = pd.concat([cut_errors(demonstrations, cuts), left_out], ignore_index=True)
-    return errors.assign(noise_mm=noise, seed=seed)
+    try:
+        cuts = cut(demonstrations, segmentation)
+        found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
+    except InputError:  # the reference itself is lost in the noise, and all with it
+        found, left_out = [], [demonstration.name for demonstration in demonstrations]
+    missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
+    return pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)

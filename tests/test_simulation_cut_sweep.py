@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from structlearn.segmentation.evaluation import mean_cut_errors_ms
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.simulation.cut_sweep import SweepParameters, noise_sweep
+from structlearn.simulation.demonstrator import DemonstratorParameters
+
+SEGMENT = SegmentParameters(
+    primitives=(
+        {"name": "down", "axis": "z", "threshold_m_s": 0.02},
+        {"name": "turn", "axis": "between"},
+        {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
+    ),
+    guess_cutoff_hz=2.0,
+    cut_cutoff_hz=3.0,
+    align_cutoff_hz=4.0,
+    extension_s=0.5,
+    downsampling=4,
+)
+SIMULATION = DemonstratorParameters(count=4)
+
+
+@pytest.fixture(scope="module")
+def errors():
+    levels = SweepParameters(noise_mm=(0.0, 1.0), seeds=3, downsampling=(1,))
+    return noise_sweep(levels, SIMULATION, SEGMENT)
+
+
+def test_every_person_is_cut_at_every_level(errors):
+    assert set(zip(errors["noise_mm"], errors["seed"], strict=True)) == {
+        (noise, seed) for noise in (0.0, 1.0) for seed in range(3)
+    }
+    per_set = errors[errors["method"] == "wls"].groupby(["noise_mm", "seed"]).size()
+    assert (per_set == 2 * 3).all()  # two primitives of three demonstrations beside the reference
+
+
+def test_errors_grow_with_the_noise(errors):
+    quiet, noisy = (
+        mean_cut_errors_ms(errors[errors["noise_mm"] == noise])["mean_ms"] for noise in (0.0, 1.0)
+    )
+    assert quiet["wls"] < noisy["wls"]
+    assert quiet["wls"] < 80.0
+
+
+def test_a_lost_reference_loses_the_set_and_is_counted():
+    deaf = SEGMENT.model_copy(
+        update={
+            "primitives": (SEGMENT.primitives[0].model_copy(update={"threshold_m_s": 5.0}),),
+        }
+    )
+    levels = SweepParameters(noise_mm=(0.1,), seeds=1, downsampling=(1,))
+    lost = noise_sweep(levels, SIMULATION, deaf)
+    assert lost["method"].tolist() == ["left_out"] * 4
+    assert not np.isin("start_error_s", lost.columns)
