@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from structlearn import quaternion, signals
 from structlearn.palette import (
@@ -210,7 +211,6 @@ def slides_figure(statistics: pd.DataFrame, deviations: pd.DataFrame) -> Figure:
     )
     trials.set(title="Deviation of every trial", ylabel="root mean square (counts)")
     trials.grid(axis="x", visible=False)
-    for group, colour in GROUP_COLOURS.items():
-        trials.bar([], [], color=colour, label=group)
-    trials.legend(ncols=3)
+    patches = [Patch(color=colour, label=group) for group, colour in GROUP_COLOURS.items()]
+    trials.legend(handles=patches, ncols=3)
     return figure

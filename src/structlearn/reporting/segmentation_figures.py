@@ -172,12 +172,19 @@ def alignment_figure(
 
 
 @styled
-def noise_figure(by_level: pd.DataFrame, comparison: pd.DataFrame) -> Figure:
-    """Cut errors over the noise of the demonstrator, and the paired differences to the result's method.
+def noise_figure(
+    by_level: pd.DataFrame,
+    comparison: pd.DataFrame,
+    noise: str = "noise of the demonstrator (mm)",
+    pair: str = "same person",
+) -> Figure:
+    """Cut errors over the noise, and the paired differences to the result's method.
 
     Args:
         by_level: of `segmentation.comparison.errors_by_level`.
         comparison: of `segmentation.comparison.paired_comparison`.
+        noise: what the noise is.
+        pair: what the two errors of a difference have in common.
     """
     figure = canvas(3.9)
     errors, differences = figure.subplots(1, 2)
@@ -195,10 +202,10 @@ def noise_figure(by_level: pd.DataFrame, comparison: pd.DataFrame) -> Figure:
     halves = comparison.assign(half_ms=comparison["high_ms"] - comparison["difference_ms"])
     _draw_methods(differences, halves, places, "difference_ms", "half_ms", close)
     differences.axhline(0.0, color=METHOD_COLOURS[RESULT], linewidth=1.4)
-    differences.set(title=f"Error more than “{METHOD_NAMES[RESULT]}”", ylabel="difference, same person (ms)")
+    differences.set(title=f"Error more than “{METHOD_NAMES[RESULT]}”", ylabel=f"difference, {pair} (ms)")
     for panel in (errors, differences):
         panel.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
-        panel.set_xlabel("noise of the demonstrator (mm)")
+        panel.set_xlabel(noise)
         panel.grid(axis="x", visible=False)
     legend_above(figure, errors)
     return figure
