@@ -21,11 +21,13 @@ class SweepParameters(Parameters):
     Attributes:
         noise_mm: noise levels of the demonstrator.
         seeds: sets of demonstrations per level.
+        first_seed: of the simulated people; not those on whom thresholds were tuned.
         downsampling: factors of the alignment whose effect is shown on the recorded demonstrations.
     """
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
     seeds: int = Field(ge=1, le=1000)
+    first_seed: int = Field(default=0, ge=0)
     downsampling: tuple[int, ...] = Field(min_length=1)
 
 
@@ -45,7 +47,8 @@ def noise_sweep(
         Errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one
         row with method `left_out`; without a reference that is all of them.
     """
-    work = [(noise, seed) for noise in parameters.noise_mm for seed in range(parameters.seeds)]
+    people = range(parameters.first_seed, parameters.first_seed + parameters.seeds)
+    work = [(noise, seed) for noise in parameters.noise_mm for seed in people]
     tolerant = segmentation.model_copy(update={"skip_failures": True})
     errors = parallel_map(
         partial(_one_set, simulation=simulation, segmentation=tolerant), work, "noise sweep"
