@@ -1,10 +1,10 @@
 """Settings and small data that several test files share."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+import recordings_bags
 from hypothesis import settings
 
 from structlearn import quaternion
@@ -25,10 +25,7 @@ def root() -> Path:
 @pytest.fixture(scope="session")
 def recorded_data() -> Path:
     """Folder of the public recordings; tests that need it are skipped where it is not."""
-    folder = Path(os.environ.get("RECORDED_DATA") or ROOT / ".." / "shared")
-    if not (folder / "clmc").is_dir():
-        pytest.skip("the public recordings are not here: set RECORDED_DATA to their folder")
-    return folder
+    return recordings_bags.recorded_data("clmc").parent
 
 
 def minimum_jerk(fraction: np.ndarray) -> np.ndarray:
