@@ -1,6 +1,6 @@
-import numpy as np
 import pytest
 
+from structlearn.errors import InputError
 from structlearn.segmentation.evaluation import mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.simulation.cut_sweep import SweepParameters, noise_sweep
@@ -46,10 +46,20 @@ def test_errors_grow_with_the_noise(errors):
 def test_a_lost_reference_loses_the_set_and_is_counted():
     deaf = SEGMENT.model_copy(
         update={
-            "primitives": (SEGMENT.primitives[0].model_copy(update={"threshold_m_s": 5.0}),),
+            "primitives": (
+                SEGMENT.primitives[0].model_copy(update={"threshold_m_s": 5.0}),
+                *SEGMENT.primitives[1:],
+            ),
         }
     )
     levels = SweepParameters(noise_mm=(0.1,), seeds=1, downsampling=(1,))
     lost = noise_sweep(levels, SIMULATION, deaf)
     assert lost["method"].tolist() == ["left_out"] * 4
-    assert not np.isin("start_error_s", lost.columns)
+    assert lost["start_error_s"].isna().all()
+
+
+def test_another_task_is_refused():
+    other = SEGMENT.model_copy(update={"primitives": SEGMENT.primitives[:1]})
+    levels = SweepParameters(noise_mm=(0.1,), seeds=1, downsampling=(1,))
+    with pytest.raises(InputError, match=r"segment\.primitives: names 1, the simulated task has 3"):
+        noise_sweep(levels, SIMULATION, other)

@@ -2,10 +2,10 @@
 
 from structlearn.artefacts import publish, write_table
 from structlearn.recordings import read_demonstrations
-from structlearn.recordings.source import ClockParameters
+from structlearn.recordings.source import SIMULATED, ClockParameters, SourceParameters
 from structlearn.segmentation.evaluation import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.simulation.cut_sweep import SweepParameters, noise_sweep
+from structlearn.simulation.cut_sweep import SweepParameters, no_sweep, noise_sweep
 from structlearn.simulation.demonstrator import DemonstratorParameters
 from structlearn.stage import run, stage_parameters
 
@@ -17,9 +17,13 @@ def main() -> None:
     clock = stage_parameters("clock", ClockParameters)
     demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
     effect = downsampling_effect(demonstrations, segmentation, parameters.downsampling)
+    if stage_parameters("record", SourceParameters).source == SIMULATED:
+        noise = noise_sweep(parameters, simulation, segmentation)
+    else:
+        noise = no_sweep()  # thresholds for your own task say nothing about the simulated one
     with publish("data/segments/scraping_sweep") as folder:
         folder.mkdir()
-        write_table(noise_sweep(parameters, simulation, segmentation), folder / "noise.parquet")
+        write_table(noise, folder / "noise.parquet")
         write_table(effect, folder / "downsampling.parquet")
 
 

@@ -172,7 +172,7 @@ def downsampling(results: ScrapingResults, sizes: Sizes) -> Section:
             Prose(
                 "Time warping fills a table of as many cells as the product of both lengths. Using every "
                 "g-th sample of both divides them by g² (appendix C). The pairs become coarser by g, their "
-                "fit much less so."
+                "fit much less so. The cells are counted here; `make bench` measures the time."
             ),
             beside(
                 "downsampling",

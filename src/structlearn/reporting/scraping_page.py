@@ -30,13 +30,14 @@ def pictures(results: ScrapingResults) -> dict[str, Picture]:
             results.example, results.segmentation
         ),
         "space": demonstration_figures.space_figure(results.was_cut, results.segmentation),
-        "noise_sweep": segmentation_figures.noise_figure(results.sweep, results.sweep_comparison),
         "downsampling": segmentation_figures.downsampling_figure(results.downsampling),
         "position_fit": primitive_figures.position_fit_figure(results.primitives, results.segments, dt),
         "forcing": primitive_figures.forcing_figure(results.primitives),
         "sequence": primitive_figures.sequence_figure(results.sequences),
         "sequence_space": primitive_figures.sequence_space_figure(results.sequences),
     }
+    if len(results.sweep):
+        made["noise_sweep"] = segmentation_figures.noise_figure(results.sweep, results.sweep_comparison)
     if results.guesses:
         first = results.found_primitives[0]
         made["correspondences"] = segmentation_figures.correspondence_figure(
@@ -71,7 +72,7 @@ def scraping_page(
         claims(results),
         scraping_cutting.correspondences(results, sizes) if results.guesses else None,
         scraping_cutting.alignment(results, sizes),
-        scraping_cutting.noise(results, sizes),
+        scraping_cutting.noise(results, sizes) if len(results.sweep) else None,
         scraping_cutting.downsampling(results, sizes),
         scraping_movement.primitives(results, sizes),
         scraping_movement.sequence(results, sizes),

@@ -31,7 +31,7 @@ class ScrapingResults:
     Attributes:
         demonstrations: the complete ones, those that could not be cut among them.
         segmentation: their cuts.
-        noise: of `simulation.cut_sweep.noise_sweep`.
+        noise: of `simulation.cut_sweep.noise_sweep`; empty where the task is not the simulated one.
         downsampling: of `segmentation.evaluation.downsampling_effect`.
         primitives: learned from all demonstrations that were cut.
         reproduction: of `segmentation.learning.cross_validation`.
@@ -188,7 +188,8 @@ def metrics(results: ScrapingResults) -> Metrics:
             values[f"cut_error_ms_{row.method}"] = row.mean_ms
     for row in results.sweep.itertuples():
         values[f"sweep_cut_error_ms_{row.method}_{level_name(row.noise_mm)}mm"] = row.mean_ms
-    values["wls_wins_at_every_noise_level"] = comparison.wins_at_every_noise_level(results.sweep)
+    if len(results.sweep):
+        values["wls_wins_at_every_noise_level"] = comparison.wins_at_every_noise_level(results.sweep)
     if results.alignment is not None:
         for row in results.alignment.itertuples():
             values[f"spread_mm_{row.method}_{row.primitive}"] = row.spread_mm

@@ -9,7 +9,7 @@ import pandas as pd
 from structlearn import metrics, signals
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.parameters import AXES, SegmentParameters
-from structlearn.segmentation.result import METHODS, Segmentation
+from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 from structlearn.segmentation.segments import cut
 
 SPREAD_SAMPLES = 200
@@ -133,18 +133,18 @@ def downsampling_effect(
         factors: g.
 
     Returns:
-        One row per factor: `factor`, `work` (cells of the warping table relative to the first factor; the
-        time of the alignment is in proportion to it), `mean_shift_ms` and `max_shift_ms` of the resulting cut
+        One row per factor: `factor`, `work` (cells of the warping table relative to the first factor, counted
+        and not timed: `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut
         points against the first factor's.
     """
     results = {}
     for factor in factors:
         segmentation = cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
-        wls = segmentation.cuts[segmentation.cuts["method"] == "wls"]
-        results[factor] = wls[["start_s", "end_s"]].to_numpy()
+        cuts = segmentation.cuts[segmentation.cuts["method"] == RESULT]
+        results[factor] = cuts.set_index(["demonstration", "primitive"])[["start_s", "end_s"]]
     rows = []
     for factor, ends in results.items():
-        shift = 1e3 * np.abs(ends - results[factors[0]])
+        shift = 1e3 * (ends - results[factors[0]]).dropna().abs().to_numpy()  # those that both could cut
         rows.append(
             {
                 "factor": factor,

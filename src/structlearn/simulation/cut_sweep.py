@@ -31,6 +31,9 @@ class SweepParameters(Parameters):
     downsampling: tuple[int, ...] = Field(min_length=1)
 
 
+COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_error_s", "end_error_s"]
+
+
 def noise_sweep(
     parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> pd.DataFrame:
@@ -46,7 +49,15 @@ def noise_sweep(
     Returns:
         Errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one
         row with method `left_out`; without a reference that is all of them.
+
+    Raises:
+        InputError: the segmentation is not for the simulated task.
     """
+    task = len(simulation.durations_s)
+    if len(segmentation.primitives) != task:
+        raise InputError(
+            f"segment.primitives: names {len(segmentation.primitives)}, the simulated task has {task}"
+        )
     people = range(parameters.first_seed, parameters.first_seed + parameters.seeds)
     work = [(noise, seed) for noise in parameters.noise_mm for seed in people]
     tolerant = segmentation.model_copy(update={"skip_failures": True})
@@ -54,6 +65,11 @@ def noise_sweep(
         partial(_one_set, simulation=simulation, segmentation=tolerant), work, "noise sweep"
     )
     return pd.concat(errors, ignore_index=True)
+
+
+def no_sweep() -> pd.DataFrame:
+    """What stands in for the sweep where the task is not the simulated one: the same table without rows."""
+    return pd.DataFrame(columns=COLUMNS)
 
 
 def _one_set(
@@ -69,4 +85,5 @@ def _one_set(
     except InputError:  # the reference itself is lost in the noise, and all with it
         found, left_out = [], [demonstration.name for demonstration in demonstrations]
     missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
-    return pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)
+    errors = pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)
+    return errors.reindex(columns=COLUMNS)
