@@ -133,14 +133,17 @@ def primitives(results: ScrapingResults, sizes: Sizes) -> Section:
 def sequence(results: ScrapingResults, sizes: Sizes) -> Section:
     """The primitives executed one after another."""
     jumps = listing(f"{100 * jump:.2g} % ({name})" for name, jump in results.acceleration_jumps.items())
+    text = (
+        "The primitives are unrolled one after another. Each starts in the state in which the one before it "
+        "ended; its initial goal absorbs the difference (eq. IV.12 to IV.14). Within the sample of a switch "
+        f"the acceleration changes by at most {jumps} of its maximum."
+        if results.acceleration_jumps
+        else "A single primitive: nothing has to be joined."
+    )
     return Section(
         "The sequence",
         (
-            Prose(
-                "The primitives are unrolled one after another. Each starts in the state in which the one "
-                "before it ended; its initial goal absorbs the difference (eq. IV.12 to IV.14). Within the "
-                f"sample of a switch the acceleration changes by at most {jumps} of its maximum."
-            ),
+            Prose(text),
             beside(
                 "sequence",
                 sizes,

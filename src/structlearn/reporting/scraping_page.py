@@ -108,8 +108,9 @@ def _key_numbers(results: ScrapingResults) -> list[KeyNumber]:
     )
     if "mean_deg" in shown:
         numbers.append(KeyNumber(f"{shown['mean_deg'].max():.1f}°", "the same for orientation"))
-    jump = max(results.acceleration_jumps.values())
-    numbers.append(KeyNumber(f"{100 * jump:.1g} %", "largest jump of the acceleration at a switch"))
+    if results.acceleration_jumps:
+        jump = max(results.acceleration_jumps.values())
+        numbers.append(KeyNumber(f"{100 * jump:.1g} %", "largest jump of the acceleration at a switch"))
     return numbers
 
 

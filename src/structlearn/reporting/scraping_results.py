@@ -141,11 +141,11 @@ class ScrapingResults:
 
     @cached_property
     def acceleration_jumps(self) -> dict[str, float]:
-        """Largest relative jump of the acceleration at a switch, of both sequences."""
-        return {
-            "nominal": largest_acceleration_jump(self.nominal),
-            "generalised": largest_acceleration_jump(self.generalised),
-        }
+        """Largest relative jump of the acceleration at a switch, of both sequences; none without a switch."""
+        if len(self.primitives) < 2:
+            return {}
+        tables = {"nominal": self.nominal, "generalised": self.generalised}
+        return {name: largest_acceleration_jump(table) for name, table in tables.items()}
 
     def most_refined_guess(self, primitive: str) -> Demonstration:
         """The guess whose cut points by ordinary and by weighted least squares differ most."""

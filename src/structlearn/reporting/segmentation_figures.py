@@ -94,7 +94,8 @@ def correspondence_figure(
     for name, curve in curves.items():
         label = "reference" if name == "reference" else METHOD_NAMES[name]
         colour = REFERENCE_COLOUR if name == "reference" else METHOD_COLOURS[name]
-        refined.plot(time, 1e3 * (curve - curve.mean(axis=0)), color=colour, label=label)
+        labels = [label, *[None] * (curve.shape[1] - 1)]  # several axes are one curve
+        refined.plot(time, 1e3 * (curve - curve.mean(axis=0)), color=colour, label=labels)
     refined.set(title="(c) Refined and stretched", xlabel="time / duration of the segment")
     refined.set_ylabel(f"{primitive.axis} from its mean (mm)")
     refined.legend(handlelength=1.2, fontsize=7.5)
@@ -109,8 +110,11 @@ def _draw_pairs(
     shown: pd.DataFrame,
     axis: str,
 ) -> None:
-    """Both segments over time, the reference above the guess, with lines between corresponding samples."""
-    column = AXES[axis][0] if len(AXES[axis]) == 1 else 2
+    """Both segments over time, the reference above the guess, with lines between corresponding samples.
+
+    Of several axes the one along which the reference moves most is drawn.
+    """
+    column = max(AXES[axis], key=lambda column: np.ptp(reference.position[:, column]))
     ends, signals, colours = [], [], (REFERENCE_COLOUR, DEMONSTRATION_COLOUR)
     for demonstration, times in ((reference, "reference_s"), (guess, "guess_s")):
         inside = (demonstration.time >= pairs[times].min()) & (demonstration.time <= pairs[times].max())
