@@ -13,7 +13,7 @@ repro: $(INSTALLED)
 	@echo "reports/index.html is up to date"
 
 test: lint
-	$(BIN)/pytest --numprocesses auto
+	OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
@@ -27,6 +27,7 @@ recorded: $(INSTALLED)
 # Timings beside public libraries, which are installed for it.
 bench: $(INSTALLED) .venv/installed-bench
 	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/controller.py
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`.
 TESTBED ?= scraping

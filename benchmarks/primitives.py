@@ -26,6 +26,8 @@ from primitive_inputs import (
 )
 from timing import Case, Contender
 
+from structlearn.feedback.compiled import compiled_coupling
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import kernels, trajectory, transformation
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.orientation import fit_quaternion
@@ -149,6 +151,48 @@ def coupled(batch: int, aim_ms: float | None) -> Case:
     )
 
 
+class CompiledNetwork(CouplingNetwork):
+    """The same network as the controller's compiled one, in which the modulated layer is linear."""
+
+    def __init__(self) -> None:
+        super().__init__(())
+        inputs, kernel_count = NETWORK[0], NETWORK[-2]
+        self.compiled = compiled_coupling(
+            PhaseModulatedNetwork(
+                input_mean=np.zeros(inputs),
+                input_scale=np.ones(inputs),
+                hidden=tuple(
+                    (weights.T, biases) for weights, biases in zip(self.weights, self.biases, strict=False)
+                ),
+                phase_weights=np.eye(kernel_count),
+                phase_biases=np.zeros(kernel_count),
+                output_weights=self.weights[-1][:, 0],
+            )
+        )
+
+    def __call__(self, step: int, x: np.ndarray, xd: np.ndarray) -> float:
+        """Coupling term, the same on all axes, at x (3,) and xd (3,)."""
+        self.inputs[:3] = x
+        self.inputs[3:6] = xd
+        return self.compiled(self.inputs, self.modulation[step])
+
+
+def coupled_compiled() -> Case:
+    """The same movement with the same network, compiled."""
+    primitive = _fitted_batch(demonstrations(1))
+    network = CompiledNetwork()
+    reference = primitive.unroll(DT, coupling=CouplingNetwork(())).position
+    return Case(
+        work="  with that network compiled",
+        ours=Contender(
+            lambda: primitive.unroll(DT, coupling=network), lambda path: path_error(path.position, reference)
+        ),
+        aim_ms=5.0,
+        tolerance=1e-9,
+        note="by `feedback.compiled`; only its rounding differs from the numpy network",
+    )
+
+
 def coupled_idle() -> Case:
     """What the loop costs beside the coupling term."""
     (path,) = demonstrations(1)
@@ -219,7 +263,8 @@ CASES: tuple[Callable[[], Case], ...] = (
     lambda: unroll(1, 0.3),
     unroll_new_duration,
     lambda: unroll(BATCH, 3.0),
-    lambda: coupled(1, 5.0),
+    lambda: coupled(1, None),
+    coupled_compiled,
     coupled_idle,
     lambda: coupled(BATCH, None),
     quaternion_fit,

@@ -32,6 +32,7 @@ _OWN = {
     "geometry_msgs/msg/PoseWithCovarianceStamped": "std_msgs/Header header\nPoseWithCovariance pose",
     "geometry_msgs/msg/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
     "Transform transform",
+    "geometry_msgs/msg/QuaternionStamped": "std_msgs/Header header\nQuaternion quaternion",
     "nav_msgs/msg/Odometry": "std_msgs/Header header\nstring child_frame_id\n"
     "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist",
     "geometry_msgs/msg/TwistStamped": "std_msgs/Header header\nTwist twist",
@@ -70,10 +71,15 @@ def vector(values):
     return dict(zip("xyz", map(float, values), strict=True))
 
 
+def ros_quaternion(row):
+    """Orientation of a row qw, qx, qy, qz."""
+    w, x, y, z = map(float, row)
+    return {"x": x, "y": y, "z": z, "w": w}
+
+
 def ros_pose(row):
     """Pose of a row x, y, z, qw, qx, qy, qz."""
-    w, x, y, z = map(float, row[3:])
-    return {"position": vector(row[:3]), "orientation": {"x": x, "y": y, "z": z, "w": w}}
+    return {"position": vector(row[:3]), "orientation": ros_quaternion(row[3:])}
 
 
 def pose_messages(stamps, rows, topic="/tool"):
@@ -111,6 +117,8 @@ def make_recording(name="demo", seed=0, count=40, fingers=2, provenance=None, se
         Stream(f"/tactile/{f}", "tactile", clock(100), rng.integers(-500, 4000, (count, 19)).astype(float))
         for f in range(fingers)
     ]
+    turns = quaternion.normalised(rng.normal(size=(count, 4)))
+    streams.append(Stream("/tool_to_board", "tool_to_board", clock(100), turns))
     return Recording(name, tuple(streams), segments, provenance or {"origin": "simulated", "seed": str(seed)})
 
 

@@ -5,11 +5,18 @@ from pathlib import Path
 
 FLOORS = (
     ("recordings", "primitives"),
-    ("segmentation",),
-    ("simulation", "recorded"),
+    ("segmentation", "feedback"),
+    ("simulation", "recorded", "policy_search"),
     ("reporting", "viewer"),
 )
-ROOMS = {"rerun": "viewer", "matplotlib": "reporting", "pybullet": "simulation", "mcap": "recordings"}
+ROOMS = {
+    "rerun": "viewer",
+    "matplotlib": "reporting",
+    "pybullet": "simulation",
+    "pinocchio": "simulation",
+    "torch": "feedback",
+    "mcap": "recordings",
+}
 
 
 def modules(root: Path) -> dict[Path, set[str]]:

@@ -1,7 +1,8 @@
-"""A user's own bags of another task, position only, through every stage to the report."""
+"""A user's own bags through every stage to the report."""
 
 import json
 import runpy
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,34 @@ import yaml
 from conftest import minimum_jerk
 from recordings_bags import pose_messages, write_bag
 
+from structlearn.feedback.skill import ReactiveSkill, read_skill
+from structlearn.recordings import write_recordings
+from structlearn.recordings.clock import synchronise
+from structlearn.recordings.recording import Recording
+from structlearn.segmentation.learning import FitParameters, learn_sequence
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+from structlearn.simulation.demonstrator import DemonstratorParameters
+from structlearn.simulation.trials import (
+    TestbedParameters,
+    corrected_runs,
+    executions,
+    guided_demonstrations,
+    nominal_runs,
+)
+
 STAGES = (
-    "scraping/record.py",
+    "scraping/record_nominal.py",
     "scraping/segment.py",
     "scraping/sweep.py",
     "scraping/fit_primitives.py",
+    "scraping/expected_traces.py",
+    "scraping/record_corrections.py",
+    "scraping/coupling_dataset.py",
+    "scraping/train_feedback.py",
+    "scraping/compare_models.py",
+    "scraping/evaluate_feedback.py",
+    "scraping/time_controller.py",
     "scraping/view.py",
     "scraping/report.py",
     "report.py",
@@ -48,3 +72,47 @@ def test_another_task_goes_through_to_the_report(root, tmp_path, monkeypatch):
     page = Path("reports/scraping/index.html").read_text()
     assert "noise_sweep" not in page
     assert 'class="badge"' not in page  # nothing on it is simulated
+
+
+def as_recorded(recordings: Iterable[Recording]) -> list[Recording]:
+    """The same streams as a robot would have recorded them: nobody knows where the primitives lie."""
+    return [Recording(one.name, one.streams, None, {"origin": "recorded"}) for one in recordings]
+
+
+def test_own_executions_and_corrections_give_feedback_models(root, tmp_path, monkeypatch):
+    testbed = TestbedParameters()
+    nominal = guided_demonstrations(DemonstratorParameters(count=4), testbed)
+    demonstrations = [synchronise(recording, 300.0) for recording in nominal]
+    parameters = yaml.safe_load((root / "params.yaml").read_text())
+    segmentation = cut(demonstrations, SegmentParameters(**parameters["segment"]))
+    skill = ReactiveSkill(learn_sequence(demonstrations, segmentation, FitParameters()))
+    write_recordings(as_recorded(nominal), tmp_path / "bags" / "nominal")
+    write_recordings(
+        as_recorded(executions(skill, nominal_runs(2), testbed)), tmp_path / "bags" / "executions"
+    )
+    corrected = as_recorded(executions(skill, corrected_runs([5.0], 3), testbed))
+    write_recordings(corrected, tmp_path / "bags" / "corrections" / "5")
+
+    topics = {"pose": "/pose", "wrench": "/wrench", "tactile": ["/tactile/0", "/tactile/1"]}
+    parameters["record"] = {"source": "bags/nominal", "topics": topics}
+    parameters["expected_traces"]["source"] = "bags/executions"
+    parameters["record_corrections"] |= {"source": "bags/corrections", "settings_deg": [5]}
+    parameters["coupling_dataset"]["settings_deg"] = [5]
+    parameters["train_feedback"] = {"hidden": [8], "pointwise": {"steps": 100}, "unrolled": {"steps": 10}}
+    parameters["compare_models"] |= {"steps": 20, "evaluate_every": 10}
+    parameters["time_controller"]["ticks"] = 200
+    (tmp_path / "params.yaml").write_text(yaml.safe_dump(parameters))
+    monkeypatch.chdir(tmp_path)
+    for stage in STAGES:
+        runpy.run_path(str(root / "stages" / stage), run_name="__main__")
+
+    values = json.loads(Path("reports/scraping/metrics.json").read_text())
+    assert values["pmnn_prim2_generalization_nmse"] > 0.0
+    assert not any(name.startswith("cost_ratio") for name in values)  # the board is the simulated one
+    axis = np.array(parameters["coupling_dataset"]["axis"])
+    model = "data/feedback/scraping/models/pointwise.safetensors"
+    learned = read_skill(
+        "data/primitives/scraping/primitives.safetensors", "data/feedback/scraping/expected", model, axis
+    )
+    assert set(learned.networks) == {"turn", "scrape"}
+    assert learned.channels == 38

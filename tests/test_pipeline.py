@@ -15,8 +15,19 @@ REDUCED = {
     "simulate": {"count": 4},
     "segment_sweep": {"noise_mm": [0.0, 0.5], "seeds": 2, "downsampling": [1, 8]},
     "fit_primitives": {"kernel_count": 15},
+    "expected_traces": {"runs": 2},
+    "record_corrections": {"settings_deg": [2.5, 10], "runs": 3},
+    "coupling_dataset": {"settings_deg": [2.5, 10]},
+    "train_feedback": {"pointwise": {"steps": 200}, "unrolled": {"steps": 20}},
+    "compare_models": {"steps": 60, "evaluate_every": 20},
+    "time_controller": {"ticks": 200, "runs": 1},
+    "evaluate_feedback": {"settings_deg": [0, 2.5, 10], "runs": 1},
     "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
+    "recorded_corrections": {"splits": 2},
 }
+
+
+NOT_REPEATABLE = (".gitignore", "timings.json")
 
 
 def clone(root: Path, target: Path) -> Path:
@@ -51,12 +62,12 @@ def repro(project: Path, *options: str, **variables: str) -> list[str]:
 
 
 def artefacts(project: Path) -> dict[str, bytes]:
-    """All that the pipeline wrote, by path, but the recordings for the viewer, which carry random ids."""
+    """All that the pipeline wrote, by path, but wall times and recordings for the viewer (random ids)."""
     files = [*(project / "data").rglob("*"), *(project / "reports").rglob("*")]
     return {
         file.relative_to(project).as_posix(): file.read_bytes()
         for file in files
-        if file.is_file() and file.suffix != ".rrd" and file.name != ".gitignore"
+        if file.is_file() and file.suffix != ".rrd" and file.name not in NOT_REPEATABLE
     }
 
 
@@ -73,13 +84,16 @@ def test_everything_is_there(project):
         "data/raw/scraping/nominal/04.mcap",
         "data/segments/scraping/cuts.parquet",
         "data/primitives/scraping/primitives.safetensors",
+        "data/raw/scraping/corrections/2.5/03.mcap",
+        "data/feedback/scraping/models/pointwise.safetensors",
+        "data/feedback/scraping/evaluation/scores.parquet",
         "reports/index.html",
         "reports/scraping/index.html",
         "reports/scraping/metrics.json",
     ):
         assert written[path]
     recordings = list((project / "reports/recordings/scraping").glob("*.rrd"))
-    assert len(recordings) == 3
+    assert len(recordings) == 5
     assert not list(project.rglob(".publish-*"))
 
 
@@ -125,10 +139,13 @@ def test_a_killed_stage_leaves_nothing_half_written(project):
 
 def test_recorded_data_have_a_pipeline_of_their_own(project, recorded_data):
     ran = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
-    assert len(ran) == 7
+    stages = {stage.split(":")[-1] for stage in ran}
+    assert {"import_recordings", "reaches", "corrected_reaches", "unscrewing", "scraping", "slides"} <= stages
+    assert {"inspect", "report"} <= stages
     values = json.loads((project / "reports/recorded/metrics.json").read_text())
     assert values["reach_cut_error_ms_2mm"] <= 40.0
-    assert len(list((project / "reports/recordings/recorded").glob("*.rrd"))) == 5
+    recordings = {path.stem for path in (project / "reports/recordings/recorded").glob("*.rrd")}
+    assert {"reaches", "corrected_reaches", "unscrewing", "scraping_recorded", "slides"} <= recordings
     again = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
     assert [stage.split(":")[1] for stage in again] == ["import_recordings"]  # it always looks
 

@@ -280,11 +280,11 @@ def test_the_compiled_helpers_agree_with_the_batched_ones(rng):
     np.testing.assert_allclose(orientation._product(a, b), quaternion.product(a, b), atol=1e-15)
     for target in (a, -a, b, -b, quaternion.product(quaternion.exp(1e-13 * np.ones(3)), b)):
         vector = np.empty(3)
-        orientation._difference(target, b, vector)
+        orientation.write_difference(target, b, vector)
         np.testing.assert_allclose(vector, quaternion.difference(target, b), atol=1e-14)
     for length in (0.0, 1e-14, 1e-6, 1.0, 3.1, 7.0):
         turned, vector = a.copy(), random_vectors(rng, length)
-        orientation._turn(turned, vector)
+        orientation.turn_in_place(turned, vector)
         expected = quaternion.product(quaternion.from_rotation_vector(vector), a)
         np.testing.assert_allclose(turned, expected, atol=1e-14)
 

@@ -24,6 +24,13 @@ def with_pose(scale):
     return Recording("trial_3", (Stream("/tool", "pose", STAMPS, values),))
 
 
+def with_tool_to_board(scale=1.0, columns=4):
+    turns = np.hstack([pose_rows(6)[:, 3:], np.zeros((6, 1))])[:, :columns]
+    turns[2] *= scale
+    pose = Stream("/tool", "pose", STAMPS, pose_rows(6))
+    return Recording("trial_3", (pose, Stream("/mocap", "tool_to_board", STAMPS, turns)))
+
+
 def moved(row, nanoseconds):
     stamps = STAMPS.copy()
     stamps[row] += nanoseconds
@@ -32,6 +39,7 @@ def moved(row, nanoseconds):
 
 def test_a_sound_recording_passes():
     check_recording(with_wrench())
+    check_recording(with_tool_to_board())
 
 
 @pytest.mark.parametrize(
@@ -50,6 +58,9 @@ def test_a_sound_recording_passes():
         (with_wrench(moved(1, 10**9)), r"/wrist: row 2 .* runs back in time"),
         (with_wrench(STAMPS[:1]), "/wrist: needs at least two samples, has 1"),
         (with_pose(1.0011), r"/tool: row 4 .*: quaternion has norm 1\.0011, not 1"),
+        (with_tool_to_board(0.9), r"/mocap: row 2 .*: quaternion has norm 0\.9, not 1"),
+        (with_tool_to_board(columns=3), r"/mocap: tool_to_board needs 4 columns, has 3"),
+        (with_tool_to_board(np.nan), r"/mocap: row 2 .*, column 0: value is nan"),
         (with_pose(0.0), r"/tool: row 4 .*: quaternion has norm 0, not 1"),
     ],
 )

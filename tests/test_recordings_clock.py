@@ -82,13 +82,15 @@ def test_a_steady_turn_is_met_exactly_whatever_the_signs(seed):
     turn = quaternion.from_rotation_vector(seconds(stamps)[:, None] * axis)
     signs = rng.choice([-1.0, 1.0], size=(60, 1))
     scale = rng.uniform(0.9995, 1.0005, size=(60, 1))
-    streams = (pose_stream(stamps, orientation=turn * signs * scale),)
+    seen = Stream("/mocap", "tool_to_board", stamps, turn * signs[::-1] * scale)
+    streams = (pose_stream(stamps, orientation=turn * signs * scale), seen)
     demonstration = synchronise(Recording("turn", streams), rate_hz=250.0)
     time = demonstration.time + seconds(stamps[0])
     exact = quaternion.from_rotation_vector(time[:, None] * axis)
-    assert quaternion.angle_between(demonstration.orientation, exact).max() < 1e-7
-    np.testing.assert_allclose(np.linalg.norm(demonstration.orientation, axis=1), 1, atol=1e-12)
-    assert (np.sum(demonstration.orientation[1:] * demonstration.orientation[:-1], axis=1) > 0).all()
+    for path in (demonstration.orientation, demonstration.tool_to_board):
+        assert quaternion.angle_between(path, exact).max() < 1e-7
+        np.testing.assert_allclose(np.linalg.norm(path, axis=1), 1, atol=1e-12)
+        assert (np.sum(path[1:] * path[:-1], axis=1) > 0).all()
 
 
 def test_every_kind_of_stream_finds_its_signal():
@@ -97,10 +99,10 @@ def test_every_kind_of_stream_finds_its_signal():
     assert demonstration.name == "demo"
     assert demonstration.simulated
     widths = {"position": 3, "orientation": 4, "velocity": 3, "angular_velocity": 3, "joint_positions": 7}
-    widths |= {"joint_velocities": 7, "joint_torques": 7, "wrench": 6, "tactile": 38}
+    widths |= {"joint_velocities": 7, "joint_torques": 7, "wrench": 6, "tactile": 38, "tool_to_board": 4}
     for signal, width in widths.items():
         assert getattr(demonstration, signal).shape == (len(demonstration.time), width)
-    left, right = recording.streams[-2:]
+    left, right = (stream for stream in recording.streams if stream.kind == "tactile")
     start = max(stream.stamps[0] for stream in recording.streams)
     expected = np.interp(demonstration.time, seconds(right.stamps, start), right.values[:, 18])
     np.testing.assert_allclose(demonstration.tactile[:, 37], expected, rtol=1e-6)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from recordings_bags import header, pose_messages, pose_rows, ros_pose, vector, write_bag
+from recordings_bags import header, pose_messages, pose_rows, ros_pose, ros_quaternion, vector, write_bag
 
 from structlearn.errors import InputError
 from structlearn.recordings import TopicMap, read_recording
@@ -13,8 +13,7 @@ LATE = 3_000_000  # ns from header stamp to log time
 
 
 def transform(row):
-    w, x, y, z = map(float, row[3:])
-    return {"translation": vector(row[:3]), "rotation": {"x": x, "y": y, "z": z, "w": w}}
+    return {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
 
 
 POSES = {
@@ -82,6 +81,29 @@ def test_twist_and_wrench(tmp_path, role, message_type, field, parts):
     (stream,) = read(tmp_path / "bag.mcap", messages, **{role: "/x"})
     assert stream.kind == role
     np.testing.assert_array_equal(stream.values, [[1, 2, s, 4, 5, 6] for s in STAMPS])
+
+
+ORIENTATIONS = {
+    "geometry_msgs/msg/QuaternionStamped": lambda h, row: {
+        "header": h,
+        "quaternion": ros_quaternion(row[3:]),
+    },
+    "geometry_msgs/msg/PoseStamped": POSES["geometry_msgs/msg/PoseStamped"],
+    "geometry_msgs/msg/TransformStamped": POSES["geometry_msgs/msg/TransformStamped"],
+}
+
+
+@pytest.mark.parametrize("message_type", ORIENTATIONS)
+def test_the_tool_on_the_board_is_a_scalar_first_quaternion_from_every_type(tmp_path, message_type):
+    """Motion capture publishes a pose or a transform; only how the tool is turned counts."""
+    messages = [
+        ("/mocap", message_type, ORIENTATIONS[message_type](header(s), row), s + LATE)
+        for s, row in zip(STAMPS, ROWS[::-1], strict=True)
+    ]
+    (stream,) = read(tmp_path / "bag.mcap", messages, tool_to_board="/mocap")
+    assert stream.kind == "tool_to_board"
+    np.testing.assert_array_equal(stream.values, ROWS[::-1, 3:])
+    np.testing.assert_array_equal(stream.stamps, STAMPS)
 
 
 @pytest.mark.parametrize("number", ["Float32", "Float64", "Int16", "Int32", "UInt16"])
@@ -205,12 +227,16 @@ def test_tactile_messages_without_values_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("role", "understood"),
-    [("pose", "geometry_msgs/PoseStamped.*nav_msgs/Odometry"), ("tactile", "std_msgs/Float32MultiArray")],
+    [
+        ("pose", "geometry_msgs/PoseStamped.*nav_msgs/Odometry"),
+        ("tactile", "std_msgs/Float32MultiArray"),
+        ("tool_to_board", "geometry_msgs/QuaternionStamped.*geometry_msgs/TransformStamped"),
+    ],
 )
 def test_an_unknown_type_is_named_with_those_that_are_understood(tmp_path, role, understood):
     text = [("/words", "std_msgs/msg/String", {"data": "hello"}, s) for s in STAMPS]
     write_bag(tmp_path / "bag.mcap", [*pose_messages(STAMPS, ROWS), *text])
-    topics = {"pose": "/tool"} | {role: "/words" if role == "pose" else ("/words",)}
+    topics = {"pose": "/tool"} | {role: ("/words",) if role == "tactile" else "/words"}
     complaint = rf"bag\.mcap: topic '/words' has messages of type std_msgs/msg/String; {role} .*{understood}"
     with pytest.raises(InputError, match=complaint):
         read_recording(tmp_path / "bag.mcap", TopicMap(**topics))

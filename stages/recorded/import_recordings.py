@@ -11,6 +11,7 @@ def main() -> None:
     folder = parameters.folder
     sets = {
         "reaches": clmc.read_reaches(folder / "clmc"),
+        "corrected_reaches": clmc.read_reaches(folder / "clmc", "dataset2_part"),
         "unscrewing": clmc.read_unscrewing(folder / "clmc"),
         "scraping": clmc.read_scraping_execution(folder / "clmc"),
         "slides": slide.read_slides(folder / "slide", parameters.slide_trials),

@@ -1,7 +1,10 @@
 """The report on recorded data: figures, tables, metrics and the page that shows them."""
 
+from dataclasses import fields
+
 from structlearn.artefacts import read_metrics, read_table
 from structlearn.primitives.storage import read_primitives
+from structlearn.recorded.correction_splits import CorrectionParameters, CorrectionResults
 from structlearn.recorded.reaches import ReachParameters
 from structlearn.recorded.scraping import ExecutionParameters
 from structlearn.recorded.slides import SlideParameters
@@ -15,6 +18,7 @@ from structlearn.stage import run, stage_parameters
 
 PARAMETERS = {
     "recorded_reaches": ReachParameters,
+    "recorded_corrections": CorrectionParameters,
     "recorded_unscrewing": FitParameters,
     "recorded_scraping": ExecutionParameters,
     "recorded_slides": SlideParameters,
@@ -23,6 +27,10 @@ RECORDINGS = tuple(
     Link(f"../recordings/recorded/{name}.rrd", f"{name}.rrd", note)
     for name, note in (
         ("reaches", "97 reaches with the primitive learned from them"),
+        (
+            "corrected_reaches",
+            "28 higher reaches and the nominal primitive, with and without learned coupling",
+        ),
         ("unscrewing", "three logs and the primitive learned from all of them"),
         ("scraping_recorded", "the execution with its electrodes"),
         ("scraping_learned", "the sequence learned from it"),
@@ -46,6 +54,12 @@ def main() -> None:
         reach_errors=read_table(f"{data}/reaches/reproduction.parquet"),
         reach_cut_errors=read_table(f"{data}/reaches/cut_errors.parquet"),
         own_spread_mm=read_metrics(f"{data}/reaches/spread.json")["own_spread_mm"],
+        corrections=CorrectionResults(
+            **{
+                field.name: read_table(f"{data}/corrected_reaches/{field.name}.parquet")
+                for field in fields(CorrectionResults)
+            }
+        ),
         unscrewing_segments=segment_paths(logs, whole(logs), smoothing[1]),
         unscrewing_primitive=read_primitives(f"{data}/unscrewing/primitive.safetensors")[0],
         unscrewing_errors=read_table(f"{data}/unscrewing/errors.parquet"),

@@ -2,10 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from structlearn.artefacts import publish, read_table
+from structlearn.feedback.pmnn import read_networks
 from structlearn.primitives import sequence
 from structlearn.primitives.sensor_traces import deviation, without_offset
 from structlearn.primitives.storage import read_primitives, read_vector_primitive
+from structlearn.recorded.corrected_reaches import complete, typical_paths
 from structlearn.recorded.slides import GROUPS, SlideParameters, trial_group
 from structlearn.recordings import read_demonstrations
 from structlearn.stage import run, stage_parameters
@@ -23,6 +27,18 @@ def main() -> None:
         tables = {"unrolled": sequence.sequence_table(path, [primitive.name for primitive in primitives])}
         with publish(f"{FOLDER}/{name}.rrd") as target:
             write_primitives(target, demonstrations, primitives, tables, f"{heading} and the primitive")
+
+    higher = complete(read_demonstrations("data/raw/recorded/corrected_reaches"))
+    nominal = read_primitives("data/recorded/reaches/primitive.safetensors")
+    networks = read_networks("data/recorded/corrected_reaches/networks.safetensors")
+    tables = {
+        name: sequence.sequence_table(
+            sequence.SequencePath(path, None, np.array([0, len(path.time) - 1])), [nominal[0].name]
+        )
+        for name, path in typical_paths(nominal[0].position, higher, list(networks.items())).items()
+    }
+    with publish(f"{FOLDER}/corrected_reaches.rrd") as target:
+        write_primitives(target, higher, nominal, tables, "Higher reaches: the primitive with coupling")
 
     execution = read_demonstrations("data/raw/recorded/scraping")
     with publish(f"{FOLDER}/scraping_recorded.rrd") as target:

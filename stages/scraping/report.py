@@ -1,10 +1,15 @@
 """The report of the scraping testbed: figures, tables, metrics and the page that shows them."""
 
 from structlearn.artefacts import read_table
+from structlearn.feedback.closed_loop import EvaluationParameters
+from structlearn.feedback.models import FeedbackParameters
+from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
+from structlearn.feedback.training import TrainingParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.primitives.storage import read_primitives
 from structlearn.recordings import read_demonstrations
-from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.recordings.source import ClockParameters, CorrectionSourceParameters, SourceParameters
+from structlearn.reporting.feedback_files import read_feedback
 from structlearn.reporting.page import Link
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.scraping_page import pictures, scraping_page
@@ -14,6 +19,7 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
 from structlearn.simulation.cut_sweep import SweepParameters
 from structlearn.simulation.demonstrator import DemonstratorParameters
+from structlearn.simulation.trials import TestbedParameters
 from structlearn.stage import run, stage_parameters
 
 PARAMETERS = {
@@ -25,36 +31,55 @@ PARAMETERS = {
     "fit_primitives": FitParameters,
     "generalise": GeneraliseParameters,
 }
-RECORDINGS = tuple(
-    Link(f"../recordings/scraping/{name}.rrd", f"{name}.rrd", note)
-    for name, note in (
-        ("demonstrations", "all demonstrations with their cut points"),
-        ("alignment", "reference and guesses with their corresponding samples"),
-        ("primitives", "the learned primitives and both sequences"),
-    )
-)
+FEEDBACK_PARAMETERS = {
+    "testbed": TestbedParameters,
+    "expected_traces": ExpectedTracesParameters,
+    "record_corrections": CorrectionSourceParameters,
+    "coupling_dataset": SupervisionParameters,
+    "train_feedback": FeedbackParameters,
+    "compare_models": TrainingParameters,
+    "evaluate_feedback": EvaluationParameters,
+}
+RECORDINGS = {
+    "demonstrations": "all demonstrations with their cut points",
+    "alignment": "reference and guesses with their corresponding samples",
+    "primitives": "the learned primitives and both sequences",
+}
+EXECUTED = {
+    "feedback": "nominal, corrected and closed-loop runs at every tilt, with what the fingers feel",
+    "robot": "the whole robot with feedback at the largest tilt",
+}
 
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
+    primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
+    of_feedback = {key: stage_parameters(key, model) for key, model in FEEDBACK_PARAMETERS.items()}
+    names = [primitive.name for primitive in primitives]
+    feedback = read_feedback("data/raw/scraping", "data/feedback/scraping", names, parameters | of_feedback)
+    if feedback is not None:
+        parameters |= of_feedback
+    notes = RECORDINGS | (EXECUTED if feedback is not None and feedback.board is not None else {})
+    links = [Link(f"../recordings/scraping/{name}.rrd", f"{name}.rrd", note) for name, note in notes.items()]
     results = ScrapingResults(
         demonstrations=read_demonstrations("data/raw/scraping/nominal", **parameters["clock"].model_dump()),
         segmentation=read_segmentation("data/segments/scraping"),
         noise=read_table("data/segments/scraping_sweep/noise.parquet"),
         downsampling=read_table("data/segments/scraping_sweep/downsampling.parquet"),
-        primitives=read_primitives("data/primitives/scraping/primitives.safetensors"),
+        primitives=primitives,
         reproduction=read_table("data/primitives/scraping/reproduction.parquet"),
         nominal=read_table("data/primitives/scraping/nominal.parquet"),
         generalised=read_table("data/primitives/scraping/generalised.parquet"),
         segment_parameters=parameters["segment"],
         fit_parameters=parameters["fit_primitives"],
+        feedback=feedback,
     )
     publish_report(
         "reports/scraping",
         pictures(results),
         tables(results),
         metrics(results),
-        lambda sizes: scraping_page(results, sizes, parameters, RECORDINGS),
+        lambda sizes: scraping_page(results, sizes, parameters, links),
     )
 
 

@@ -1,4 +1,6 @@
-"""Recordings to look at: the demonstrations and their cuts, the alignment, the learned primitives (IV.5)."""
+"""Recordings to look at: demonstrations and their cuts, alignment, primitives (IV.5), executions (IV.9)."""
+
+from pathlib import Path
 
 from structlearn.artefacts import publish, read_table
 from structlearn.primitives.storage import read_primitives
@@ -7,27 +9,44 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
 from structlearn.stage import run, stage_parameters
-from structlearn.viewer import write_alignment, write_demonstrations, write_primitives
+from structlearn.viewer import (
+    read_shown_runs,
+    write_alignment,
+    write_demonstrations,
+    write_executions,
+    write_primitives,
+    write_robot,
+)
 
-FOLDER = "reports/recordings/scraping"
+RAW, FEEDBACK = Path("data/raw/scraping"), Path("data/feedback/scraping")
+SHOWN_MODEL = "pointwise"  # trained as in the dissertation
 
 
 def main() -> None:
     parameters = stage_parameters("segment", SegmentParameters)
     clock = stage_parameters("clock", ClockParameters)
-    demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
+    demonstrations = read_demonstrations(RAW / "nominal", **clock.model_dump())
     segmentation = read_segmentation("data/segments/scraping")
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
     paths = {
         name: read_table(f"data/primitives/scraping/{name}.parquet") for name in ("nominal", "generalised")
     }
+    names = [primitive.name for primitive in primitives]
+    runs = read_shown_runs(RAW, FEEDBACK, SHOWN_MODEL, names, clock)
 
-    with publish(f"{FOLDER}/demonstrations.rrd") as path:
-        write_demonstrations(path, demonstrations, segmentation, "Scraping: demonstrations")
-    with publish(f"{FOLDER}/alignment.rrd") as path:
-        write_alignment(path, demonstrations, segmentation, parameters, "Scraping: alignment")
-    with publish(f"{FOLDER}/primitives.rrd") as path:
-        write_primitives(path, demonstrations, primitives, paths, "Scraping: primitives")
+    with publish("reports/recordings/scraping") as folder:
+        folder.mkdir()
+        write_demonstrations(
+            folder / "demonstrations.rrd", demonstrations, segmentation, "Scraping: demonstrations"
+        )
+        write_alignment(
+            folder / "alignment.rrd", demonstrations, segmentation, parameters, "Scraping: alignment"
+        )
+        write_primitives(folder / "primitives.rrd", demonstrations, primitives, paths, "Scraping: primitives")
+        if runs:
+            *_, with_feedback = runs[max(runs)]
+            write_executions(folder / "feedback.rrd", runs, "Scraping: feedback")
+            write_robot(folder / "robot.rrd", with_feedback, "Scraping: robot with feedback")
 
 
 if __name__ == "__main__":

@@ -207,7 +207,7 @@ def unroll(
     else:
         for k in range(samples):
             c = np.broadcast_to(first if k == 0 else coupling(k, q.copy(), v / tau), v.shape)
-            _step(k, *arguments, c.reshape(-1, 3), *outputs)
+            step_batch(k, *arguments, c.reshape(-1, 3), *outputs)
     return OrientationTrajectory(times, orientation, rates[0] / tau, rates[1] / tau**2)
 
 
@@ -223,7 +223,7 @@ def _product(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float, float]:
 
 
 @numba.njit(cache=True)
-def _difference(target: np.ndarray, q: np.ndarray, vector: np.ndarray) -> None:
+def write_difference(target: np.ndarray, q: np.ndarray, vector: np.ndarray) -> None:
     """Write the rotation vector from q to the target, the short way, into vector (3,)."""
     r, x, y, z = _product(target, np.array((q[0], -q[1], -q[2], -q[3])))
     sine = np.sqrt(x * x + y * y + z * z)
@@ -234,7 +234,7 @@ def _difference(target: np.ndarray, q: np.ndarray, vector: np.ndarray) -> None:
 
 
 @numba.njit(cache=True)
-def _turn(q: np.ndarray, vector: np.ndarray) -> None:
+def turn_in_place(q: np.ndarray, vector: np.ndarray) -> None:
     """Turn q (4,) by a rotation vector (3,) in place and normalise it."""
     angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     factor = 0.5 if angle < 1e-12 else np.sin(0.5 * angle) / angle
@@ -245,7 +245,7 @@ def _turn(q: np.ndarray, vector: np.ndarray) -> None:
 
 
 @numba.njit(cache=True)
-def _step(
+def step_batch(
     k: int,
     matrix: np.ndarray,
     q: np.ndarray,
@@ -267,8 +267,8 @@ def _step(
     error, goal_change, turn = np.empty(3), np.empty(3), np.empty(3)
     angle, rate = matrix[0], matrix[1]
     for b in range(batch):
-        _difference(goals[b, k], q[b], error)
-        _difference(goals[b, following], goals[b, k], goal_change)
+        write_difference(goals[b, k], q[b], error)
+        write_difference(goals[b, following], goals[b, k], goal_change)
         for d in range(3):
             f = forcing[b, k, d] + coupling[b, d]
             change = forcing[b, following, d] - forcing[b, k, d]
@@ -279,7 +279,7 @@ def _step(
             turn[d] = angle[1] * v[b, d] + angle[2] * fall + angle[3] * steady + angle[4] * change
             v[b, d] = rate[1] * v[b, d] + rate[2] * fall + rate[3] * steady + rate[4] * change
         orientation[b, k] = q[b]
-        _turn(q[b], turn)
+        turn_in_place(q[b], turn)
 
 
 @numba.njit(cache=True)
@@ -295,4 +295,4 @@ def _unroll(
     """All steps without feedback."""
     no_coupling = np.zeros_like(v)
     for k in range(forcing.shape[1]):
-        _step(k, matrix, q, v, forcing, goals, no_coupling, orientation, rates)
+        step_batch(k, matrix, q, v, forcing, goals, no_coupling, orientation, rates)

@@ -120,7 +120,7 @@ def unroll(
         flat_held = held.reshape(-1, batch[-1])
         for k in range(forcing.shape[-2]):
             held[...] = first if k == 0 else coupling(k, offset + goal, rate / tau)
-            _step(k, *arguments, flat_held, flat_path)
+            step_batch(k, *arguments, flat_held, flat_path)
     return Trajectory(dt * np.arange(forcing.shape[-2]), *path)
 
 
@@ -178,7 +178,7 @@ def _advance(
 
 
 @numba.njit(cache=True)
-def _step(
+def step_batch(
     k: int,
     matrix: np.ndarray,
     tau: float,

@@ -69,8 +69,8 @@ def _check_values(where: str, stream: Stream) -> None:
         row, column = np.argwhere(~finite)[0]
         value = stream.values[row, column]
         raise InputError(f"{where}: {at_row(row, stream.stamps)}, column {column}: value is {value}")
-    if stream.kind == "pose":
-        norm = np.linalg.norm(stream.values[:, 3:], axis=1)
+    if stream.kind in ("pose", "tool_to_board"):
+        norm = np.linalg.norm(stream.values[:, -4:], axis=1)
         off = np.abs(norm - 1) > NORM_TOLERANCE
         if off.any():
             row = int(np.argmax(off))

@@ -22,8 +22,9 @@ ROBOT_RATE_HZ = 300.0
 ELECTRODES = 19
 """Electrodes of one BioTac finger."""
 
-REACH_SETS = ("dataset1", "dataset2_part")
-"""97 reaches, and 30 with the same start and goal along a higher arc."""
+REACH_SETS = {"dataset1": 97, "dataset2_part": 30}
+"""Reaches taken of each set: 97, and 30 with the same start and goal along a higher arc. The latter are the
+first of the repository's `dataset2`, which has 96 under the same numbers."""
 
 INCOMPLETE_REACHES = {"dataset1": (), "dataset2_part": ("15", "21")}
 """Reaches whose log begins or ends in mid-air, over 0.1 m from start or goal; imported as they are."""
@@ -40,7 +41,7 @@ def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recordin
         dataset: one of `REACH_SETS`.
 
     Returns:
-        Recordings in the order of their numbers, with pose and twist.
+        Recordings in the order of their numbers up to that in `REACH_SETS`, with pose and twist.
 
     Raises:
         InputError: the set is unknown or has no files, or a file is not a table of 10 columns.
@@ -48,7 +49,8 @@ def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recordin
     folder = Path(folder)
     if dataset not in REACH_SETS:
         raise InputError(f"{dataset}: no such set of reaches; there are {', '.join(REACH_SETS)}")
-    files = [path for path in (folder / "cart_coord_dmp" / dataset).glob("*.txt") if path.stem.isdecimal()]
+    numbered = [path for path in (folder / "cart_coord_dmp" / dataset).glob("*.txt") if path.stem.isdecimal()]
+    files = [path for path in numbered if int(path.stem) <= REACH_SETS[dataset]]
     if not files:
         raise InputError(f"{folder / 'cart_coord_dmp' / dataset}: holds no reaches (1.txt, 2.txt, ...)")
     return [_reach(folder, path) for path in sorted(files, key=lambda path: int(path.stem))]

@@ -60,6 +60,8 @@ def synchronise(
         elif stream.kind == "twist":
             twist = _linear(ticks, stamps, stream.values)
             signals["velocity"], signals["angular_velocity"] = twist[:, :3], twist[:, 3:]
+        elif stream.kind == "tool_to_board":
+            signals["tool_to_board"] = _slerp(ticks, stamps, stream.values)
         elif stream.kind == "tactile":
             tactile.append(_linear(ticks, stamps, stream.values))
         else:

@@ -26,6 +26,7 @@ class Demonstration:
         joint_torques: (T, J) N m, where recorded.
         wrench: (T, 6) force in N, torque in N m, where recorded.
         tactile: (T, E) sensor counts, where recorded.
+        tool_to_board: (T, 4) orientation of the tool relative to the board, sign-continuous, where recorded.
         true_segments: (P, 2) start and end of each primitive in s, known only when simulated.
         provenance: what is known of the origin (simulated or recorded, seed, source, licence).
     """
@@ -41,6 +42,7 @@ class Demonstration:
     joint_torques: np.ndarray | None = None
     wrench: np.ndarray | None = None
     tactile: np.ndarray | None = None
+    tool_to_board: np.ndarray | None = None
     true_segments: np.ndarray | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
 
@@ -74,5 +76,6 @@ SIGNALS = (
     "joint_torques",
     "wrench",
     "tactile",
+    "tool_to_board",
 )
 """Names of the sampled signals of a demonstration."""

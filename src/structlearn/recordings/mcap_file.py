@@ -105,6 +105,7 @@ def _own_topics(recording: Recording) -> list[str]:
         "pose": OWN_TOPICS.pose,
         "twist": OWN_TOPICS.twist,
         "wrench": OWN_TOPICS.wrench,
+        "tool_to_board": OWN_TOPICS.tool_to_board,
     }
     topics |= dict(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
     tactile = iter(OWN_TOPICS.tactile)

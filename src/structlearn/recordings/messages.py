@@ -84,6 +84,8 @@ class TopicCollector:
         values = _table(self._where, stamps, rows)
         if self._role == "pose":
             values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
+        elif self._role == "tool_to_board":
+            values = quaternion.from_xyzw(values)
         return [Stream(self._topic, self._role, stamps, values)]
 
     def _joint_streams(self, stamps: np.ndarray, rows: list[Any]) -> list[Stream]:
@@ -146,6 +148,10 @@ def _of_transform(message: Any) -> tuple[float, ...]:
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 
 
+def _of_quaternion(q: Any) -> tuple[float, ...]:
+    return (q.x, q.y, q.z, q.w)
+
+
 def _of_twist(message: Any) -> tuple[float, ...]:
     v, w = message.twist.linear, message.twist.angular
     return (v.x, v.y, v.z, w.x, w.y, w.z)
@@ -188,6 +194,11 @@ READERS: Mapping[Role, Mapping[str, Callable[[Any], Any]]] = {
     "tactile": {
         f"std_msgs/{number}MultiArray": _of_array
         for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")
+    },
+    "tool_to_board": {
+        "geometry_msgs/QuaternionStamped": lambda message: _of_quaternion(message.quaternion),
+        "geometry_msgs/PoseStamped": lambda message: _of_quaternion(message.pose.orientation),
+        "geometry_msgs/TransformStamped": lambda message: _of_quaternion(message.transform.rotation),
     },
 }
 """Message types that can be read in each role, and how a message gives a row of numbers."""

@@ -6,7 +6,16 @@ from typing import Literal
 
 import numpy as np
 
-Kind = Literal["pose", "twist", "joint_positions", "joint_velocities", "joint_torques", "wrench", "tactile"]
+Kind = Literal[
+    "pose",
+    "twist",
+    "joint_positions",
+    "joint_velocities",
+    "joint_torques",
+    "wrench",
+    "tactile",
+    "tool_to_board",
+]
 
 WIDTHS: Mapping[str, int | None] = {
     "pose": 7,
@@ -16,6 +25,7 @@ WIDTHS: Mapping[str, int | None] = {
     "joint_torques": None,
     "wrench": 6,
     "tactile": None,
+    "tool_to_board": 4,
 }
 """Columns of each kind of stream; None: any number, constant within the stream."""
 
@@ -28,7 +38,8 @@ class Stream:
         topic: where it was published, for messages.
         kind: what the columns mean. pose: x, y, z in m, then quaternion w, x, y, z (scalar first).
             twist: linear m/s, then angular rad/s in the base frame. joint_*: rad, rad/s, N m.
-            wrench: force N, then torque N m. tactile: sensor counts.
+            wrench: force N, then torque N m. tactile: sensor counts. tool_to_board:
+            quaternion w, x, y, z of the tool relative to the board.
         stamps: (T,) int64 ns, as recorded.
         values: (T, D) float64.
     """

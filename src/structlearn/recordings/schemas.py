@@ -23,6 +23,7 @@ MESSAGE_TYPES: Mapping[Kind, str] = {
     "joint_torques": "sensor_msgs/msg/JointState",
     "wrench": "geometry_msgs/msg/WrenchStamped",
     "tactile": "std_msgs/msg/Float32MultiArray",
+    "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
 }
 """Type in which each kind of stream is written."""
 
@@ -49,6 +50,8 @@ def to_messages(stream: Stream) -> Iterator[dict[str, Any]]:
     values = np.asarray(stream.values, dtype=float)
     if stream.kind == "pose":
         values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
+    elif stream.kind == "tool_to_board":
+        values = quaternion.to_xyzw(values)
     build = _BUILDERS[stream.kind]
     names = [f"joint_{joint + 1}" for joint in range(values.shape[1])]
     for stamp, row in zip(stream.stamps.tolist(), values.tolist(), strict=True):
@@ -65,6 +68,11 @@ def _pose(header: dict, _: list[str], row: list[float]) -> dict[str, Any]:
 
 def _twist(header: dict, _: list[str], row: list[float]) -> dict[str, Any]:
     return {"header": header, "twist": {"linear": _vector(row[:3]), "angular": _vector(row[3:])}}
+
+
+def _quaternion(header: dict, _: list[str], row: list[float]) -> dict[str, Any]:
+    x, y, z, w = row
+    return {"header": header, "quaternion": {"x": x, "y": y, "z": z, "w": w}}
 
 
 def _wrench(header: dict, _: list[str], row: list[float]) -> dict[str, Any]:
@@ -87,6 +95,7 @@ _BUILDERS: Mapping[Kind, Callable[[dict, list[str], list[float]], dict[str, Any]
     "joint_torques": _joints("effort"),
     "wrench": _wrench,
     "tactile": lambda _header, _names, row: {"data": row},
+    "tool_to_board": _quaternion,
 }
 
 _NESTED = {
@@ -123,6 +132,11 @@ _DEFINITIONS: Mapping[str, tuple[str, ...]] = {  # own text, then the names of a
         *_HEADER,
         "geometry_msgs/Wrench",
         "geometry_msgs/Vector3",
+    ),
+    "geometry_msgs/msg/QuaternionStamped": (
+        "std_msgs/Header header\ngeometry_msgs/Quaternion quaternion\n",
+        *_HEADER,
+        "geometry_msgs/Quaternion",
     ),
     "sensor_msgs/msg/JointState": (
         "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n",

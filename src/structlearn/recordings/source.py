@@ -24,6 +24,35 @@ class SourceParameters(Parameters):
     source: str = Field(default=SIMULATED, min_length=1)
     topics: TopicMap
 
+    @property
+    def simulated(self) -> bool:
+        """Whether the demonstrations are simulated."""
+        return self.source == SIMULATED
+
+
+class RunSourceParameters(Parameters):
+    """Source of further runs of the same task: executions, corrected demonstrations.
+
+    Attributes:
+        source: folder of your own bags, read with the topics of `SourceParameters`; None: simulated where the
+            demonstrations are, and nothing where they are your own.
+        runs: number of simulated runs, per setting where there are several.
+    """
+
+    source: str | None = Field(default=None, min_length=1)
+    runs: int = Field(default=15, ge=1, le=1000)
+
+
+class CorrectionSourceParameters(RunSourceParameters):
+    """Source of corrected demonstrations.
+
+    Attributes:
+        settings_deg: settings of the environment, roll of the board in degrees. Your own bags of each are in
+            a sub-folder that has the number as its name, e.g. `2.5`.
+    """
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+
 
 class PublicSourceParameters(Parameters):
     """Source of the public recordings.

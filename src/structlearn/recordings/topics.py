@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from structlearn.params import Parameters
 
-Role = Literal["pose", "twist", "joint_states", "wrench", "tactile"]
+Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board"]
 
 MAX_FINGERS = 10
 """Tactile streams that our own files may have: two hands."""
@@ -31,6 +31,7 @@ class TopicMap(Parameters):
             may share them.
         wrench: force and torque at the wrist.
         tactile: one topic per tactile sensor, in the order in which their channels are put side by side.
+        tool_to_board: orientation of the tool relative to the board, e.g. from motion capture.
         must_exist: whether a topic named here that a file does not have is an error; the pose always is.
     """
 
@@ -39,6 +40,7 @@ class TopicMap(Parameters):
     joint_states: Topics = ()
     wrench: Topic | None = None
     tactile: Topics = ()
+    tool_to_board: Topic | None = None
     must_exist: bool = True
 
     @model_validator(mode="after")
@@ -55,6 +57,7 @@ class TopicMap(Parameters):
         pairs += [(topic, "joint_states") for topic in self.joint_states]
         pairs += [(self.wrench, "wrench")]
         pairs += [(topic, "tactile") for topic in self.tactile]
+        pairs += [(self.tool_to_board, "tool_to_board")]
         return [(topic, role) for topic, role in pairs if topic is not None]
 
 
@@ -64,6 +67,7 @@ OWN_TOPICS = TopicMap(
     joint_states=("/joint_states/positions", "/joint_states/velocities", "/joint_states/torques"),
     wrench="/wrench",
     tactile=tuple(f"/tactile/{finger}" for finger in range(MAX_FINGERS)),
+    tool_to_board="/tool_to_board",
     must_exist=False,
 )
 """The topics of the files that this package writes. Joint signals have a topic each, since each may have a

@@ -59,10 +59,12 @@ class Card:
 
 SCRAPING = Card(
     folder="scraping",
-    title="Scraping: from demonstrations to a sequence of primitives",
+    title="Scraping: from demonstrations to feedback by touch",
     text=(
         "Demonstrations of a scraping task are cut into primitives by aligning them, the primitives are "
-        "learned and executed as one movement without a jump. Dissertation, sections IV.3, IV.5 and IV.9.2."
+        "learned and executed as one movement without a jump. A board that tilts is felt through two "
+        "fingers, and a network learns from corrections what to do about it. Dissertation, sections IV.3, "
+        "IV.5, IV.6 and IV.9.1 to IV.9.3."
     ),
     picture="sequence",
     caption="The learned sequence, as demonstrated and in a new situation.",
@@ -70,7 +72,14 @@ SCRAPING = Card(
         Number("demonstrations", "demonstrations cut into primitives", "d"),
         Number("cut_error_ms_wls", "mean error of a cut point", ".0f", " ms"),
         Number("left_one_out_scrape_mean_mm", "distance from scrapes that were left out", ".1f", " mm"),
-        Number("acceleration_jump_nominal", "jump of the acceleration at a switch", ".1g", " %", 100.0),
+        Number("pmnn_prim2_generalization_nmse", "generalisation NMSE of feedback, primitive 2", ".2f"),
+        Number(
+            "cost_ratio_feedback_over_nominal_10",
+            "of the cost without feedback, with it, board at 10°",
+            ".0f",
+            " %",
+            100.0,
+        ),
     ),
 )
 
@@ -88,7 +97,16 @@ def overview_page(cards: Sequence[tuple[Card, Metrics]]) -> Page:
                 "The same methods on public recordings of people and robots: reaches, unscrewing, scraping "
                 "and sliding with tactile fingers. The pipeline `stages/recorded/dvc.yaml` makes the report."
             ),
-            Links((Link("recorded/index.html", "Report on recorded data"),)),
+            Links(
+                (
+                    Link("recorded/index.html", "Report on recorded data"),
+                    Link(
+                        "calibration/index.html",
+                        "Simulated touch beside recorded touch",
+                        "how far the simulated fingers are like the real sensor",
+                    ),
+                )
+            ),
         ),
         link="recorded/index.html",
     )

@@ -27,3 +27,8 @@ def interval(low: float, high: float, number_format: str = ".1f") -> str:
 def capitalised(sentence: str) -> str:
     """The same with a capital first letter; the rest is left as it is."""
     return sentence[:1].upper() + sentence[1:]
+
+
+def level_name(level: float) -> str:
+    """A noise level or a setting in a key: 0.3 becomes `0p3`."""
+    return f"{level:g}".replace(".", "p")

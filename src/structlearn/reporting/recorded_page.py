@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure as Picture
 
 from structlearn.params import Parameters
-from structlearn.reporting import recorded_figures, segmentation_figures
+from structlearn.reporting import recorded_corrections, recorded_figures, segmentation_figures
 from structlearn.reporting.page import (
     HOW_TO_OPEN,
     Block,
@@ -49,6 +49,7 @@ def pictures(results: RecordedResults) -> dict[str, Picture]:
         "reaches": recorded_figures.reaches_figure(
             results.reach_segments, results.reach_primitive, results.reach_errors
         ),
+        **recorded_corrections.pictures(results.corrections),
         "unscrewing": recorded_figures.unscrewing_figure(paths, results.unscrewing_primitive.orientation),
         "execution": recorded_figures.execution_figure(results.execution, results.execution_path),
         "electrodes": recorded_figures.electrodes_figure(results.electrode_traces, results.electrode_scores),
@@ -77,6 +78,10 @@ def recorded_page(
                 f"{values['reach_fit_mean_mm']:.1f} mm", "mean distance of one primitive from 97 reaches"
             ),
             KeyNumber(
+                f"{values['coupling_path_mean_mm']:.0f} mm",
+                f"from higher reaches with learned coupling; without {values['nominal_path_mean_mm']:.0f} mm",
+            ),
+            KeyNumber(
                 f"{values['unscrewing_mean_deg_joint']:.1f}°", "mean error of one primitive for a full turn"
             ),
             KeyNumber(
@@ -86,6 +91,7 @@ def recorded_page(
         sections=(
             _reach_cuts(results, sizes),
             _reaches(results, sizes),
+            recorded_corrections.section(results.corrections, sizes),
             _unscrewing(results, sizes),
             _execution(results, sizes),
             _slides(results, sizes),

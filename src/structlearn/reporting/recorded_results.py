@@ -7,7 +7,9 @@ import pandas as pd
 
 from structlearn.artefacts import Metrics
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.recorded.correction_splits import CorrectionResults
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.reporting import recorded_corrections
 from structlearn.segmentation.comparison import errors_by_level, errors_by_seed, paired_comparison
 from structlearn.segmentation.learning import Segment
 from structlearn.segmentation.result import RESULT
@@ -25,6 +27,7 @@ class RecordedResults:
     reach_errors: pd.DataFrame
     reach_cut_errors: pd.DataFrame
     own_spread_mm: float
+    corrections: CorrectionResults
     unscrewing_segments: list[Segment]
     unscrewing_primitive: PosePrimitive
     unscrewing_errors: pd.DataFrame
@@ -105,6 +108,7 @@ def metrics(results: RecordedResults) -> Metrics:
         prefix = prefixes.get(row["reaches"], "reach_fit_unscaled")
         values |= {f"{prefix}_{name}": row[name] for name in ("mean_mm", "max_mm", "end_max_mm")}
     values["reach_own_spread_mm"] = results.own_spread_mm
+    values |= recorded_corrections.metrics(results.corrections)
     errors = results.unscrewing_errors
     single, joint = errors[errors["learned_from"] != "all"], errors[errors["learned_from"] == "all"]
     values["unscrewing_mean_deg_single"] = single["mean_deg"].mean()
@@ -131,6 +135,7 @@ def tables(results: RecordedResults) -> dict[str, pd.DataFrame]:
         "reach_cut_errors": results.by_level,
         "reach_comparison": paired_comparison(results.by_seed),
         "reach_reproduction": results.reach_errors,
+        **recorded_corrections.tables(results.corrections),
         "unscrewing": results.unscrewing_errors,
         "execution": results.execution_errors,
         "electrodes": results.electrode_scores,

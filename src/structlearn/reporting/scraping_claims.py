@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from structlearn.reporting.feedback_claims import feedback_claims
 from structlearn.reporting.page import Prose, Section, Table
 from structlearn.reporting.prose import interval, listing
 from structlearn.reporting.scraping_results import ScrapingResults
@@ -57,14 +58,16 @@ def claims(results: ScrapingResults) -> Section:
         )
     if (results.sweep["noise_mm"] > 0).any():
         rows.append(_sweep_claim(results))
+    if results.feedback is not None:
+        rows += feedback_claims(results.feedback)
     frame = pd.DataFrame(rows, columns=["statement", "source", "here", "holds"])
     return Section(
         "Dissertation and reproduction",
         (
             Prose(
-                "The dissertation shows these results as pictures, without numbers. Each of its statements, "
-                "and one of this project, stands beside what is found here. An ordering holds if the 95 % "
-                "confidence interval of the difference in pairs excludes zero; it is undecided if the "
+                "Statements of the dissertation, which shows these results as pictures, for the most part "
+                "without numbers, and of this project, beside what is found here. An ordering holds if the "
+                "95 % confidence interval of the difference in pairs excludes zero; it is undecided if the "
                 "interval includes zero."
             ),
             Table(frame),

@@ -4,19 +4,39 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure as Picture
 
+from structlearn.feedback.models import POINTWISE
 from structlearn.params import Parameters
 from structlearn.reporting import (
+    board_figures,
+    board_sections,
     demonstration_figures,
+    feedback_figures,
+    feedback_sections,
     primitive_figures,
     scraping_cutting,
     scraping_movement,
     segmentation_figures,
 )
+from structlearn.reporting.feedback_results import FeedbackResults
 from structlearn.reporting.page import HOW_TO_OPEN, Block, KeyNumber, Link, Links, Page, Prose, Section, Sizes
 from structlearn.reporting.parameter_table import parameter_table
 from structlearn.reporting.scraping_claims import claims
 from structlearn.reporting.scraping_results import ScrapingResults
 from structlearn.segmentation.result import RESULT
+
+TITLE = "Scraping: from demonstrations to a sequence of primitives"
+LEAD = (
+    "A person shows the scraping task several times. The demonstrations are cut into primitives by "
+    "aligning them, each primitive is learned from its segments, and the primitives are executed as "
+    "one movement. Dissertation, sections IV.3, IV.5 and IV.9.2."
+)
+TITLE_WITH_FEEDBACK = "Scraping: from demonstrations to feedback by touch"
+LEAD_WITH_FEEDBACK = (
+    "A person shows the scraping task several times. The demonstrations are cut into primitives, which a "
+    "robot executes as one movement. Then the board tilts, people correct the robot, and a network learns "
+    "to make the same corrections from what two fingers feel. Dissertation, sections IV.3, IV.5, IV.6 and "
+    "IV.9.1 to IV.9.3."
+)
 
 
 def pictures(results: ScrapingResults) -> dict[str, Picture]:
@@ -50,6 +70,24 @@ def pictures(results: ScrapingResults) -> dict[str, Picture]:
         made["orientation_fit"] = primitive_figures.orientation_fit_figure(
             results.primitives, results.segments, dt
         )
+    if results.feedback is not None:
+        made |= _feedback_pictures(results.feedback)
+    return made
+
+
+def _feedback_pictures(feedback: FeedbackResults) -> dict[str, Picture]:
+    made = {"expected_traces": feedback_figures.expected_figure(feedback)}
+    if feedback.datasets:
+        made["coupling_targets"] = feedback_figures.targets_figure(feedback)
+    if len(feedback.comparison):
+        made["models"] = feedback_figures.models_figure(feedback)
+        made["weights"] = feedback_figures.weights_figure(feedback, feedback.adapted[0])
+    if feedback.board is not None:
+        made["executions"] = board_figures.executions_figure(feedback.board, feedback.primitives)
+        for name in feedback.adapted:
+            made[f"closed_loop_{name}"] = board_figures.closed_loop_figure(feedback, name)
+        made["board_roll"] = board_figures.roll_figure(feedback)
+        made["board_cost"] = board_figures.cost_figure(feedback)
     return made
 
 
@@ -76,15 +114,12 @@ def scraping_page(
         scraping_cutting.downsampling(results, sizes),
         scraping_movement.primitives(results, sizes),
         scraping_movement.sequence(results, sizes),
+        *(_feedback_sections(results.feedback, sizes) if results.feedback is not None else ()),
         _files(parameters, recordings),
     ]
     return Page(
-        title="Scraping: from demonstrations to a sequence of primitives",
-        lead=(
-            "A person shows the scraping task several times. The demonstrations are cut into primitives by "
-            "aligning them, each primitive is learned from its segments, and the primitives are executed as "
-            "one movement. Dissertation, sections IV.3, IV.5 and IV.9.2."
-        ),
+        title=TITLE if results.feedback is None else TITLE_WITH_FEEDBACK,
+        lead=LEAD if results.feedback is None else LEAD_WITH_FEEDBACK,
         key_numbers=tuple(_key_numbers(results)),
         sections=tuple(section for section in sections if section is not None),
         simulated=results.simulated,
@@ -100,18 +135,52 @@ def _key_numbers(results: ScrapingResults) -> list[KeyNumber]:
     chosen = results.fit[results.fit["regression"] == results.fit_parameters.regression]
     new = chosen[chosen["left_out"]]
     shown, of = (new, "that were left out") if len(new) else (chosen, "it learned from")
+    turned = f"and {shown['mean_deg'].max():.1f}°: " if "mean_deg" in shown else ""
     numbers.append(
         KeyNumber(
             f"{shown['mean_mm'].max():.1f} mm",
-            f"largest mean distance of a primitive from demonstrations {of}",
+            f"{turned}largest mean distance of a primitive from demonstrations {of}",
         )
     )
-    if "mean_deg" in shown:
-        numbers.append(KeyNumber(f"{shown['mean_deg'].max():.1f}°", "the same for orientation"))
     if results.acceleration_jumps:
         jump = max(results.acceleration_jumps.values())
         numbers.append(KeyNumber(f"{100 * jump:.1g} %", "largest jump of the acceleration at a switch"))
+    return [*numbers, *(_feedback_numbers(results.feedback) if results.feedback is not None else ())]
+
+
+def _feedback_numbers(feedback: FeedbackResults) -> list[KeyNumber]:
+    numbers = []
+    if len(feedback.comparison):
+        errors = [feedback.model_error(name, "pmnn_100")["generalization_mean"] for name in feedback.adapted]
+        which = " | ".join(str(feedback.number(name)) for name in feedback.adapted)
+        numbers.append(
+            KeyNumber(
+                " | ".join(f"{error:.2f}" for error in errors),
+                f"generalisation NMSE of the feedback model, primitive {which}",
+            )
+        )
+    if feedback.board is not None:
+        largest = feedback.board.example_deg
+        ratio = feedback.board.ratio(POINTWISE).loc[largest, "ratio"]
+        numbers.append(
+            KeyNumber(f"{100 * ratio:.0f} %", f"of the cost without feedback, with it, board at {largest:g}°")
+        )
     return numbers
+
+
+def _feedback_sections(feedback: FeedbackResults, sizes: Sizes) -> list[Section]:
+    """Only those whose data there are: one can bring executions and corrections of one's own."""
+    sections = []
+    if feedback.board is not None:
+        sections.append(board_sections.testbed(feedback, sizes))
+    sections.append(feedback_sections.expected(feedback, sizes))
+    if feedback.datasets:
+        sections.append(feedback_sections.corrections(feedback, sizes))
+    if len(feedback.comparison):
+        sections.append(feedback_sections.models(feedback, sizes))
+    if feedback.board is not None:
+        sections.append(board_sections.closed_loop(feedback, sizes))
+    return sections
 
 
 def _length(results: ScrapingResults) -> str:

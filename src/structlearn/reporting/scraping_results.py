@@ -9,6 +9,9 @@ import pandas as pd
 from structlearn.artefacts import Metrics
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.reporting import feedback_results
+from structlearn.reporting.feedback_results import FeedbackResults
+from structlearn.reporting.prose import level_name
 from structlearn.segmentation import comparison
 from structlearn.segmentation.evaluation import cut_errors, mean_cut_errors_ms
 from structlearn.segmentation.learning import (
@@ -39,6 +42,7 @@ class ScrapingResults:
         generalised: table of the sequence in a new situation.
         segment_parameters: of the segmentation.
         fit_parameters: of the primitives.
+        feedback: of the feedback stages; None where the primitives were not executed.
     """
 
     demonstrations: Sequence[Demonstration]
@@ -51,6 +55,7 @@ class ScrapingResults:
     generalised: pd.DataFrame
     segment_parameters: SegmentParameters
     fit_parameters: FitParameters
+    feedback: FeedbackResults | None = None
 
     @cached_property
     def simulated(self) -> bool:
@@ -168,6 +173,8 @@ def tables(results: ScrapingResults) -> dict[str, pd.DataFrame]:
         "downsampling": results.downsampling,
         "reproduction": results.fit,
     }
+    if results.feedback is not None:
+        candidates |= feedback_results.tables(results.feedback)
     return {name: table for name, table in candidates.items() if table is not None and len(table) > 0}
 
 
@@ -176,7 +183,8 @@ def metrics(results: ScrapingResults) -> Metrics:
 
     `fit_<primitive>_*` are of primitives learned from all demonstrations by the chosen regression: the mean
     over demonstrations of the mean error, the largest of the largest and of the end errors.
-    `left_one_out_<primitive>_*` are means over demonstrations that were not learned from.
+    `left_one_out_<primitive>_*` are means over demonstrations that were not learned from. Those of feedback
+    are described in `feedback_results.metrics`.
     """
     values: Metrics = {
         "demonstrations": len(results.was_cut),
@@ -199,9 +207,6 @@ def metrics(results: ScrapingResults) -> Metrics:
             values |= {f"{prefix}_{row['primitive']}_{name}": row[name] for name in names if name in row}
     for name, jump in results.acceleration_jumps.items():
         values[f"acceleration_jump_{name}"] = jump
+    if results.feedback is not None:
+        values |= feedback_results.metrics(results.feedback)
     return values
-
-
-def level_name(noise_mm: float) -> str:
-    """A noise level in a key: 0.3 becomes `0p3`."""
-    return f"{noise_mm:g}".replace(".", "p")

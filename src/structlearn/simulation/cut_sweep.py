@@ -77,7 +77,7 @@ def _one_set(
 ) -> pd.DataFrame:
     noise, seed = level
     settings = simulation.model_copy(update={"noise_mm": noise, "seed": seed})
-    recordings = simulate_demonstrations(settings, touch=False)
+    recordings = simulate_demonstrations(settings)
     demonstrations = [synchronise(recording, settings.rate_hz) for recording in recordings]
     try:
         cuts = cut(demonstrations, segmentation)

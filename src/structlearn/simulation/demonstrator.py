@@ -1,13 +1,13 @@
-"""A simulated person who demonstrates the nominal scraping task by moving the robot's hand (IV.9).
+"""A simulated person who demonstrates the nominal scraping task: how the hand is meant to move (IV.9).
 
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
-y. Poses come from published facts of human movement (the constants below), without physics; force and touch
-are a plausible reading of the same movement (`structlearn.simulation.touch`). Whatever replaces it later
-returns the same: a list of `Recording`.
+y. Movements come from published facts of human movement (the constants below). In the physical world the
+person guides the robot's arm along them (`guidance`); `simulate_demonstrations` takes them as they are meant,
+without arm and board, for sweeps over thousands of demonstrations.
 
-Three independent random streams per demonstration (movement, noise, sensors) and a fixed number of draws from
-the first make sweeps clean: another `noise_mm` scales the noise and leaves the movement and its true cut
-points untouched; other pauses only move the same primitives apart.
+Three independent random streams per demonstration (movement, noise, run) and a fixed number of draws from the
+first make sweeps clean: another `noise_mm` scales the noise and leaves the movement and its true cut points
+untouched; other pauses only move the same primitives apart.
 """
 
 from dataclasses import dataclass
@@ -21,16 +21,12 @@ from structlearn import quaternion
 from structlearn.params import Parameters
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
-from structlearn.simulation.touch import LOADING_S, sensor_streams
+from structlearn.simulation.layout import CONTACT_M, FLAT_ORIENTATION
 
-# Task. Lengths from the recorded scraping (8.7 cm down, 6.4 cm along y); place and attitude as in the public
-# recording of the same set-up (repository gsutanto/dmp, scraping setting 2, trial 3).
-CONTACT_M = np.array([0.750, 0.500, 0.685])  # edge of the tool where it meets the board, base frame
+# Task. Lengths from the recorded scraping: 8.7 cm down, 6.4 cm along y.
 DOWN_M = np.array([0.0, 0.0, -0.087])
 FORWARD_M = np.array([0.0, 0.064, 0.0])
-FLAT_ORIENTATION = quaternion.normalised(np.array([0.0265, -0.0357, 0.8831, 0.4670]))  # w, x, y, z
-EDGE_TO_GRASP_M = np.array([0.0, 0.0, 0.030])  # from the edge to the recorded pose, base frame, when flat
-TILT_DEG = np.array([3.0, -3.5, 0.0])  # roll, pitch, yaw to correct; recorded corrections: 3-4 degrees
+TILT_DEG = np.array([3.0, -3.5, 0.0])  # pitch, roll, yaw about x, y, z to correct; recorded: 3-4 degrees
 
 # Time. The std of timed intervals grows about in proportion to them (Gibbon 1977; Lewis & Miall 2009).
 SHARED_TEMPO = 0.5  # share of the log-duration variance that the movements of one trial have in common
@@ -60,6 +56,7 @@ GOAL_SPREAD_DEG = 0.4  # what a person takes for flat; recorded: 0.2-0.5 degrees
 BOW_M = (
     np.array([[2.0, 2.0, 0.0], [0.8, 0.8, 0.0], [1.0, 0.0, 0.0]]) * 1e-3
 )  # std; hand paths are bowed a little
+BOARD_TAKES_OVER_S = 0.25  # from the first touch until the board holds the hand's noise along z
 
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 60_000_000_000
@@ -74,8 +71,7 @@ class DemonstratorParameters(Parameters):
 
     count: int = Field(11, ge=1, le=1000, description="demonstrations; the first one is no different")
     seed: int = Field(0, ge=0)
-    rate_hz: float = Field(300.0, ge=50, le=2000, description="pose and wrench")
-    tactile_rate_hz: float = Field(100.0, ge=10, le=1000)
+    rate_hz: float = Field(300.0, ge=50, le=2000, description="of the pose")
     durations_s: tuple[MovementSeconds, MovementSeconds, MovementSeconds] = Field(
         (1.7, 2.6, 2.6),
         description="median of the movements down, turn, scrape, as in the recorded task, whose segments of "
@@ -109,55 +105,103 @@ class DemonstratorParameters(Parameters):
         return self
 
 
-def simulate_demonstrations(parameters: DemonstratorParameters, *, touch: bool = True) -> list[Recording]:
-    """Nominal scraping demonstrations of one simulated person.
+@dataclass(frozen=True)
+class Intention:
+    """How the hand is meant to move in one demonstration.
+
+    Attributes:
+        name: "01", "02", ...
+        time: (T,) s.
+        edge: (T, 3) m, path of the edge frame, base frame, without noise.
+        tilt: (T, 3) rad, rotation vector from flat, base frame, without noise.
+        edge_noise: (T, 3) m.
+        tilt_noise: (T, 3) rad.
+        segments: (3, 2) s, the start of the descent and the contact; the contact and the start of the scrape;
+            the start and the end of the scrape.
+        run: source of all randomness of the run itself: sensors, board, pressure.
+    """
+
+    name: str
+    time: np.ndarray
+    edge: np.ndarray
+    tilt: np.ndarray
+    edge_noise: np.ndarray
+    tilt_noise: np.ndarray
+    segments: np.ndarray
+    run: np.random.SeedSequence
+
+    @property
+    def contact(self) -> float:
+        """When the edge is meant to touch the board, s."""
+        return float(self.segments[0, 1])
+
+
+def intended_movements(parameters: DemonstratorParameters) -> list[Intention]:
+    """The movements of one simulated person.
 
     Args:
         parameters: how many, how noisy, how irregular.
-        touch: also simulate the wrench and tactile streams; without them a demonstration costs a few ms.
 
     Returns:
-        Recordings "01", "02", ... in order, each with `true_segments` (3, 2): the start of the descent and
-        the contact; the contact and the start of the scrape; the start and the end of the scrape.
+        Movements "01", "02", ... in order.
     """
     person, *seeds = np.random.SeedSequence(parameters.seed).spawn(parameters.count + 1)
     habits = _draw_shapes(np.random.default_rng(person), (3, 2))
-    return [_demonstrate(index, seed, parameters, habits, touch) for index, seed in enumerate(seeds)]
+    return [_intention(index, seed, parameters, habits) for index, seed in enumerate(seeds)]
 
 
-def _demonstrate(
-    index: int,
-    seed: np.random.SeedSequence,
-    parameters: DemonstratorParameters,
-    habits: np.ndarray,
-    with_touch: bool,
-) -> Recording:
-    movement, noise, sensors = (np.random.default_rng(child) for child in seed.spawn(3))
-    plan = _draw_plan(parameters, habits, movement)
+def simulate_demonstrations(parameters: DemonstratorParameters) -> list[Recording]:
+    """Demonstrations as they are meant, with the hand's noise, without arm, board and touch: a few ms each.
+
+    Args:
+        parameters: how many, how noisy, how irregular.
+
+    Returns:
+        Recordings "01", "02", ... in order, with a pose stream and `true_segments` (3, 2).
+    """
+    return [_kinematic(movement, parameters) for movement in intended_movements(parameters)]
+
+
+def first_stamp(index: int) -> int:
+    """Stamp in ns at which the recorder starts demonstration number `index`."""
+    return EPOCH_NS + index * BETWEEN_STARTS_NS
+
+
+def orientation_of(tilt: np.ndarray) -> np.ndarray:
+    """Orientation (T, 4) of the edge frame for rotation vectors from flat (T, 3) in rad."""
+    return quaternion.product(quaternion.from_rotation_vector(tilt), FLAT_ORIENTATION)
+
+
+def _intention(
+    index: int, seed: np.random.SeedSequence, parameters: DemonstratorParameters, habits: np.ndarray
+) -> Intention:
+    movement, noise, run = seed.spawn(3)
+    plan = _draw_plan(parameters, habits, np.random.default_rng(movement))
     time = np.arange(int(plan.end * parameters.rate_hz) + 1) / parameters.rate_hz
     edge, tilt = _follow(plan, time)
-    contact = np.interp(time, plan.segments[0, 1] + np.array([0.0, LOADING_S]), [0.0, 1.0])
+    onset = plan.segments[0, 1] + np.array([0.0, BOARD_TAKES_OVER_S])
+    contact = np.interp(time, onset, [0.0, 1.0])
     velocity = np.gradient(edge, 1 / parameters.rate_hz, axis=0)
-    position_noise, tilt_noise = hand_noise(velocity, contact, parameters.noise_mm, parameters.rate_hz, noise)
-    lever = quaternion.rotate(quaternion.from_rotation_vector(tilt), EDGE_TO_GRASP_M)
-    tilt = tilt + tilt_noise
-    orientation = quaternion.product(quaternion.from_rotation_vector(tilt), FLAT_ORIENTATION)
-    pose = np.hstack([edge + lever + position_noise, orientation])
+    rng = np.random.default_rng(noise)
+    edge_noise, tilt_noise = hand_noise(velocity, contact, parameters.noise_mm, parameters.rate_hz, rng)
+    name = f"{index + 1:02d}"
+    return Intention(name, time, edge, tilt, edge_noise, tilt_noise, plan.segments, run)
 
-    start = EPOCH_NS + index * BETWEEN_STARTS_NS
-    stamps = start + np.round(time * 1e9).astype(np.int64)
-    streams = [Stream("/hand/pose", "pose", stamps, pose)]
-    if with_touch:
-        rates = (parameters.rate_hz, parameters.tactile_rate_hz)
-        streams += sensor_streams(start, time, contact, tilt, velocity, rates, sensors)
+
+def _kinematic(movement: Intention, parameters: DemonstratorParameters) -> Recording:
+    orientation = orientation_of(movement.tilt + movement.tilt_noise)
+    pose = np.hstack([movement.edge + movement.edge_noise, orientation])
+    stamps = first_stamp(int(movement.name) - 1) + np.round(movement.time * 1e9).astype(np.int64)
     provenance = {
         "origin": "simulated",
         "generator": "structlearn.simulation.demonstrator",
         "version": structlearn.__version__,
         "seed": str(parameters.seed),
-        "setting": "nominal, board roll 0 degrees",
+        "setting": "board roll 0 degrees, movement as meant",
     }
-    return Recording(f"{index + 1:02d}", tuple(streams), plan.segments, provenance)
+    return Recording(
+        movement.name, (Stream("/hand/pose", "pose", stamps, pose),), movement.segments, provenance
+    )
 
 
 @dataclass(frozen=True)

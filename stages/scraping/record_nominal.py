@@ -1,16 +1,18 @@
-"""Record the nominal demonstrations: simulated, or taken over from your own bags (dissertation IV.9.1)."""
+"""Record the nominal demonstrations: simulated, or taken over from your own bags (IV.9.1.3, step i)."""
 
 from structlearn.artefacts import publish
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.recordings.source import SIMULATED, SourceParameters
-from structlearn.simulation.demonstrator import DemonstratorParameters, simulate_demonstrations
+from structlearn.simulation.demonstrator import DemonstratorParameters
+from structlearn.simulation.trials import TestbedParameters, guided_demonstrations
 from structlearn.stage import run, stage_parameters
 
 
 def main() -> None:
     parameters = stage_parameters("record", SourceParameters)
     if parameters.source == SIMULATED:
-        recordings = simulate_demonstrations(stage_parameters("simulate", DemonstratorParameters))
+        demonstrator = stage_parameters("simulate", DemonstratorParameters)
+        recordings = guided_demonstrations(demonstrator, stage_parameters("testbed", TestbedParameters))
     else:
         recordings = read_recordings(parameters.source, parameters.topics)
     with publish("data/raw/scraping/nominal") as folder:

@@ -1,0 +1,34 @@
+"""Where numba keeps what it has compiled: one folder per state of the compiled sources.
+
+Numba looks for changes only in the file of the function that is called. A compiled function that calls one of
+another module would go on with the old code of that module, silently, after an edit. With a folder of its own
+for every state of the sources, an edit compiles everything anew (half a minute) and nothing stale is run.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+
+VARIABLE = "NUMBA_CACHE_DIR"
+MARK = b"numba"
+"""Files that contain it count; all others cannot change what is compiled."""
+
+
+def use_own_cache(package: Path) -> None:
+    """Point numba to the folder for the present sources, unless the user has chosen one.
+
+    Args:
+        package: folder of the package; call before numba is imported.
+    """
+    if VARIABLE not in os.environ:
+        os.environ[VARIABLE] = str(package / "__pycache__" / f"compiled-{sources_digest(package)}")
+
+
+def sources_digest(package: Path) -> str:
+    """Digest of all source files with compiled functions, names and contents: 16 hexadecimal digits."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        content = path.read_bytes()
+        if MARK in content:
+            digest.update(path.relative_to(package).as_posix().encode() + b"\0" + content)
+    return digest.hexdigest()[:16]

@@ -1,0 +1,62 @@
+"""Coupling terms that corrected demonstrations ask for (eq. IV.23, IV.24).
+
+    c_target = tau_cd^2 xdd_cd - ALPHA (BETA (g - x_cd) - tau_cd xd_cd) - f(p, u)
+
+The goal g evolves from the demonstration's own initial state to the steady goal of the *nominal* primitive,
+just as it does when the primitive is unrolled with feedback; so the primitive, unrolled from the
+demonstration's start with c_target as its coupling term, is the demonstration.
+"""
+
+import numpy as np
+
+from structlearn import quaternion
+from structlearn.primitives import canonical, orientation, transformation
+from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
+from structlearn.primitives.vector import VectorPrimitive
+
+
+def position_target(
+    path: Trajectory, primitive: VectorPrimitive, goal: np.ndarray | None = None
+) -> np.ndarray:
+    """Coupling target of a corrected vector movement (eq. IV.23).
+
+    Args:
+        path: corrected demonstration of one primitive, (T, D), in the primitive's coordinates.
+        primitive: the nominal primitive.
+        goal: (D,) steady goal; default the primitive's.
+
+    Returns:
+        (T, D) c_target; 0 at the first sample.
+    """
+    goal = primitive.goal if goal is None else goal
+    tau = canonical.time_constant(path.duration)
+    x, xd, xdd = path.position, path.velocity, path.acceleration
+    first = transformation.initial_goal(x[0], xd[0], xdd[0], tau)
+    g = transformation.goal_path(goal, first, path.time, tau)
+    forcing = primitive.forcing(path.time, x[0], goal, path.duration)
+    attraction = transformation.ALPHA * (transformation.BETA * (g - x) - tau * xd)
+    return tau**2 * xdd - attraction - forcing
+
+
+def orientation_target(
+    path: OrientationTrajectory, primitive: QuaternionPrimitive, goal: np.ndarray | None = None
+) -> np.ndarray:
+    """Coupling target of a corrected orientation movement (eq. IV.24).
+
+    Args:
+        path: corrected demonstration of one primitive, (T, 4) orientations.
+        primitive: the nominal primitive.
+        goal: (4,) steady goal; default the primitive's.
+
+    Returns:
+        (T, 3) c_target in the base frame; 0 at the first sample.
+    """
+    goal = primitive.goal if goal is None else goal
+    tau = canonical.time_constant(path.duration)
+    w, wd = path.angular_velocity, path.angular_acceleration
+    first = orientation.initial_goal(path.orientation[0], w[0], wd[0], tau)
+    goals = orientation.goal_path(goal, first, path.time, tau)
+    error = quaternion.difference(goals, path.orientation)
+    attraction = transformation.ALPHA * (transformation.BETA * error - tau * w)
+    return tau**2 * wd - attraction - primitive.forcing(path.time, path.duration)

@@ -1,0 +1,37 @@
+"""RMSProp on all weights of a network as one vector.
+
+The rule is torch's. For many small tensors, torch's own optimiser spends a fifth of a training step in calls.
+"""
+
+import torch
+from torch import Tensor, nn
+
+SMALLEST_ROOT = 1e-8
+"""Added to the root mean square of a gradient: a weight without gradient stays where it is."""
+
+
+class RootMeanSquarePropagation:
+    """RMSProp: a step of the learning rate, divided by the running root mean square of each gradient.
+
+    Args:
+        network: its parameters become views of the vector.
+        learning_rate: step of a weight whose gradient keeps its size.
+        decay: of the running mean of squared gradients, per step.
+    """
+
+    def __init__(self, network: nn.Module, learning_rate: float, decay: float):
+        self.parameters = list(network.parameters())
+        self.weights = torch.cat([values.detach().flatten() for values in self.parameters])
+        sizes = [values.numel() for values in self.parameters]
+        for values, view in zip(self.parameters, self.weights.split(sizes), strict=True):
+            values.data = view.view_as(values)
+        self.mean_square = torch.zeros_like(self.weights)
+        self.rate, self.decay = learning_rate, decay
+
+    @torch.no_grad()
+    def step(self, loss: Tensor) -> None:
+        """One step down the gradient of a loss."""
+        gradients = torch.autograd.grad(loss, self.parameters)
+        gradient = torch.cat([values.flatten() for values in gradients])
+        self.mean_square.mul_(self.decay).addcmul_(gradient, gradient, value=1.0 - self.decay)
+        self.weights.addcdiv_(gradient, self.mean_square.sqrt().add_(SMALLEST_ROOT), value=-self.rate)

@@ -1,0 +1,184 @@
+"""What a run of a skill needs that depends on time, start and goals only, worked out before it moves."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.feedback.compiled import pack, stacked_readouts
+from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
+from structlearn.feedback.stepping import Plan
+from structlearn.frames import local_frame
+from structlearn.primitives import canonical, kernels, transformation
+from structlearn.primitives.sequence import PoseGoal, default_goals
+from structlearn.primitives.vector import relative_scale, sample_count
+
+HELD_DURATIONS = 4.0
+"""How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
+
+
+def plan_in_time(
+    skill: ReactiveSkill,
+    dt: float,
+    durations: Sequence[float],
+    goals: Sequence[np.ndarray],
+    turned_goals: Sequence[np.ndarray],
+    feedback: bool,
+    limits: np.ndarray,
+    ages: np.ndarray,
+) -> Plan:
+    """The plan of a run, but for the position's forcing term, which `forcing_in_base_frame` gives.
+
+    Args:
+        skill: the skill.
+        dt: length of a tick in s.
+        durations: of the primitives in s.
+        goals: (3,) of the primitives in m.
+        turned_goals: (4,) of the primitives.
+        feedback: whether networks are used.
+        limits: see `Plan`.
+        ages: see `Plan`.
+    """
+    taus = np.array([canonical.time_constant(duration) for duration in durations])
+    counts = [sample_count(duration, dt) for duration in durations]
+    counts[-1] = sample_count((1.0 + HELD_DURATIONS) * durations[-1], dt)
+    rows = np.cumsum([0, *counts])
+    turning, expected = np.zeros((rows[-1], 3)), np.full((rows[-1], skill.channels), np.nan)
+    networks = {skill.index(name): network for name, network in skill.networks.items() if feedback}
+    modulations = {}
+    for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
+        part = slice(rows[index], rows[index + 1])
+        if primitive.orientation is not None:
+            weights = primitive.orientation.weights
+            turning[part] = kernels.sampled_features(count, dt / tau, len(weights)) @ weights
+        if primitive.name in skill.expected:
+            traces = skill.expected[primitive.name]
+            until = dt * (count - 1)
+            expected[part] = traces.unroll(dt, duration=durations[index], until=until).position
+        if index in networks:
+            kernel_count = len(networks[index].output_weights)
+            modulations[index] = kernels.sampled_features(count, dt / tau, kernel_count)
+    turning[-1] = 0.0
+    scales, offsets = stacked_readouts(networks, modulations, rows)
+    scales[-1], offsets[-1] = 0.0, 0.0
+    packed = pack([networks.get(index) for index in range(len(taus))])
+    return Plan(
+        rows=rows,
+        matrix=np.stack([transformation.step_matrix(dt / tau) for tau in taus]),
+        tau=taus,
+        position_goal=np.array(goals, dtype=float),
+        orientation_goal=np.array(turned_goals, dtype=float),
+        position_forcing=np.zeros((rows[-1], 3)),
+        orientation_forcing=turning,
+        expected=expected,
+        readout=scales,
+        offset=offsets,
+        axis=np.array(skill.axis, dtype=float),
+        values=packed.values,
+        first=packed.first,
+        layers=packed.layers,
+        sizes=packed.sizes,
+        limits=limits,
+        ages=ages,
+    )
+
+
+def forcing_in_base_frame(
+    skill: ReactiveSkill,
+    plan: Plan,
+    dt: float,
+    first: int,
+    state: tuple[np.ndarray, np.ndarray, np.ndarray],
+    goals: np.ndarray,
+) -> np.ndarray:
+    """Forcing term of the positions from one primitive to the last, each in the frame of its reach.
+
+    Positions get no feedback, so where a primitive will start is known: it is unrolled here.
+
+    Args:
+        skill: the skill.
+        plan: its plan in time.
+        dt: length of a tick in s.
+        first: primitive to begin with.
+        state: position, velocity, acceleration (3,) at its start.
+        goals: (P, 3) m.
+
+    Returns:
+        (R, 3) the plan's forcing with new rows from that primitive on.
+
+    Raises:
+        InputError: a primitive's start and goal define no local frame.
+    """
+    forcing = plan.position_forcing.copy()
+    for index in range(first, len(plan.tau)):
+        primitive, tau = skill.primitives[index], plan.tau[index]
+        local = primitive.position.local
+        try:
+            axes = local_frame(state[0], goals[index], primitive.position.frame)
+        except ValueError as error:
+            raise InputError(f"'{primitive.name}' from {state[0]} to {goals[index]}: {error}") from error
+        part = slice(plan.rows[index], plan.rows[index + 1])
+        count = plan.rows[index + 1] - plan.rows[index]
+        scale = relative_scale((goals[index] - state[0]) @ axes, local.goal - local.start, local.scaled)
+        features = kernels.sampled_features(count, dt / tau, len(local.weights))
+        forcing[part] = features @ (local.weights * scale) @ axes.T
+        state = end_state(forcing[part], dt, tau, state, goals[index])
+    forcing[-1] = 0.0
+    return forcing
+
+
+def end_state(
+    forcing: np.ndarray,
+    dt: float,
+    tau: float,
+    state: tuple[np.ndarray, np.ndarray, np.ndarray],
+    goal: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity, acceleration (3,) at the last row of a forcing term (T, 3)."""
+    x, xd, xdd = state
+    path = transformation.unroll(x, goal, forcing, dt, tau, xd, xdd)
+    return path.position[-1], path.velocity[-1], path.acceleration[-1]
+
+
+def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, dt: float) -> Sequence[float]:
+    """Durations in s, one per primitive; default the demonstrations' means.
+
+    Raises:
+        InputError: another number of them, or one shorter than a tick or infinite.
+    """
+    if durations is None:
+        durations = [primitive.duration for primitive in skill.primitives]
+    _check_count(skill, durations, "durations")
+    for primitive, duration in zip(skill.primitives, durations, strict=True):
+        if not (np.isfinite(duration) and sample_count(max(duration, 0.0), dt) >= 2):
+            raise InputError(f"the duration of '{primitive.name}' must be a tick at least, is {duration} s")
+    return durations
+
+
+def checked_goals(
+    skill: ReactiveSkill, goals: Sequence[PoseGoal] | None
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Positions (3,) and orientations (4,) of the goals; default the demonstrations' means.
+
+    Raises:
+        InputError: another number of them, or one that is not finite or no unit quaternion.
+    """
+    goals = default_goals(skill.primitives) if goals is None else goals
+    _check_count(skill, goals, "goals")
+    positions, orientations = [], []
+    for primitive, goal in zip(skill.primitives, goals, strict=True):
+        positions.append(require_finite(goal.position, 3, f"the goal of '{primitive.name}'"))
+        unturned = primitive.orientation is None
+        orientations.append(quaternion.IDENTITY if unturned else unit_goal(goal.orientation, primitive.name))
+    return positions, orientations
+
+
+def unit_goal(orientation: np.ndarray, name: str) -> np.ndarray:
+    """The goal orientation (4,) of a primitive with norm 1; InputError where it is none."""
+    return quaternion.normalised(require_unit(orientation, 4, f"the goal orientation of '{name}'"))
+
+
+def _check_count(skill: ReactiveSkill, values: Sequence, what: str) -> None:
+    if len(values) != len(skill.primitives):
+        raise InputError(f"there are {len(values)} {what} for {len(skill.primitives)} primitives")

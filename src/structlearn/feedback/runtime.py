@@ -1,0 +1,320 @@
+"""The controller that goes to a robot: primitives with feedback, one call per tick, in compiled code.
+
+    skill = read_skill("primitives.safetensors", "expected", "networks.safetensors", axis)
+    controller = Controller(skill, rate_hz=1000)
+    controller.start(position, orientation)
+    while not controller.finished:
+        flags = controller.tick(new_sensor_sample_or_None)
+        robot.follow(controller.position, controller.orientation, ...)
+
+Everything that depends on time only is worked out before the first tick; a tick takes the sensor's newest
+sample, evaluates the network and steps the pose exactly, for any rate. Whatever the sensor does, the coupling
+term is bounded in size and in its rate of change, and fades with the phase, so the goal is reached.
+"""
+
+from collections.abc import Sequence
+from enum import IntFlag
+from time import perf_counter
+
+import numpy as np
+from pydantic import Field
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.feedback import planning, stepping
+from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
+from structlearn.params import Parameters
+from structlearn.primitives import canonical
+from structlearn.primitives.sequence import PoseGoal
+from structlearn.primitives.transformation import ALPHA, BETA
+from structlearn.primitives.vector import sample_count
+
+TARGET_MARGIN = 1.5
+"""A coupling term may be this much larger than any that was demonstrated."""
+
+
+class Status(IntFlag):
+    """What a tick has to report; 0 where all is well.
+
+    Attributes:
+        REJECTED: the sample handed in has a value that is not finite, or the network overflowed on it.
+        WAITING: the offset of the run is not known yet, so there is no feedback yet.
+        NO_OFFSET: it was not known in time, so there is no feedback in this run.
+        STALE: the newest good sample is too old; the coupling term fades until there is one again.
+        SATURATED: the coupling term is at its bound.
+        RATE_LIMITED: it changes as fast as it may.
+    """
+
+    REJECTED = stepping.REJECTED
+    WAITING = stepping.WAITING
+    NO_OFFSET = stepping.NO_OFFSET
+    STALE = stepping.STALE
+    SATURATED = stepping.SATURATED
+    RATE_LIMITED = stepping.RATE_LIMITED
+
+
+class Limits(Parameters):
+    """Bounds on feedback, which hold whatever the sensor and the network do.
+
+    Attributes:
+        largest_coupling: bound of |c|; held for long, c turns by c / (ALPHA BETA): the default, 15 degrees.
+            `largest_coupling` derives it from demonstrated coupling terms.
+        fade_s: time in which the largest coupling may fade out, or in; it bounds |dc/dt| at any time.
+        stale_after_s: age of the newest good sensor sample at which the coupling begins to fade.
+        offset_within_s: time from the start in which the samples of the offset must have come.
+    """
+
+    largest_coupling: float = Field(default=40.0, gt=0)
+    fade_s: float = Field(default=0.05, gt=0)
+    stale_after_s: float = Field(default=0.05, gt=0)
+    offset_within_s: float = Field(default=0.1, gt=0)
+
+
+def largest_coupling(targets: Sequence[np.ndarray]) -> float:
+    """A bound of the coupling term for `Limits`: the largest demonstrated one, and `TARGET_MARGIN`.
+
+    Args:
+        targets: demonstrated coupling terms of any shapes.
+    """
+    return TARGET_MARGIN * max(float(np.abs(target).max()) for target in targets)
+
+
+class Controller:
+    """One run after the other of a skill.
+
+    Outputs, valid after `start` and after each tick; the arrays are the same objects for the controller's
+    whole life, and are overwritten by the next tick:
+
+    Attributes:
+        position: (3,) m.
+        velocity: (3,) m/s.
+        acceleration: (3,) m/s^2.
+        orientation: (4,) unit quaternion.
+        angular_velocity: (3,) rad/s, base frame.
+        angular_acceleration: (3,) rad/s^2, base frame.
+        deviation: (E,) newest good sample - offset - expected; NaN where one of them is not known.
+    """
+
+    def __init__(
+        self,
+        skill: ReactiveSkill,
+        rate_hz: float,
+        limits: Limits | None = None,
+        durations: Sequence[float] | None = None,
+        goals: Sequence[PoseGoal] | None = None,
+        feedback: bool = True,
+    ) -> None:
+        """Work out what depends on time only.
+
+        Args:
+            skill: what to do.
+            rate_hz: ticks per second.
+            limits: bounds on feedback; default `Limits()`.
+            durations: one per primitive in s; default the demonstrations' means.
+            goals: one per primitive; default the demonstrations' means.
+            feedback: False leaves the coupling term 0; deviations are still reported.
+
+        Raises:
+            InputError: the rate, a duration or a goal is no good.
+        """
+        if not (np.isfinite(rate_hz) and rate_hz > 0):
+            raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
+        limits = Limits() if limits is None else limits
+        self.skill, self.rate_hz = skill, float(rate_hz)
+        self._dt = 1.0 / self.rate_hz
+        durations = planning.checked_durations(skill, durations, self._dt)
+        positions, orientations = planning.checked_goals(skill, goals)
+        change = limits.largest_coupling * self._dt / limits.fade_s
+        ages = [round(seconds * self.rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
+        self._plan = planning.plan_in_time(
+            skill,
+            self._dt,
+            durations,
+            positions,
+            orientations,
+            feedback,
+            np.array([limits.largest_coupling, change]),
+            np.array(ages, dtype=np.int64),
+        )
+        self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
+        self._state = stepping.resting_state(self._plan)
+        self._arguments = (tuple(self._plan), tuple(self._state))
+        self._sample, self._clock = self._state.sample, self._state.clock
+        self._started = False
+        self.position, self.velocity, self.acceleration = self._state.path[:, 0, 0]
+        self.angular_velocity, self.angular_acceleration = self._state.turning[:, 0, 0]
+        self.orientation, self.deviation = self._state.orientation[0, 0], self._state.deviation
+
+    def start(self, position: np.ndarray, orientation: np.ndarray | None = None) -> None:
+        """Begin a run at rest; what is compiled is compiled here, so that no tick waits for it.
+
+        Args:
+            position: (3,) m.
+            orientation: (4,) unit quaternion; may be left out when no primitive has orientations.
+
+        Raises:
+            InputError: the pose is not finite or no unit quaternion, or a reach has no direction.
+        """
+        plan, state, start = self._plan, self._state, "the position at the start"
+        position = require_finite(position, 3, start)
+        turned = self.skill.primitives[0].orientation is not None
+        if turned or orientation is not None:
+            orientation = require_unit(orientation, 4, "the orientation at the start")
+        else:
+            orientation = quaternion.IDENTITY
+        at_rest = (position, np.zeros(3), np.zeros(3))
+        forcing = planning.forcing_in_base_frame(
+            self.skill, plan, self._dt, 0, at_rest, plan.position_goal
+        )  # the last that can fail: until here nothing has changed
+        plan.position_forcing[:] = forcing
+        if not turned:
+            plan.orientation_goal[:] = orientation
+        for array in (state.clock, state.path, state.turning, state.zero, state.good, state.coupling):
+            array[:] = 0
+        state.path[0, 0, 0] = position
+        state.orientation[0, 0] = quaternion.normalised(orientation)
+        stepping.begin(*self._arguments, 0)
+        before = [array.copy() for array in state]
+        outputs = (state.path, state.turning, state.orientation, state.deviation)
+        stepping.tick(*self._arguments, False)
+        for array, kept in zip(state, before, strict=True):
+            if not any(array is output for output in outputs):
+                array[:] = kept
+        self._started = True
+
+    def tick(self, counts: np.ndarray | None) -> int:
+        """Advance to the next sample of the run; the first tick gives the start itself.
+
+        Args:
+            counts: (E,) the sensor's newest sample if one has come since the last tick, else None. Without
+                expected traces (E = 0) it is not looked at.
+
+        Returns:
+            Flags, see `Status`.
+
+        Raises:
+            InputError: counts have another size; nothing has moved then.
+            RuntimeError: the run has not been started.
+        """
+        if not self._started:
+            raise RuntimeError("start() comes before the first tick()")
+        fresh = counts is not None and len(self._sample) > 0
+        if fresh:
+            if np.shape(counts) != self._sample.shape:
+                raise InputError(
+                    f"a sensor sample has {len(self._sample)} channels, got shape {np.shape(counts)}"
+                )
+            self._sample[:] = counts  # any type of number: what is compiled sees one type only
+        return stepping.tick(*self._arguments, fresh)
+
+    def move_goal(
+        self, primitive: int | str, position: np.ndarray, orientation: np.ndarray | None = None
+    ) -> None:
+        """Move the goal of the running primitive or a later one; the evolving goal goes there smoothly.
+
+        Position, velocity and acceleration stay continuous: the running primitive keeps its forcing term,
+        later ones are planned anew from where they will start. Between two ticks; takes some tenths of a ms.
+
+        Args:
+            primitive: name or place.
+            position: (3,) m.
+            orientation: (4,) unit quaternion; default stays.
+
+        Raises:
+            InputError: no such primitive, it has ended, or the goal is no good; nothing has changed then.
+            RuntimeError: the run has not been started.
+        """
+        if not self._started:
+            raise RuntimeError("start() comes before move_goal()")
+        plan, state = self._plan, self._state
+        index, running = self.skill.index(primitive), self._clock[stepping.PRIMITIVE]
+        name = self.skill.primitives[index].name
+        if index < running:
+            raise InputError(f"'{name}' has ended, its goal cannot be moved")
+        position = require_finite(position, 3, f"the goal of '{name}'")
+        old, old_turned = plan.position_goal[index].copy(), plan.orientation_goal[index].copy()
+        turned = old_turned if orientation is None else planning.unit_goal(orientation, name)
+        goals = plan.position_goal.copy()
+        goals[index] = position
+        following = planning.end_state(
+            plan.position_forcing[self._clock[stepping.ROW] : plan.rows[running + 1]],
+            self._dt,
+            plan.tau[running],
+            self._due_point(),
+            goals[running],
+        )
+        forcing = planning.forcing_in_base_frame(self.skill, plan, self._dt, running + 1, following, goals)
+        plan.position_forcing[:] = forcing
+        plan.position_goal[:] = goals
+        plan.orientation_goal[index] = turned
+        if index == running:
+            state.point[0] += old - position  # both are relative to the steady goal
+            state.point[2] += old - position
+            evolving = quaternion.product(quaternion.from_rotation_vector(state.remaining), old_turned)
+            state.remaining[:] = quaternion.difference(evolving, turned)
+
+    def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity, acceleration of the sample that is due."""
+        plan, row, running = self._plan, self._clock[stepping.ROW], self._clock[stepping.PRIMITIVE]
+        tau, (offset, rate, goal) = plan.tau[running], self._state.point[:, 0]
+        force = ALPHA * (BETA * (goal - offset) - rate) + plan.position_forcing[row]
+        return offset + plan.position_goal[running], rate / tau, force / tau**2
+
+    @property
+    def coupling(self) -> float:
+        """Coupling term c about the skill's axis."""
+        return float(self._state.coupling[0])
+
+    @property
+    def primitive(self) -> int:
+        """Place of the primitive that runs; the sample of a switch belongs to the successor."""
+        return int(self._clock[stepping.PRIMITIVE])
+
+    @property
+    def time(self) -> float:
+        """Time of the outputs in s since the start."""
+        return self._ticks_done / self.rate_hz
+
+    @property
+    def phase(self) -> float:
+        """Phase p of the primitive that runs."""
+        plan, primitive = self._plan, self.primitive
+        switches = plan.rows[primitive] - primitive  # a switch has two rows, but is one sample
+        elapsed = self._dt * (self._ticks_done - switches)
+        return float(canonical.phase(elapsed, plan.tau[primitive])[0])
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last primitive's duration is over; ticks may go on, the pose settles at the goal."""
+        return bool(self._ticks_done >= self._last_tick)
+
+    @property
+    def _ticks_done(self) -> int:
+        """Ticks since the first one, which gave the start."""
+        return max(int(self._clock[stepping.TICK]) - 1, 0)
+
+
+def tick_latency(controller: Controller, ticks: int) -> np.ndarray:
+    """Durations of ticks on this machine, with a new sensor sample each.
+
+    Runs follow one another from the demonstrations' mean start; starting them is not timed.
+
+    Args:
+        controller: any; its run is lost.
+        ticks: number of ticks.
+
+    Returns:
+        (ticks,) s.
+    """
+    first = controller.skill.primitives[0]
+    orientation = None if first.orientation is None else first.orientation.start
+    samples = list(np.random.default_rng(0).normal(0.0, 10.0, (1000, controller.skill.channels)))
+    seconds = np.empty(ticks)
+    for k in range(ticks):
+        if k == 0 or controller.finished:
+            controller.start(first.position.start, orientation)
+        sample = samples[k % len(samples)]
+        begin = perf_counter()
+        controller.tick(sample)
+        seconds[k] = perf_counter() - begin
+    return seconds

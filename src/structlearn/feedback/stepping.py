@@ -1,0 +1,287 @@
+"""One tick of the controller, compiled: sensor bookkeeping, feedback, and one exact step of the pose.
+
+The steps themselves are those of `primitives.transformation` and `primitives.orientation`; here is what a
+run adds: which row of the plan is due, how old the sensor's sample is, and bounds on the coupling term.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from structlearn.feedback.compiled import hidden_layers, scratch
+from structlearn.primitives import orientation, transformation
+from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
+
+REJECTED, WAITING, NO_OFFSET, STALE, SATURATED, RATE_LIMITED = (1 << bit for bit in range(6))
+
+ROW, PRIMITIVE, TICK, SAMPLE_TICK, SAMPLE_COUNT = range(5)
+"""Places in the clock: row of the plan and primitive that are due, number of this tick, the tick of the
+last good sensor sample, and how many good samples the offset has."""
+
+
+class Plan(NamedTuple):
+    """What depends on time only; R rows, one per sample of each primitive, those at a switch twice.
+
+    Attributes:
+        rows: (P + 1,) first row of each primitive.
+        matrix: (P, 3, 5) `transformation.step_matrix`.
+        tau: (P,) time constants in s.
+        position_goal: (P, 3) m.
+        orientation_goal: (P, 4).
+        position_forcing: (R, 3) in the base frame.
+        orientation_forcing: (R, 3).
+        expected: (R, E) expected sensor traces; NaN where a primitive has none.
+        readout: (R, H) r of `compiled.readout`.
+        offset: (R,) its s.
+        axis: (3,) about which the coupling turns.
+        values: packed networks, see `compiled.PackedNetworks`.
+        first: (P,).
+        layers: (P,).
+        sizes: (P, L + 1).
+        limits: (2,) largest coupling, and its largest change in one tick.
+        ages: (2,) ticks until the offset must be known, and until a sample is stale.
+    """
+
+    rows: np.ndarray
+    matrix: np.ndarray
+    tau: np.ndarray
+    position_goal: np.ndarray
+    orientation_goal: np.ndarray
+    position_forcing: np.ndarray
+    orientation_forcing: np.ndarray
+    expected: np.ndarray
+    readout: np.ndarray
+    offset: np.ndarray
+    axis: np.ndarray
+    values: np.ndarray
+    first: np.ndarray
+    layers: np.ndarray
+    sizes: np.ndarray
+    limits: np.ndarray
+    ages: np.ndarray
+
+
+class State(NamedTuple):
+    """What a tick changes.
+
+    Attributes:
+        clock: (5,) see `ROW`.
+        point: (3, 1, 3) x - G, tau xd, g - G at the row that is due.
+        turned: (1, 4) orientation at the row that is due.
+        rate: (1, 3) tau w.
+        remaining: (3,) rotation vector from the steady to the evolving goal.
+        coupling: (1,) c.
+        sample: (E,) newest sensor sample handed in.
+        good: (E,) newest good one.
+        zero: (E,) mean of the first samples: the offset of the run, complete after `OFFSET_SAMPLES`.
+        deviation: (E,) good - zero - expected.
+        path: (3, 1, 1, 3) output: position, velocity, acceleration.
+        orientation: (1, 1, 4) output.
+        turning: (2, 1, 1, 3) output: angular velocity, angular acceleration.
+        held: (2, 1, 3) coupling vector of the position, always 0, and of the orientation.
+        window: (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation.
+        goals: (1, 2, 4) evolving goal at this row and the next.
+        work: (2, W) of the networks.
+    """
+
+    clock: np.ndarray
+    point: np.ndarray
+    turned: np.ndarray
+    rate: np.ndarray
+    remaining: np.ndarray
+    coupling: np.ndarray
+    sample: np.ndarray
+    good: np.ndarray
+    zero: np.ndarray
+    deviation: np.ndarray
+    path: np.ndarray
+    orientation: np.ndarray
+    turning: np.ndarray
+    held: np.ndarray
+    window: np.ndarray
+    goals: np.ndarray
+    work: np.ndarray
+
+
+def resting_state(plan: Plan) -> State:
+    """Memory for runs of a plan."""
+    channels = plan.expected.shape[1]
+    turned = np.array([[1.0, 0.0, 0.0, 0.0]])
+    return State(
+        clock=np.zeros(5, dtype=np.int64),
+        point=np.zeros((3, 1, 3)),
+        turned=turned,
+        rate=np.zeros((1, 3)),
+        remaining=np.zeros(3),
+        coupling=np.zeros(1),
+        sample=np.full(channels, np.nan),
+        good=np.zeros(channels),
+        zero=np.zeros(channels),
+        deviation=np.full(channels, np.nan),
+        path=np.zeros((3, 1, 1, 3)),
+        orientation=turned[None].copy(),
+        turning=np.zeros((2, 1, 1, 3)),
+        held=np.zeros((2, 1, 3)),
+        window=np.zeros((2, 1, 2, 3)),
+        goals=np.zeros((1, 2, 4)),
+        work=scratch(plan.sizes),
+    )
+
+
+_initial_goal = numba.njit(cache=True)(transformation.initial_goal)
+
+
+@numba.njit(cache=True)
+def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
+    """Start a primitive in the state of the outputs (eq. IV.12-14)."""
+    plan, state = Plan(*plan_arrays), State(*state_arrays)
+    row, tau = plan.rows[primitive], plan.tau[primitive]
+    state.clock[ROW], state.clock[PRIMITIVE] = row, primitive
+    state.coupling[0] = 0.0  # the phase velocity is 0, and the goal absorbs what the predecessor's was
+    state.turned[0] = state.orientation[0, 0]
+    state.goals[0, 0] = state.orientation[0, 0]
+    for d in range(3):
+        x, xd, xdd = state.path[0, 0, 0, d], state.path[1, 0, 0, d], state.path[2, 0, 0, d]
+        goal = plan.position_goal[primitive, d]
+        state.point[0, 0, d] = x - goal
+        state.point[1, 0, d] = tau * xd
+        state.point[2, 0, d] = _initial_goal(x, xd, xdd, tau, plan.position_forcing[row, d]) - goal
+        w, wd = state.turning[0, 0, 0, d], state.turning[1, 0, 0, d]
+        state.rate[0, d] = tau * w
+        state.remaining[d] = _initial_goal(0.0, w, wd, tau, plan.orientation_forcing[row, d])
+    orientation.turn_in_place(state.goals[0, 0], state.remaining)
+    orientation.write_difference(state.goals[0, 0], plan.orientation_goal[primitive], state.remaining)
+
+
+@numba.njit(cache=True)
+def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
+    """Write the sample that is due into the outputs and step to the next one; return the flags.
+
+    Args:
+        plan_arrays: a `Plan` as plain tuple (numba looks that up faster).
+        state_arrays: a `State` as plain tuple.
+        fresh: whether `sample` holds a new sensor sample.
+    """
+    plan, state = Plan(*plan_arrays), State(*state_arrays)
+    flags = _receive(plan, state, fresh)
+    flags |= _sample(plan, state, flags)
+    primitive = state.clock[PRIMITIVE]
+    following = primitive + 1
+    if state.clock[ROW] == plan.rows[following] and following < len(plan.tau):  # it was the last sample
+        begin(plan_arrays, state_arrays, following)
+        flags |= _sample(plan, state, flags)
+    state.clock[TICK] += 1
+    return flags
+
+
+@numba.njit(cache=True)
+def _receive(plan: Plan, state: State, fresh: bool) -> int:
+    """Take a sensor sample if there is a good one, and say what is wrong with the sensor."""
+    channels, clock, flags = len(state.sample), state.clock, 0
+    if channels == 0:
+        return flags
+    in_time = clock[TICK] <= plan.ages[0]
+    for_offset = in_time and clock[SAMPLE_COUNT] < OFFSET_SAMPLES
+    if fresh:
+        good = True
+        for i in range(channels):
+            good &= np.isfinite(state.sample[i])
+        if good:
+            clock[SAMPLE_TICK] = clock[TICK]
+            clock[SAMPLE_COUNT] += for_offset
+            for i in range(channels):
+                state.good[i] = state.sample[i]
+                if for_offset:
+                    state.zero[i] += state.sample[i] / OFFSET_SAMPLES
+        else:
+            flags |= REJECTED
+    if clock[SAMPLE_COUNT] < OFFSET_SAMPLES:
+        flags |= WAITING if in_time else NO_OFFSET
+    if clock[TICK] - clock[SAMPLE_TICK] > plan.ages[1]:
+        flags |= STALE
+    return flags
+
+
+@numba.njit(cache=True)
+def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
+    """Outputs of the row that is due, and the step to the next."""
+    row, primitive = state.clock[ROW], state.clock[PRIMITIVE]
+    last = primitive == len(plan.tau) - 1
+    following = min(row + 1, plan.rows[primitive + 1] - 1)
+    for i in range(len(state.sample)):
+        state.deviation[i] = state.good[i] - state.zero[i] - plan.expected[row, i]
+    if sensor_flags & (WAITING | NO_OFFSET):
+        state.deviation[:] = np.nan
+    c, flags = _bounded(plan, state, _coupling(plan, state, row, primitive, sensor_flags))
+    matrix, tau = plan.matrix[primitive], plan.tau[primitive]
+    for d in range(3):
+        state.held[1, 0, d] = c * plan.axis[d]
+        state.window[0, 0, 0, d] = plan.position_forcing[row, d]
+        state.window[0, 0, 1, d] = plan.position_forcing[following, d]
+        state.window[1, 0, 0, d] = plan.orientation_forcing[row, d]
+        state.window[1, 0, 1, d] = plan.orientation_forcing[following, d]
+    _step_point(plan, state, primitive, matrix, tau)
+    _step_turn(plan, state, primitive, matrix, tau)
+    state.clock[ROW] = following if last else row + 1
+    return flags
+
+
+@numba.njit(cache=True)
+def _coupling(plan: Plan, state: State, row: int, primitive: int, sensor_flags: int) -> float:
+    """What the primitive's network asks for; 0 without network or without a sensor that it needs."""
+    begin, layers, sizes = plan.first[primitive], plan.layers[primitive], plan.sizes[primitive]
+    if begin < 0 or (sizes[0] > 0 and sensor_flags & (WAITING | NO_OFFSET | STALE)):
+        return 0.0
+    features = state.work[hidden_layers(plan.values, begin, layers, sizes, state.deviation, state.work)]
+    c = plan.offset[row]
+    for j in range(sizes[layers]):
+        c += plan.readout[row, j] * features[j]
+    return c
+
+
+@numba.njit(cache=True)
+def _bounded(plan: Plan, state: State, wanted: float) -> tuple[float, int]:
+    """The coupling term within its bounds in size and in change per tick, which is kept as the state's."""
+    largest, largest_change = plan.limits
+    flags = 0
+    if not np.isfinite(wanted):  # counts so large that the standardised input overflows
+        wanted, flags = 0.0, REJECTED
+    if abs(wanted) > largest:
+        wanted, flags = np.copysign(largest, wanted), flags | SATURATED
+    change = wanted - state.coupling[0]
+    if abs(change) > largest_change:
+        wanted = state.coupling[0] + np.copysign(largest_change, change)
+        flags |= RATE_LIMITED
+    state.coupling[0] = wanted
+    return wanted, flags
+
+
+@numba.njit(cache=True)
+def _step_point(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
+    goal = plan.position_goal[primitive : primitive + 1]
+    transformation.step_batch(0, matrix, tau, goal, state.point, state.window[0], state.held[0], state.path)
+
+
+@numba.njit(cache=True)
+def _step_turn(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
+    state.goals[0, 0] = plan.orientation_goal[primitive]
+    state.goals[0, 1] = plan.orientation_goal[primitive]
+    orientation.turn_in_place(state.goals[0, 0], state.remaining)
+    for d in range(3):
+        state.remaining[d] *= matrix[2, 2]  # the goal falls along the geodesic (eq. IV.11)
+    orientation.turn_in_place(state.goals[0, 1], state.remaining)
+    orientation.step_batch(
+        0,
+        matrix,
+        state.turned,
+        state.rate,
+        state.window[1],
+        state.goals,
+        state.held[1],
+        state.orientation,
+        state.turning,
+    )
+    for d in range(3):
+        state.turning[0, 0, 0, d] /= tau
+        state.turning[1, 0, 0, d] /= tau**2

@@ -1,0 +1,201 @@
+"""Path integral policy improvement with covariance adaptation, PI2-CMA (dissertation IV.7.2, algorithm IV.4).
+
+Any episodic policy can be searched: draw parameters, roll each out, hand in the costs of every time step.
+
+    policies = sample(distribution, parameters.samples, rng)        # (K, D)
+    costs = ...                                                     # (K, T), a row per rollout
+    distribution = update(distribution, policies, costs, parameters).distribution
+
+A rollout without a finite cost-to-go (it diverged, returned NaN, or its process died) is left out: its weight
+is 0 at all time steps, as if its cost were infinite. With the worst cost of the others it would still have a
+weight, and would draw the mean towards itself where the others are all alike. A diverged rollout must return
+NaN or infinity, not a huge number: beside that, normalised by the range, all other costs would be equal.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from pydantic import Field
+
+from structlearn.errors import InputError
+from structlearn.params import Parameters
+from structlearn.policy_search import covariance, temperature
+from structlearn.policy_search.covariance import CovarianceParameters
+
+FEWEST_ROLLOUTS = 2
+"""One rollout says nothing of what is better."""
+
+
+class PI2Parameters(Parameters):
+    """How the search distribution is sampled and updated.
+
+    Attributes:
+        samples: rollouts per update, K.
+        kl_bound: nat, largest divergence of the samples' weights from uniform ones, at every time step.
+        temperature: of the normalised costs, instead of the bound; None: by the bound.
+        temperature_floor: smallest temperature that the bound may ask for.
+        covariance: how the covariance follows.
+    """
+
+    samples: int = Field(default=38, ge=FEWEST_ROLLOUTS)
+    kl_bound: float = Field(default=1.0, ge=1e-6)
+    temperature: float | None = Field(default=None, ge=1e-9)
+    temperature_floor: float = Field(default=1e-3, ge=1e-9)
+    covariance: CovarianceParameters = CovarianceParameters()
+
+
+@dataclass(frozen=True)
+class SearchDistribution:
+    """Gaussian over policies.
+
+    Attributes:
+        mean: (D,) parameters of a policy, in their own unit.
+        covariance: (D, D) symmetric and positive definite.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.mean.ndim != 1 or self.covariance.shape != 2 * self.mean.shape:
+            raise InputError(
+                f"a search distribution needs a mean (D,) and a covariance (D, D), "
+                f"not {self.mean.shape} and {self.covariance.shape}"
+            )
+
+    @classmethod
+    def around(cls, mean: np.ndarray, std: float | np.ndarray) -> Self:
+        """Independent parameters.
+
+        Args:
+            mean: (D,) parameters.
+            std: standard deviation of all, or (D,) of each.
+        """
+        return cls(np.array(mean, dtype=float), np.diag(np.broadcast_to(std, np.shape(mean)) ** 2.0))
+
+
+@dataclass(frozen=True)
+class Update:
+    """A new search distribution and what it was made of.
+
+    Attributes:
+        distribution: to draw the next policies from.
+        temperatures: (T,) lambda of the normalised costs.
+        effective_samples: (T,) 1 / sum_k P_k,t^2: between 1 (one sample has all the weight) and K.
+        weights: (K,) of the samples in the new mean, sum 1.
+        failed: (K,) whether a rollout was left out.
+    """
+
+    distribution: SearchDistribution
+    temperatures: np.ndarray
+    effective_samples: np.ndarray
+    weights: np.ndarray
+    failed: np.ndarray
+
+
+def sample(distribution: SearchDistribution, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw policies (algorithm IV.3, line 7).
+
+    Args:
+        distribution: the search distribution.
+        count: how many; fewer from an equal generator are the first of more.
+        rng: random numbers.
+
+    Returns:
+        (count, D) parameters.
+
+    Raises:
+        InputError: the covariance is not positive definite.
+    """
+    white = rng.standard_normal((count, len(distribution.mean)))
+    return distribution.mean + white @ covariance.factor(distribution.covariance).T
+
+
+def cost_to_go(costs: np.ndarray) -> np.ndarray:
+    """S_k,t = sum of J_k,j over j from t to the end (algorithm IV.4, line 5, with j for its second t).
+
+    Args:
+        costs: (K, T) costs per time step.
+
+    Returns:
+        (K, T); NaN or infinite up to and including a sample that is.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.cumsum(costs[:, ::-1], axis=1)[:, ::-1]
+
+
+def time_weights(steps: int) -> np.ndarray:
+    """T, T - 1, ..., 1 over their sum (algorithm IV.4, lines 9 and 10): early steps have more to decide.
+
+    Args:
+        steps: number of time steps T.
+
+    Returns:
+        (T,) weights.
+    """
+    return np.arange(steps, 0.0, -1.0) * (2.0 / (steps * (steps + 1.0)))
+
+
+def update(
+    distribution: SearchDistribution, samples: np.ndarray, costs: np.ndarray, parameters: PI2Parameters
+) -> Update:
+    """One update of the search distribution (algorithm IV.4).
+
+    Args:
+        distribution: which the samples were drawn from.
+        samples: (K, D) parameters of the rolled-out policies.
+        costs: (K, T) cost per rollout and time step, any unit; a rollout with a NaN or infinity is left out.
+        parameters: temperature and covariance.
+
+    Returns:
+        The new distribution and diagnostics.
+
+    Raises:
+        InputError: shapes do not fit, a sample is not finite, fewer than two rollouts have finite costs, or
+            the covariance of the distribution is not positive definite.
+    """
+    _check_shapes(distribution, samples, costs)
+    ahead = cost_to_go(costs)
+    valid = np.isfinite(ahead[:, 0])
+    if valid.sum() < FEWEST_ROLLOUTS:
+        raise InputError(
+            f"{valid.sum()} of {len(costs)} rollouts have finite costs, an update needs {FEWEST_ROLLOUTS}"
+        )
+    relative = temperature.normalised(ahead[valid])
+    if parameters.temperature is None:
+        temperatures = temperature.bounded_temperatures(
+            relative, parameters.kl_bound, parameters.temperature_floor
+        )
+    else:
+        temperatures = np.full(costs.shape[1], parameters.temperature)
+    probabilities = temperature.probabilities(relative, temperatures)  # (valid, T)
+    over_time = time_weights(costs.shape[1])
+    weights = np.zeros(len(costs))
+    weights[valid] = np.sum(probabilities * over_time, axis=1)
+    deviations = samples[valid] - distribution.mean
+    pairs = covariance.moments(probabilities, over_time, parameters.covariance.centre)
+    return Update(
+        distribution=SearchDistribution(
+            distribution.mean + weights[valid] @ deviations,
+            covariance.adapted(distribution.covariance, deviations, pairs, parameters.covariance),
+        ),
+        temperatures=temperatures,
+        effective_samples=1.0 / np.sum(probabilities**2, axis=0),
+        weights=weights,
+        failed=~valid,
+    )
+
+
+def _check_shapes(distribution: SearchDistribution, samples: np.ndarray, costs: np.ndarray) -> None:
+    if samples.ndim != 2 or costs.ndim != 2 or len(samples) != len(costs) or costs.shape[1] == 0:
+        raise InputError(
+            f"an update needs samples (K, D) and costs (K, T) of the same K, "
+            f"not {samples.shape} and {costs.shape}"
+        )
+    if samples.shape[1] != len(distribution.mean):
+        raise InputError(
+            f"the samples have {samples.shape[1]} parameters, the distribution has {len(distribution.mean)}"
+        )
+    if not np.isfinite(samples).all():
+        raise InputError("a sample of the search distribution is not finite")

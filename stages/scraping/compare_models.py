@@ -1,0 +1,30 @@
+"""Leave-one-demonstration-out comparison of feedback models (IV.9.3: table IV.5, figure IV.16)."""
+
+import pandas as pd
+
+from structlearn.artefacts import publish, write_table
+from structlearn.feedback.comparison import compare_representations, paired_orderings
+from structlearn.feedback.storage import read_datasets
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.feedback.training import TrainingParameters
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("compare_models", TrainingParameters)
+    settings = stage_parameters("coupling_dataset", SupervisionParameters).settings_deg
+    datasets = read_datasets("data/feedback/scraping/dataset", settings)
+    scores, orderings = [], []
+    for name, dataset in datasets.items():
+        found = compare_representations(dataset, parameters)
+        scores.append(found.assign(primitive=name))
+        orderings.append(paired_orderings(found).assign(primitive=name))
+    with publish("data/feedback/scraping/comparison") as folder:
+        folder.mkdir()
+        for table, rows in (("scores", scores), ("orderings", orderings)):
+            if rows:
+                write_table(pd.concat(rows, ignore_index=True), folder / f"{table}.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

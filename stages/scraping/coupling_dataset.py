@@ -1,0 +1,37 @@
+"""Sensor deviations and the coupling terms that people asked for, as supervised data (IV.6.2, IV.9.1.3)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.feedback.dataset import to_table
+from structlearn.feedback.storage import read_expected, read_sets
+from structlearn.feedback.supervision import SupervisionParameters, coupling_dataset, require_parts
+from structlearn.primitives.storage import read_primitives
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.executions import execution_cuts
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("coupling_dataset", SupervisionParameters)
+    clock = stage_parameters("clock", ClockParameters)
+    cutting = stage_parameters("segment", SegmentParameters)
+    primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
+    names = [primitive.name for primitive in primitives]
+    expected = read_expected("data/feedback/scraping/expected")
+    corrections = read_sets("data/raw/scraping/corrections", clock)
+    if corrections:
+        require_parts(parameters.primitives, primitives, expected)
+    cuts = {setting: execution_cuts(runs, names, cutting) for setting, runs in corrections.items()}
+
+    with publish("data/feedback/scraping/dataset") as folder:
+        folder.mkdir()
+        for name in parameters.primitives if corrections else ():
+            primitive = primitives[names.index(name)]
+            own = {setting: parts[name] for setting, parts in cuts.items()}
+            dataset, checks = coupling_dataset(corrections, own, primitive, expected[name], parameters)
+            write_table(to_table(dataset), folder / f"{name}.parquet")
+            write_table(checks, folder / f"checks_{name}.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

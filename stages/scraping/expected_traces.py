@@ -1,0 +1,42 @@
+"""Execute the nominal primitives on the flat board and learn what the fingers should feel (IV.9.1.3, ii)."""
+
+from structlearn.artefacts import publish
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.supervision import ExpectedTracesParameters, learn_expected
+from structlearn.primitives.storage import read_primitives, write_vector_primitive
+from structlearn.recordings import read_demonstrations, read_recordings, write_recordings
+from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.segmentation.executions import execution_cuts
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.simulation.trials import TestbedParameters, executions, nominal_runs
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("expected_traces", ExpectedTracesParameters)
+    record = stage_parameters("record", SourceParameters)
+    clock = stage_parameters("clock", ClockParameters)
+    cutting = stage_parameters("segment", SegmentParameters)
+    testbed = stage_parameters("testbed", TestbedParameters)
+    primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
+
+    recordings = []
+    if parameters.source is not None:
+        recordings = read_recordings(parameters.source, record.topics)
+    elif record.simulated:
+        recordings = executions(ReactiveSkill(primitives), nominal_runs(parameters.runs), testbed)
+    with publish("data/raw/scraping/unrolls") as folder:
+        write_recordings(recordings, folder)
+
+    with publish("data/feedback/scraping/expected") as folder:
+        folder.mkdir()
+        if recordings:
+            unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
+            cuts = execution_cuts(unrolls, [primitive.name for primitive in primitives], cutting)
+            for name, traces in learn_expected(unrolls, cuts, parameters.smoothing_hz).items():
+                note = "electrode counts without offset"
+                write_vector_primitive(traces, folder / f"{name}.safetensors", note)
+
+
+if __name__ == "__main__":
+    run(main)

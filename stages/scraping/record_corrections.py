@@ -1,0 +1,36 @@
+"""Record corrected demonstrations on the tilted board, a set per setting (IV.9.1.3, iii)."""
+
+from pathlib import Path
+
+from structlearn.artefacts import publish
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.primitives.storage import read_primitives
+from structlearn.recordings import read_recordings, write_recordings
+from structlearn.recordings.source import CorrectionSourceParameters, SourceParameters
+from structlearn.simulation.trials import TestbedParameters, corrected_runs, executions
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("record_corrections", CorrectionSourceParameters)
+    record = stage_parameters("record", SourceParameters)
+    testbed = stage_parameters("testbed", TestbedParameters)
+    settings = [f"{setting:g}" for setting in parameters.settings_deg]
+
+    sets = {}
+    if parameters.source is not None:
+        sets = {name: read_recordings(Path(parameters.source) / name, record.topics) for name in settings}
+    elif record.simulated:
+        skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
+        runs = corrected_runs(parameters.settings_deg, parameters.runs)
+        recordings = executions(skill, runs, testbed)
+        for place, name in enumerate(settings):
+            sets[name] = recordings[place * parameters.runs : (place + 1) * parameters.runs]
+    with publish("data/raw/scraping/corrections") as folder:
+        folder.mkdir()
+        for name, recordings in sets.items():
+            write_recordings(recordings, folder / name)
+
+
+if __name__ == "__main__":
+    run(main)

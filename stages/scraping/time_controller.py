@@ -1,0 +1,32 @@
+"""Time the runtime controller and a simulated run on this machine; no stage depends on the result."""
+
+from structlearn.artefacts import write_metrics
+from structlearn.feedback.models import POINTWISE
+from structlearn.feedback.pmnn import read_networks
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.storage import read_expected
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.primitives.storage import read_primitives
+from structlearn.recordings.source import SourceParameters
+from structlearn.simulation.timing import TimingParameters, controller_latency, run_cost
+from structlearn.simulation.trials import TestbedParameters
+from structlearn.stage import run, stage_parameters
+
+DATA = "data/feedback/scraping"
+
+
+def main() -> None:
+    parameters = stage_parameters("time_controller", TimingParameters)
+    testbed = stage_parameters("testbed", TestbedParameters)
+    axis = stage_parameters("coupling_dataset", SupervisionParameters).unit_axis
+    networks = read_networks(f"{DATA}/models/{POINTWISE}.safetensors")
+    primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
+    skill = ReactiveSkill(primitives, read_expected(f"{DATA}/expected"), networks, axis)
+    times = controller_latency(skill, parameters) if networks else {}
+    if networks and stage_parameters("record", SourceParameters).simulated:
+        times |= run_cost(skill, testbed, parameters)
+    write_metrics(times, "reports/scraping/timings.json")
+
+
+if __name__ == "__main__":
+    run(main)

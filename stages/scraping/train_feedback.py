@@ -1,0 +1,22 @@
+"""Train the feedback models: sample by sample as in the text, and inside the unroll (IV.6.2.4, V.2)."""
+
+from structlearn.artefacts import publish
+from structlearn.feedback.models import FeedbackParameters, train_models
+from structlearn.feedback.pmnn import write_networks
+from structlearn.feedback.storage import read_datasets
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("train_feedback", FeedbackParameters)
+    settings = stage_parameters("coupling_dataset", SupervisionParameters).settings_deg
+    datasets = read_datasets("data/feedback/scraping/dataset", settings)
+    with publish("data/feedback/scraping/models") as folder:
+        folder.mkdir()
+        for model, networks in train_models(datasets, parameters).items():
+            write_networks(networks, folder / f"{model}.safetensors")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,50 @@
+"""Skills with made-up networks and sensors that the tests of the controller share."""
+
+from itertools import pairwise
+
+import numpy as np
+from primitives_movements import reach, wobbly_turn
+
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.primitives.sequence import PosePrimitive
+
+NAMES = ("down", "tilt", "scrape")
+POINTS = np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.05], [0.3, 0.1, 0.05], [0.3, 0.3, 0.25]])
+TURNS = (0.6, -0.5, 0.7)
+TAUGHT_DT = 0.01
+
+
+def random_network(rng, inputs=6, hidden=(10,), kernels=25, size=1.0):
+    """A network for counts of some tens whose coupling term is of the order of `size`."""
+    sizes = [inputs, *hidden]
+    layers = tuple(
+        (rng.normal(0.0, max(before, 1) ** -0.5, (after, before)), rng.normal(0.0, 0.3, after))
+        for before, after in pairwise(sizes)
+    )
+    return PhaseModulatedNetwork(
+        input_mean=rng.normal(0.0, 10.0, inputs),
+        input_scale=rng.uniform(5.0, 30.0, inputs),
+        hidden=layers,
+        phase_weights=rng.normal(0.0, max(sizes[-1], 1) ** -0.5, (kernels, sizes[-1])),
+        phase_biases=rng.normal(0.0, 0.3, kernels),
+        output_weights=rng.normal(0.0, size, kernels),
+    )
+
+
+def random_skill(rng, networks=None, channels=6, turned=True):
+    """Three primitives with expected traces, without feedback but for the given networks by name."""
+    primitives, expected, base = [], {}, np.array([1.0, 0.0, 0.0, 0.0])
+    for name, start, goal, turn in zip(NAMES, POINTS, POINTS[1:], TURNS, strict=False):
+        duration = rng.uniform(0.4, 0.7)
+        taught = wobbly_turn(rng, turn, 0.1, duration, TAUGHT_DT, base, rng.normal(size=3))
+        base = taught.orientation[-1]
+        point = fit_position([reach(rng, start, goal, duration, TAUGHT_DT, 0.02)], (True, False, False))
+        primitives.append(PosePrimitive(name, point, fit_quaternion([taught]) if turned else None))
+        swing = np.sin(np.linspace(0.0, 3.0, 60)[:, None] * rng.uniform(0.5, 2.0, channels))
+        expected[name] = fit_expected_traces([20.0 * swing], TAUGHT_DT, 25.0)
+    axis = rng.normal(size=3)
+    return ReactiveSkill(primitives, expected, networks or {}, axis / np.linalg.norm(axis))

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+from feedback_runs import Y, cuts, execution
+from feedback_skills import random_network
+
+from structlearn.feedback.closed_loop import NOMINAL, ExecutedSet, scores, traces
+from structlearn.feedback.cost import nominal_orientation
+from structlearn.feedback.evaluation import cost_ratios, execution_scores
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.primitives.sensor_traces import fit_expected_traces
+
+PARAMETERS = SupervisionParameters(
+    primitives=("turn", "scrape"), settings_deg=(5.0,), axis=(0, 2.0, 0), rate_hz=50.0
+)
+MEAN = nominal_orientation([execution()])
+
+
+@pytest.fixture(scope="module")
+def sets():
+    """Without feedback the tool is off by the setting, with it by a third of that."""
+    network = random_network(np.random.default_rng(0))
+    made = []
+    for model, networks, share in ((NOMINAL, {}, 1.0), ("pointwise", {"turn": network}, 1 / 3)):
+        runs = {
+            setting: [
+                execution(
+                    f"{number:02d}", roll=-share * np.radians(setting) * (1 + 0.1 * number), seed=number
+                )
+                for number in (1, 2)
+            ]
+            for setting in (5.0, 10.0)
+        }
+        made.append(
+            ExecutedSet(model, networks, runs, {setting: cuts(group) for setting, group in runs.items()})
+        )
+    return made
+
+
+def test_scores_of_all_sets_settings_runs_and_primitives_with_feedback(sets):
+    table = scores(sets, MEAN, PARAMETERS)
+    keys = table[["model", "setting_deg", "run", "primitive"]]
+    assert len(keys.drop_duplicates()) == len(table) == 2 * 2 * 2 * 2
+    assert set(table["primitive"]) == {"turn", "scrape"}  # the first one has no feedback
+    part = table[(table["model"] == NOMINAL) & (table["setting_deg"] == 10.0)]
+    runs = sets[0].runs[10.0]
+    alone = execution_scores(runs, cuts(runs, ("turn", "scrape")), MEAN, Y)
+    np.testing.assert_allclose(part["end_roll_deg"], alone["end_roll_deg"])
+    np.testing.assert_allclose(part["cost_rad"], alone["cost_rad"])
+
+
+def test_scores_and_ratios_fit_together(sets):
+    ratios = cost_ratios(scores(sets, MEAN, PARAMETERS), "pointwise")
+    np.testing.assert_allclose(ratios["ratio"], 1 / 3)
+    assert (ratios["lower_rad"] > 0).all()
+
+
+def test_traces_of_all_sets_and_primitives_with_feedback(sets):
+    waves = 10 * np.sin(np.linspace(0, 3, 201)[:, None] * np.arange(1, 7))
+    expected = {name: fit_expected_traces([waves], 0.01, 6.0) for name in ("turn", "scrape")}
+    table = traces(sets, expected, PARAMETERS)
+    counts = table.groupby(["model", "primitive", "setting_deg", "run"]).size()
+    assert len(counts) == 2 * 2 * 2 * 2
+    assert (counts.xs("turn", level="primitive") == 101).all()
+    assert (counts.xs("scrape", level="primitive") == 126).all()
+    coupled = table.groupby(["model", "primitive"])["coupling"].apply(lambda c: c.abs().max())
+    assert coupled[NOMINAL, "turn"] == coupled["pointwise", "scrape"] == 0.0
+    assert coupled["pointwise", "turn"] > 0.0

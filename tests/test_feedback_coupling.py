@@ -1,0 +1,115 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from primitives_movements import few, reach, rngs, wobbly_turn
+
+from structlearn import quaternion
+from structlearn.feedback.coupling import orientation_target, position_target
+from structlearn.primitives import canonical, transformation
+from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.vector import fit_vector
+
+COARSE, FINE = 0.004, 0.001  # s
+
+
+def vector_pair(rng, dt=0.002):
+    """A nominal primitive, and a corrected demonstration of another duration."""
+    nominal = fit_vector([reach(rng, np.zeros(3), [0.5, 0.2, -0.1], dt=0.005)])
+    return nominal, reach(rng, [0.02, 0.0, -0.01], [0.5, 0.2, 0.0], duration=1.2, dt=dt, detour=0.2)
+
+
+def orientation_pair(rng, dt=0.002):
+    nominal = fit_quaternion([wobbly_turn(rng, 1.0)])
+    return nominal, wobbly_turn(rng, 1.2, wobble=0.4, duration=1.2, dt=dt)
+
+
+def position_error(seed, dt, goal=None):
+    """Largest distance between a demonstration and the nominal primitive with its target as coupling."""
+    nominal, path = vector_pair(np.random.default_rng(seed), dt)
+    target = position_target(path, nominal, goal)
+    unrolled = nominal.unroll(
+        path.dt, path.position[0], goal, path.duration, path.velocity[0], path.acceleration[0],
+        coupling=lambda k, x, xd: target[k],
+    )  # fmt: skip
+    return np.linalg.norm(unrolled.position - path.position, axis=1).max()
+
+
+def orientation_error(seed, dt, goal=None):
+    nominal, path = orientation_pair(np.random.default_rng(seed), dt)
+    target = orientation_target(path, nominal, goal)
+    unrolled = nominal.unroll(
+        path.dt, path.orientation[0], goal, path.duration, path.angular_velocity[0],
+        path.angular_acceleration[0], coupling=lambda k, q, w: target[k],
+    )  # fmt: skip
+    return quaternion.angle_between(unrolled.orientation, path.orientation).max()
+
+
+@pytest.mark.parametrize("goal", [None, np.array([0.4, 0.3, 0.1])])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_primitive_with_its_target_as_coupling_is_the_demonstration(seed, goal):
+    """But for the hold of the coupling over a step, which shrinks with the step."""
+    coarse, fine = position_error(seed, COARSE, goal), position_error(seed, FINE, goal)
+    assert coarse < 0.01  # m, of a reach of half a metre
+    assert fine < 0.35 * coarse
+
+
+@pytest.mark.parametrize("goal", [None, quaternion.from_rotation_vector(np.array([0.1, -0.2, 1.3]))])
+@pytest.mark.parametrize("seed", range(3))
+def test_an_orientation_with_its_target_as_coupling_is_the_demonstration(seed, goal):
+    coarse, fine = orientation_error(seed, COARSE, goal), orientation_error(seed, FINE, goal)
+    assert coarse < 0.03  # rad
+    assert fine < 0.35 * coarse
+
+
+@few
+@given(rngs)
+def test_targets_are_zero_at_the_first_sample(rng):
+    """Whatever the initial state: the initial goal absorbs it, and the phase velocity is zero."""
+    nominal, path = vector_pair(rng)
+    target = position_target(path, nominal)
+    assert np.abs(target[0]).max() < 1e-9 * np.abs(target).max()
+    nominal, path = orientation_pair(rng)
+    target = orientation_target(path, nominal)
+    assert np.abs(target[0]).max() < 1e-9 * np.abs(target).max()
+
+
+@few
+@given(rngs)
+def test_a_movement_that_needs_no_correction_has_no_target(rng):
+    nominal, _ = vector_pair(rng)
+    start, goal = rng.normal(size=(2, 3))
+    path = nominal.unroll(0.004, start, goal, 1.0, *rng.normal(size=(2, 3)))
+    terms = nominal.forcing(path.time, start, goal, path.duration)
+    assert np.abs(position_target(path, nominal, goal)).max() < 1e-9 * np.abs(terms).max()
+
+
+@few
+@given(rngs)
+def test_a_turn_that_needs_no_correction_has_no_target(rng):
+    nominal, _ = orientation_pair(rng)
+    turn = quaternion.from_rotation_vector(0.1 * rng.normal(size=3))
+    path = nominal.unroll(0.004, quaternion.product(turn, nominal.start), None, 1.2, *rng.normal(size=(2, 3)))
+    terms = nominal.forcing(path.time, path.duration)
+    assert np.abs(orientation_target(path, nominal)).max() < 1e-9 * np.abs(terms).max()
+
+
+@few
+@given(rngs)
+def test_the_target_is_what_the_forcing_lacks(rng):
+    nominal, path = vector_pair(rng)
+    goal = path.position[-1]
+    lacking = transformation.forcing_target(path, canonical.time_constant(path.duration))
+    lacking -= nominal.forcing(path.time, path.position[0], goal, path.duration)
+    np.testing.assert_allclose(position_target(path, nominal, goal), lacking, atol=1e-9)
+
+
+@few
+@given(rngs)
+def test_the_sign_of_a_quaternion_does_not_matter(rng):
+    nominal, path = orientation_pair(rng)
+    flipped = replace(path, orientation=-path.orientation)
+    np.testing.assert_allclose(
+        orientation_target(flipped, nominal, -nominal.goal), orientation_target(path, nominal), atol=1e-9
+    )

@@ -1,0 +1,123 @@
+import numpy as np
+import pandas as pd
+import pytest
+from feedback_runs import RATE_HZ, SEGMENTS, Y, cuts, execution
+from feedback_skills import random_network
+
+from structlearn.feedback.cost import nominal_orientation
+from structlearn.feedback.evaluation import SETTLED_S, cost_ratios, execution_scores, feedback_traces
+from structlearn.feedback.supervision import SupervisionParameters, executed_primitive
+from structlearn.metrics import mean_interval
+from structlearn.primitives import canonical, kernels
+from structlearn.primitives.sensor_traces import fit_expected_traces
+
+SCORED = ("turn", "scrape")
+NOMINAL = nominal_orientation([execution()])
+PARAMETERS = SupervisionParameters(primitives=SCORED, settings_deg=(5.0,), rate_hz=50.0)
+
+
+def scores(*runs):
+    return execution_scores(runs, cuts(runs, SCORED), NOMINAL, Y)
+
+
+def test_a_steady_roll_gives_closed_form_scores():
+    table = scores(execution("01", roll=-0.1), execution("02", roll=0.02))
+    assert table["run"].tolist() == ["01", "01", "02", "02"]
+    assert table["primitive"].tolist() == ["turn", "scrape"] * 2
+    samples = np.round(np.diff(SEGMENTS[1:])[:, 0] * RATE_HZ) + 1
+    np.testing.assert_allclose(table["cost_rad"], np.ravel(np.outer([0.1, 0.02], samples)))
+    np.testing.assert_allclose(table["mean_deg"], np.degrees([0.1, 0.1, 0.02, 0.02]))
+    np.testing.assert_allclose(table["end_roll_deg"], np.degrees([-0.1, -0.1, 0.02, 0.02]))
+    np.testing.assert_allclose(table["force_n"], 1.0)
+    np.testing.assert_allclose(table["force_std_n"], 0.0, atol=1e-12)
+    np.testing.assert_allclose(table["roll_torque_mn_m"], 2.0)
+
+
+def test_the_final_roll_is_that_of_the_last_fifth_of_a_second():
+    time = execution().time
+    roll = np.where(time < SEGMENTS[1, 1] - 0.205, 0.3, 0.1)
+    table = scores(execution(roll=roll)).set_index("primitive")
+    assert table.loc["turn", "end_roll_deg"] == pytest.approx(np.degrees(0.1))
+    assert table.loc["turn", "mean_deg"] > np.degrees(0.25)
+
+
+def test_force_is_judged_once_contact_has_settled():
+    run = execution()
+    impact = run.time < SEGMENTS[1, 0] + SETTLED_S - 0.005
+    run.wrench[impact, 2] = -9.0
+    run.wrench[impact, 4] = 1.0
+    table = scores(run).set_index("primitive")
+    assert table.loc["turn", "force_n"] == pytest.approx(1.0)
+    assert table.loc["turn", "roll_torque_mn_m"] == pytest.approx(2.0)
+
+
+def test_force_and_torque_are_missing_where_no_wrench_was_recorded():
+    table = scores(execution("01", wrench=None), execution("02"))
+    assert table.loc[table["run"] == "01", "force_n"].isna().all()
+    assert table.loc[table["run"] == "02", "force_n"].notna().all()
+    assert table["cost_rad"].notna().all()
+    assert "force_n" not in scores(execution(wrench=None))
+
+
+def hand_made():
+    """Two runs in two settings: feedback halves the cost in one, in the other the mean stays the same."""
+    rows = []
+    for setting, nominal, ours in ((5.0, (10.0, 14.0), (5.0, 7.0)), (10.0, (20.0, 30.0), (30.0, 20.0))):
+        for run, (theirs, own) in enumerate(zip(nominal, ours, strict=True), start=1):
+            for model, total in (("nominal", theirs), ("ours", own)):
+                for primitive, share in (("turn", 0.25), ("scrape", 0.75)):
+                    rows.append((model, setting, f"{run:02d}", primitive, share * total))
+    columns = ["model", "setting_deg", "run", "primitive", "cost_rad"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def test_ratios_are_of_the_mean_costs_over_all_primitives():
+    ratios = cost_ratios(hand_made(), "ours")
+    assert ratios["setting_deg"].tolist() == [5.0, 10.0]
+    np.testing.assert_allclose(ratios["ratio"], [0.5, 1.0])
+    np.testing.assert_allclose(ratios["lower_rad"], [6.0, 0.0])
+    halves = [mean_interval(np.array(differences))[1] for differences in ((5.0, 7.0), (-10.0, 10.0))]
+    np.testing.assert_allclose(ratios["half_width"], halves)
+
+
+def test_runs_are_paired_by_name_whatever_their_order():
+    table = hand_made()
+    shuffled = table.sample(frac=1.0, random_state=0)
+    pd.testing.assert_frame_equal(cost_ratios(shuffled, "ours"), cost_ratios(table, "ours"))
+
+
+def test_a_model_beside_itself_costs_the_same():
+    ratios = cost_ratios(hand_made(), "nominal")
+    np.testing.assert_allclose(ratios["ratio"], 1.0)
+    np.testing.assert_allclose(ratios[["lower_rad", "half_width"]], 0.0, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def expected():
+    waves = 10 * np.sin(np.linspace(0, 3, 201)[:, None] * np.arange(1, 7))
+    return fit_expected_traces([waves], 0.01, 6.0)
+
+
+def test_traces_hold_what_the_model_made_of_the_deviations(expected):
+    network = random_network(np.random.default_rng(0))
+    runs = {5.0: [execution("01", seed=1), execution("02", seed=2)], 10.0: [execution("01", seed=3)]}
+    segments = {setting: cuts(group)["turn"] for setting, group in runs.items()}
+    table = feedback_traces(runs, segments, expected, network, PARAMETERS)
+    channels = [f"channel_{index:02d}" for index in range(6)]
+    assert list(table.columns) == ["setting_deg", "run", "time_s", "coupling", *channels]
+    for (setting, name), rows in table.groupby(["setting_deg", "run"]):
+        run = next(run for run in runs[setting] if run.name == name)
+        _, deviation = executed_primitive(run, segments[setting].loc[name], expected)
+        np.testing.assert_allclose(rows["time_s"], 0.02 * np.arange(101), atol=1e-9)
+        np.testing.assert_allclose(rows[channels], deviation[::2])
+        p, u = canonical.phase(rows["time_s"].to_numpy(), canonical.time_constant(2.0))
+        exact = network.coupling(deviation[::2], kernels.features(p, u, 25))
+        np.testing.assert_allclose(rows["coupling"], exact)
+    assert len(table) == 3 * 101
+
+
+def test_without_a_model_there_is_no_coupling(expected):
+    run = execution()
+    table = feedback_traces({5.0: [run]}, {5.0: cuts([run])["turn"]}, expected, None, PARAMETERS)
+    assert (table["coupling"] == 0.0).all()
+    assert table["channel_03"].abs().max() > 0

@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+from feedback_toy import toy_dataset
+
+from structlearn.errors import InputError
+from structlearn.feedback.models import MODELS, FeedbackParameters, path_errors, train_models
+from structlearn.feedback.training import TrainingParameters, train_final
+from structlearn.feedback.unrolled_training import (
+    UnrolledTrainingParameters,
+    corrected_paths,
+    split,
+    unrolled_error,
+)
+
+FEW = FeedbackParameters(
+    hidden=(8,),
+    pointwise=TrainingParameters(steps=200, evaluate_every=100, seed=1),
+    unrolled=UnrolledTrainingParameters(steps=60, validation_interval=20, samples=50, seed=1),
+    validation_share=0.25,
+)
+
+
+@pytest.fixture(scope="module")
+def datasets():
+    return {"turn": toy_dataset(seed=0), "scrape": toy_dataset(seed=1, channels=4)}
+
+
+@pytest.fixture(scope="module")
+def trained(datasets):
+    return train_models(datasets, FEW)
+
+
+def arrays(network):
+    layers = [array for layer in network.hidden for array in layer]
+    names = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
+    return [*layers, *(getattr(network, name) for name in names)]
+
+
+def test_every_model_has_a_network_for_every_primitive(trained, datasets):
+    assert tuple(trained) == MODELS
+    for networks in trained.values():
+        assert [name for name, _ in networks] == ["turn", "scrape"]
+        for name, network in networks:
+            assert len(network.input_mean) == datasets[name].deviation.shape[1]
+            assert [weights.shape[0] for weights, _ in network.hidden] == [8]
+            assert network.output_weights.shape == (25,)
+            assert all(np.isfinite(array).all() for array in arrays(network))
+
+
+def test_the_same_data_and_seed_give_the_same_networks(trained, datasets):
+    for model, networks in train_models(datasets, FEW).items():
+        for (_, again), (_, network) in zip(networks, trained[model], strict=True):
+            for one, other in zip(arrays(again), arrays(network), strict=True):
+                np.testing.assert_array_equal(one, other)
+
+
+def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
+    alone = train_final(datasets["turn"], FEW.pointwise, FEW.hidden)
+    for one, other in zip(arrays(alone), arrays(dict(trained["pointwise"])["turn"]), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_what_stops_training_in_the_unroll_was_not_seen_before(trained, datasets):
+    """The unrolled model starts from a pointwise one that has not seen the validation demonstrations."""
+    paths = corrected_paths(datasets["turn"], FEW.unrolled.samples)
+    training, validation = split(paths, FEW.validation_share, FEW.unrolled.seed)
+    unseen = np.setdiff1d(datasets["turn"].demonstration, training.demonstration)
+    np.testing.assert_array_equal(np.unique(validation.demonstration), unseen)
+    seen = np.isin(datasets["turn"].demonstration, training.demonstration)
+    initial = train_final(datasets["turn"].where(seen), FEW.pointwise, FEW.hidden)
+    network = dict(trained["unrolled"])["turn"]
+    np.testing.assert_array_equal(network.input_mean, initial.input_mean)
+    before, after = (np.mean(unrolled_error(one, validation) ** 2) for one in (initial, network))
+    assert after <= before
+
+
+def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained, datasets):
+    table = path_errors(datasets, {model: dict(networks) for model, networks in trained.items()})
+    keys = table[["model", "primitive", "setting_deg", "demonstration"]]
+    assert len(keys.drop_duplicates()) == len(table) == 2 * 2 * 3 * 4
+    paths = corrected_paths(datasets["turn"], UnrolledTrainingParameters().samples)
+    exact = np.degrees(unrolled_error(dict(trained["unrolled"])["turn"], paths))
+    rows = table[(table["model"] == "unrolled") & (table["primitive"] == "turn")]
+    np.testing.assert_allclose(rows["error_deg"], exact)
+    np.testing.assert_array_equal(rows["setting_deg"], paths.setting)
+
+
+def test_without_data_there_are_no_networks():
+    """A task without corrections goes through the pipeline."""
+    assert train_models({}, FEW) == {model: [] for model in MODELS}
+
+
+def test_one_demonstration_is_too_few():
+    with pytest.raises(InputError, match="at least two demonstration numbers"):
+        train_models({"turn": toy_dataset(demonstrations=1, settings=(0.0, 5.0, 10.0))}, FEW)

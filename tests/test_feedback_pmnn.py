@@ -1,0 +1,105 @@
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from structlearn import artefacts
+from structlearn.errors import InputError
+from structlearn.feedback import pmnn
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+
+INPUTS, KERNELS = 4, 5
+
+
+def random_network(sizes=(7,), seed=0):
+    rng = np.random.default_rng(seed)
+    widths = (INPUTS, *sizes)
+    pairs = list(pairwise(widths))
+    return PhaseModulatedNetwork(
+        input_mean=rng.normal(size=INPUTS),
+        input_scale=rng.uniform(0.5, 2.0, INPUTS),
+        hidden=tuple((rng.normal(size=(after, before)), rng.normal(size=after)) for before, after in pairs),
+        phase_weights=rng.normal(size=(KERNELS, widths[-1])),
+        phase_biases=rng.normal(size=KERNELS),
+        output_weights=rng.normal(size=KERNELS),
+    )
+
+
+def by_hand(network, deviation, modulation):
+    """Equations IV.27-IV.30 for one sample, node by node."""
+    layer = [(x - m) / s for x, m, s in zip(deviation, network.input_mean, network.input_scale, strict=True)]
+    for weights, biases in network.hidden:
+        rows = zip(weights, biases, strict=True)
+        layer = [np.tanh(sum(w * h for w, h in zip(row, layer, strict=True)) + bias) for row, bias in rows]
+    coupling = 0.0
+    for kernel in range(KERNELS):
+        unit = sum(w * h for w, h in zip(network.phase_weights[kernel], layer, strict=True))
+        unit += network.phase_biases[kernel]
+        coupling += network.output_weights[kernel] * modulation[kernel] * unit
+    return coupling
+
+
+@pytest.mark.parametrize("sizes", [(), (7,), (6, 3)])
+def test_coupling_is_the_equation_node_by_node(sizes):
+    rng, network = np.random.default_rng(1), random_network(sizes)
+    deviation, modulation = rng.normal(size=(2, 3, INPUTS)), rng.normal(size=(2, 3, KERNELS))
+    found = network.coupling(deviation, modulation)
+    assert found.shape == (2, 3)
+    for index in np.ndindex(2, 3):
+        np.testing.assert_allclose(found[index], by_hand(network, deviation[index], modulation[index]))
+
+
+@given(
+    st.integers(0, 100),
+    st.lists(st.floats(-1e6, 1e6), min_size=INPUTS, max_size=INPUTS),
+    st.floats(-9.0, 0.0),
+)
+def test_where_the_phase_rests_there_is_no_coupling(seed, deviation, u):
+    network = random_network((3,), seed)
+    shares = np.random.default_rng(seed).dirichlet(np.ones(KERNELS))
+    assert network.coupling(np.array(deviation), 0.0 * shares) == 0.0
+    one, two = (network.coupling(np.array(deviation), factor * u * shares) for factor in (1.0, 2.0))
+    np.testing.assert_allclose(two, 2.0 * one)  # proportional to the phase velocity
+
+
+@pytest.mark.parametrize("sizes", [(), (7,), (6, 3)])
+def test_stored_networks_are_the_same_bit_for_bit(tmp_path, sizes):
+    networks = [("turn", random_network(sizes)), ("scrape along", random_network((2,), seed=1))]
+    pmnn.write_networks(networks, tmp_path / "n.safetensors")
+    found = pmnn.read_networks(tmp_path / "n.safetensors")
+    assert list(found) == ["scrape along", "turn"]  # by name
+    for name, network in networks:
+        deviation, modulation = np.ones((3, INPUTS)), np.ones((3, KERNELS))
+        before, after = (item.coupling(deviation, modulation) for item in (network, found[name]))
+        np.testing.assert_array_equal(after, before)
+        assert len(found[name].hidden) == len(network.hidden)
+    pmnn.write_networks(list(found.items()), tmp_path / "again.safetensors")
+    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "n.safetensors").read_bytes()
+
+
+def test_foreign_files_are_named(tmp_path):
+    weights = {"layer.weights": np.ones(3)}
+    claims = {"plain": "a network", "list": json.dumps([1]), "empty": "{}"}
+    claims["claim"] = json.dumps({"phase_modulated_networks": {"turn": 1}})
+    for name, description in claims.items():
+        path = tmp_path / f"{name}.safetensors"
+        artefacts.write_tensors(weights, path, description)
+        with pytest.raises(InputError, match=rf"{name}\.safetensors: holds no phase-modulated networks"):
+            pmnn.read_networks(path)
+    (tmp_path / "text.safetensors").write_text("x,y\n1,2\n" * 20)
+    with pytest.raises(InputError, match=r"text\.safetensors: not a readable safetensors file"):
+        pmnn.read_networks(tmp_path / "text.safetensors")
+    with pytest.raises(InputError, match="no such file"):
+        pmnn.read_networks(tmp_path / "missing.safetensors")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_weight_that_is_not_finite_is_named(tmp_path, bad):
+    network = random_network()
+    network.phase_weights[0, 0] = bad
+    pmnn.write_networks([("turn", network)], tmp_path / "n.safetensors")
+    with pytest.raises(InputError, match=r"turn\.phase_weights holds a value that is not finite"):
+        pmnn.read_networks(tmp_path / "n.safetensors")

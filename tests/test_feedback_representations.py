@@ -1,0 +1,88 @@
+import numpy as np
+import torch
+from feedback_toy import toy_dataset
+
+from structlearn.feedback.folds import leave_one_out
+from structlearn.feedback.representations import StackedAutoencoders, autoencoder, principal_components
+from structlearn.feedback.training import TrainingParameters
+
+QUICK = TrainingParameters(steps=400, evaluate_every=100, batch_size=32)
+FOLDS = leave_one_out(toy_dataset(), (0.075, 0.075), 1, seed=0)
+SAMPLES = len(toy_dataset().target)
+
+
+def spanned(stds, seed=0):
+    """Deviations that vary with given stds along orthogonal directions of 38 channels."""
+    rng = np.random.default_rng(seed)
+    directions, _ = np.linalg.qr(rng.normal(size=(38, len(stds))))
+    return rng.normal(size=(SAMPLES, len(stds))) * stds @ directions.T + 5.0, directions
+
+
+def test_principal_components_keep_as_many_as_the_variance_needs():
+    deviation, _ = spanned([10.0, 5.0, 3.0, 0.3, 0.2])  # the last two: 0.1 % of the variance
+    assert principal_components(deviation, FOLDS).dimensions.tolist() == [3, 3, 3, 3]
+    assert principal_components(deviation, FOLDS, 0.9).dimensions.tolist() == [2, 2, 2, 2]
+    assert principal_components(deviation, FOLDS, 0.9999).dimensions.tolist() == [5, 5, 5, 5]
+
+
+def test_principal_components_are_those_of_the_training_samples_alone():
+    deviation, directions = spanned([10.0, 5.0])
+    changed = deviation.copy()
+    changed[FOLDS[1].generalization] *= -30.0
+    one, other = principal_components(deviation, FOLDS), principal_components(changed, FOLDS)
+    train = FOLDS[1].train
+    np.testing.assert_array_equal(one.features[1, train], other.features[1, train, :2])
+    np.testing.assert_allclose(one.features[1, train].mean(axis=0), 0.0, atol=1e-9)
+    assert np.abs(one.features[0, train] - other.features[0, train, :2]).max() > 1.0  # there it does train
+    latent = (deviation - deviation.mean(axis=0)) @ directions  # the code spans the same plane
+    found = one.features[0]
+    residual = latent - found @ np.linalg.lstsq(found, latent, rcond=None)[0]
+    assert residual.std() < 0.5
+
+
+def test_a_fold_with_fewer_components_is_filled_with_zeros():
+    deviation, _ = spanned([10.0, 5.0])
+    deviation[FOLDS[2].generalization] += np.outer(
+        np.resize([60.0, -60.0], len(FOLDS[2].generalization)), np.eye(38)[0]
+    )
+    codes = principal_components(deviation, FOLDS)
+    assert codes.dimensions.tolist() == [3, 3, 2, 3]
+    assert codes.features.shape == (4, SAMPLES, 3)
+    assert np.abs(codes.features[2, :, 2]).max() == 0.0
+    assert np.abs(codes.features[0, :, 2]).max() > 1.0
+
+
+def test_an_autoencoder_finds_a_curve_that_one_principal_component_cannot_show():
+    angle = np.random.default_rng(0).uniform(0.0, 5.0, SAMPLES)
+    curve = np.column_stack([np.cos(angle), np.sin(angle), 0.1 * angle])
+    parameters = QUICK.model_copy(update={"steps": 1000, "learning_rate": 3e-3})
+
+    def unlikeness(code):  # of neighbours in the code, which should be neighbours on the curve
+        return np.quantile(np.abs(np.diff(angle[np.argsort(code)])), 0.9)
+
+    codes = autoencoder(curve, FOLDS[:2], np.array([1, 1]), parameters)
+    assert codes.features.shape == (2, SAMPLES, 1)
+    component = principal_components(curve, FOLDS[:1], 0.1).features
+    assert component.shape == (1, SAMPLES, 1)
+    for code in codes.features[..., 0]:
+        assert unlikeness(code) < 0.2 * unlikeness(component[0, :, 0])
+
+
+def test_autoencoders_have_codes_of_their_own_width():
+    generator = torch.Generator().manual_seed(0)
+    network = StackedAutoencoders(5, np.array([1, 3]), generator)
+    code = network.encode(torch.randn(2, 7, 5, generator=generator))
+    assert code.shape == (2, 7, 3)
+    assert code[0, :, 1:].abs().max() == 0.0
+    assert code[1].abs().amin(dim=0).min() > 0.0
+    inputs = torch.randn(2, 7, 5, generator=generator)
+    assert network(inputs).shape == inputs.shape
+    network(inputs)[0].square().sum().backward()
+    assert all(values.grad[1].abs().max() == 0.0 for values in network.parameters())
+
+
+def test_autoencoders_are_deterministic():
+    deviation, _ = spanned([10.0, 5.0, 3.0])
+    first, second = (autoencoder(deviation, FOLDS[:2], np.array([2, 3]), QUICK) for _ in range(2))
+    np.testing.assert_array_equal(first.features, second.features)
+    assert np.isfinite(first.features).all()

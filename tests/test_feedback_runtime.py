@@ -1,0 +1,599 @@
+import subprocess
+import sys
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from feedback_skills import NAMES, random_network, random_skill
+from hypothesis import given
+from hypothesis import strategies as st
+from primitives_movements import few, quick, random_orientations, random_vectors, rngs
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.feedback.runtime import Controller, Limits, Status, largest_coupling, tick_latency
+from structlearn.feedback.skill import ReactiveSkill, open_loop
+from structlearn.primitives import canonical, kernels, sequence
+from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
+from structlearn.primitives.sequence import PoseGoal
+from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA
+
+POSITION = ("position", "velocity", "acceleration")
+ORIENTATION = ("orientation", "angular_velocity", "angular_acceleration")
+UNBOUNDED = Limits(largest_coupling=1e6, fade_s=1e-3, stale_after_s=1e3)
+BASE = np.array([300.0, 310.0, 290.0, 305.0, 280.0, 320.0])
+RATE = 300.0
+
+
+def started(controller):
+    start = sequence.default_start(controller.skill.primitives)
+    controller.start(start.position, start.orientation)
+    return controller
+
+
+def run(controller, sensor=lambda k: None, ticks=None):
+    """Outputs of a whole run, stacked, and the flags; `sensor` gives what each tick is handed."""
+    names = (*POSITION, *ORIENTATION, "deviation", "coupling", "primitive", "time", "phase", "finished")
+    outputs, flags = {name: [] for name in names}, []
+    while not controller.finished if ticks is None else len(flags) < ticks:
+        flags.append(Status(controller.tick(sensor(len(flags)))))
+        for name in names:
+            outputs[name].append(np.copy(getattr(controller, name)))
+    return {name: np.array(values) for name, values in outputs.items()}, flags
+
+
+def with_feedback(rng, size=20.0, name="tilt", **arguments):
+    return random_skill(rng, {name: random_network(rng, size=size, **arguments)})
+
+
+def touching(rng, noise=30.0):
+    """A sensor at 100 Hz, read by a controller at 300 Hz."""
+    samples = BASE + noise * rng.normal(size=(10_000, 6))
+    samples[:10] = BASE
+    return lambda k: samples[k // 3] if k % 3 == 0 else None
+
+
+# --- the movement -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rate", [100.0, 300.0, 1000.0])
+@pytest.mark.parametrize("moved", [False, True])
+@given(rng=rngs)
+@few
+def test_without_feedback_the_ticks_are_the_unrolled_sequence(rate, moved, rng):
+    skill = with_feedback(rng)
+    start, situation = sequence.default_start(skill.primitives), {}
+    if moved:
+        start = PoseGoal(start.position + random_vectors(rng, 0.05), random_orientations(rng))
+        turn = quaternion.from_rotation_vector(random_vectors(rng, 0.3))
+        goals = sequence.moved_goals(
+            sequence.default_goals(skill.primitives), rng.uniform(-0.1, 0.1, 3), turn
+        )
+        situation = {"goals": goals, "durations": rng.uniform(0.3, 0.9, 3)}
+    path = sequence.unroll(skill.primitives, 1 / rate, start, **situation)
+    controller = Controller(skill, rate, feedback=False, **situation)
+    controller.start(start.position, start.orientation)
+    outputs, _ = run(controller)
+    assert len(outputs["time"]) == path.switches[-1] + 1
+    for names, reference in ((POSITION, path.position), (ORIENTATION, path.orientation)):
+        for name in names:
+            expected = getattr(reference, name)
+            np.testing.assert_allclose(outputs[name], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(outputs["time"], path.position.time, atol=1e-9)
+    table = sequence.sequence_table(path, NAMES)
+    assert [NAMES[index] for index in outputs["primitive"]] == list(table.primitive)
+    assert list(outputs["finished"]) == [False] * path.switches[-1] + [True]
+    for index, duration in enumerate(situation.get("durations", [p.duration for p in skill.primitives])):
+        first, last = path.switches[index], path.switches[index + 1]
+        times = np.arange(last - first) / rate
+        expected, _ = canonical.phase(times, canonical.time_constant(duration))
+        np.testing.assert_allclose(outputs["phase"][first:last], expected, atol=1e-12)
+
+
+@given(rngs)
+@few
+def test_after_the_end_the_terms_go_on_fading_as_when_unrolled_for_longer(rng):
+    skill = random_skill(rng)
+    skill = ReactiveSkill(skill.primitives[:1])
+    start, primitive = sequence.default_start(skill.primitives), skill.primitives[0]
+    outputs, _ = run(started(Controller(skill, RATE)), ticks=600)
+    until = 599 / RATE
+    path = primitive.position.unroll(1 / RATE, velocity=0.0, acceleration=0.0, until=until)
+    turn = primitive.orientation.unroll(
+        1 / RATE, start.orientation, velocity=0.0, acceleration=0.0, until=until
+    )
+    np.testing.assert_allclose(outputs["position"], path.position, atol=1e-9)
+    np.testing.assert_allclose(outputs["orientation"], turn.orientation, atol=1e-9)
+
+
+@pytest.mark.parametrize("sensor_every", [1, 3])
+@given(rng=rngs)
+@few
+def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(sensor_every, rng):
+    network = random_network(rng, size=20.0)
+    skill = random_skill(rng, {"tilt": network})
+    down, tilt, _ = skill.primitives
+    gain = rng.normal(0.0, 100.0, (3, 6))
+
+    def reading(q):  # the sensor feels the orientation: the loop is closed
+        return BASE + quaternion.rotation_vector(q) @ gain
+
+    controller, handed, outputs, flags = started(Controller(skill, RATE, UNBOUNDED)), {}, [], []
+    while controller.primitive < 2 and not controller.finished:
+        k = len(outputs)
+        handed[k] = reading(controller.orientation) if k % sensor_every == 0 else None
+        flags.append(Status(controller.tick(handed[k])))
+        outputs.append([np.copy(getattr(controller, name)) for name in ORIENTATION])
+    outputs, handed[-1] = [np.array(values) for values in zip(*outputs, strict=True)], None
+    assert not any(flags[(OFFSET_SAMPLES - 1) * sensor_every :])
+
+    dt, good = 1 / RATE, [k for k in handed if handed[k] is not None]
+    zero = np.mean([handed[k] for k in good[:OFFSET_SAMPLES]], axis=0)
+    switch = round(down.duration * RATE)
+    expected = skill.expected["tilt"].unroll(dt, duration=tilt.duration).position
+    features = kernels.features(
+        *canonical.phase(dt * np.arange(len(expected)), canonical.time_constant(tilt.duration))
+    )
+    felt = []
+
+    def coupling(k, q, w):
+        newest = max(at for at in good if at <= switch + k)
+        if newest > switch:  # read from this unroll's own orientations, one tick late
+            felt_then = felt[newest - switch - 1] if newest - switch >= 1 else q
+            counts = reading(felt_then)
+        else:
+            counts = handed[newest]
+        felt.append(q)
+        return skill.axis * network.coupling(counts - zero - expected[k], features[k])
+
+    begin = down.orientation.unroll(dt, velocity=0.0, acceleration=0.0)
+    state = (begin.angular_velocity[-1], begin.angular_acceleration[-1])
+    path = tilt.orientation.unroll(
+        dt, begin.orientation[-1], velocity=state[0], acceleration=state[1], coupling=coupling
+    )
+    bent = quaternion.angle_between(
+        path.orientation,
+        tilt.orientation.unroll(
+            dt, begin.orientation[-1], velocity=state[0], acceleration=state[1]
+        ).orientation,
+    )
+    assert bent.max() > np.radians(0.5)  # else this would check nothing
+    for found, name in zip(outputs, ORIENTATION, strict=True):
+        expected_values = getattr(path, name)[:-1]
+        found = found[switch : switch + len(expected_values)]
+        scale = np.abs(expected_values).max()
+        np.testing.assert_allclose(found, expected_values, atol=1e-9 * scale)
+
+
+@given(rngs)
+@few
+def test_deviation_and_coupling_are_those_of_the_reference_at_every_tick(rng):
+    skill = with_feedback(rng)
+    sensor = touching(rng)
+    outputs, _ = run(started(Controller(skill, RATE, UNBOUNDED)), sensor)
+    switches = np.flatnonzero(np.diff(outputs["primitive"])) + 1
+    tilt = slice(*switches)
+    tau = canonical.time_constant(skill.primitives[1].duration)
+    features = kernels.features(*canonical.phase(np.arange(switches[1] - switches[0]) / RATE, tau))
+    expected = skill.expected["tilt"].unroll(1 / RATE, duration=tau / 2).position[: len(features)]
+    counts = np.array([sensor(k - k % 3) for k in range(*switches)])
+    np.testing.assert_allclose(outputs["deviation"][tilt], counts - BASE - expected, atol=1e-9)
+    reference = skill.networks["tilt"].coupling(outputs["deviation"][tilt], features)
+    np.testing.assert_allclose(outputs["coupling"][tilt], reference, rtol=1e-12, atol=1e-11)
+    assert not outputs["coupling"][: switches[0]].any()
+    assert not outputs["coupling"][switches[1] :].any()
+
+
+@given(rngs)
+@few
+def test_an_open_loop_policy_needs_no_sensor(rng):
+    weights = rng.normal(0.0, 5.0, 25)
+    skill = random_skill(rng, {"down": open_loop(weights)}, channels=6)
+    bare = ReactiveSkill(skill.primitives[:1], {}, skill.networks, skill.axis)
+    primitive, dt = bare.primitives[0], 1 / RATE
+    features = kernels.sampled_features(
+        round(primitive.duration * RATE) + 1, dt / canonical.time_constant(primitive.duration)
+    )
+    path = primitive.orientation.unroll(
+        dt, velocity=0.0, acceleration=0.0, coupling=lambda k, q, w: skill.axis * (features[k] @ weights)
+    )
+    for controller in (Controller(skill, RATE, UNBOUNDED), Controller(bare, RATE, UNBOUNDED)):
+        outputs, _ = run(started(controller), ticks=len(path.time) - 1)
+        for name in ORIENTATION:
+            np.testing.assert_allclose(outputs[name], getattr(path, name)[:-1], atol=1e-9)
+
+
+def test_the_outputs_after_start_are_those_of_the_first_tick():
+    skill = with_feedback(np.random.default_rng(0))
+    controller = started(Controller(skill, RATE))
+    start = sequence.default_start(skill.primitives)
+    for _ in range(2):
+        np.testing.assert_allclose(controller.position, start.position, atol=1e-15)
+        np.testing.assert_allclose(controller.orientation, start.orientation, atol=1e-15)
+        for name in ("velocity", "acceleration", "angular_velocity", "angular_acceleration"):
+            np.testing.assert_allclose(getattr(controller, name), 0.0, atol=1e-9)
+        assert (controller.time, controller.phase, controller.coupling) == (0.0, 1.0, 0.0)
+        assert (controller.primitive, controller.finished) == (0, False)
+        controller.tick(None)
+
+
+def test_a_second_run_repeats_the_first_whatever_happened_in_it():
+    rng = np.random.default_rng(1)
+    skill, sensor = with_feedback(rng), touching(rng)
+    controller = Controller(skill, RATE)
+    first, flags = run(started(controller), sensor)
+    run(started(controller), lambda k: np.full(6, np.nan) if k % 2 else None, ticks=200)
+    second, again = run(started(controller), sensor)
+    assert flags == again
+    for name, values in first.items():
+        np.testing.assert_array_equal(values, second[name])
+
+
+def test_positions_without_orientations_can_be_followed():
+    skill = random_skill(np.random.default_rng(2), turned=False)
+    controller = Controller(skill, RATE)
+    controller.start(skill.primitives[0].position.start)
+    outputs, _ = run(controller)
+    path = sequence.unroll(skill.primitives, 1 / RATE)
+    np.testing.assert_allclose(outputs["position"], path.position.position, atol=1e-9)
+    np.testing.assert_array_equal(
+        outputs["orientation"], np.tile(quaternion.IDENTITY, (len(path.position.time), 1))
+    )
+
+
+# --- guarantees -------------------------------------------------------------------------------------------
+
+
+@given(rng=rngs, size=st.floats(0.0, 1e5), noise=st.floats(0.0, 1e4), holes=st.floats(0.0, 1.0))
+@quick
+def test_the_goal_is_reached_whatever_network_and_sensor_do(rng, size, noise, holes):
+    networks = {name: random_network(rng, size=size) for name in NAMES}
+    skill = random_skill(rng, networks)
+    samples = BASE + noise * rng.normal(size=(1000, 6))
+    samples[rng.random(1000) < holes, rng.integers(6)] = np.nan
+    controller = started(Controller(skill, 100.0))
+    limits = Limits()
+    outputs, _ = run(controller, lambda k: samples[k % 1000], ticks=900)
+    goal = skill.primitives[-1]
+    assert quaternion.angle_between(controller.orientation, goal.orientation.goal) < 1e-6
+    np.testing.assert_allclose(controller.position, goal.position.goal, atol=1e-6)
+    for name in ("velocity", "acceleration", "angular_velocity", "angular_acceleration"):
+        np.testing.assert_allclose(getattr(controller, name), 0.0, atol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(outputs["orientation"], axis=1), 1.0, atol=1e-9)
+    assert np.abs(outputs["coupling"]).max() <= limits.largest_coupling
+    within = np.diff(outputs["primitive"]) == 0
+    change = np.abs(np.diff(outputs["coupling"]))[within]
+    assert change.max(initial=0.0) <= limits.largest_coupling * 0.01 / limits.fade_s + 1e-9
+
+
+@given(rngs)
+@few
+def test_no_sample_of_the_sensor_makes_the_acceleration_jump(rng):
+    skill = with_feedback(rng, size=1e4)
+    limits = Limits(largest_coupling=30.0, fade_s=0.1)
+    wild = BASE + 1e4 * rng.normal(size=(1000, 6))
+    wild[:20] = BASE
+    outputs, flags = run(started(Controller(skill, 1000.0, limits)), lambda k: wild[k % 1000])
+    still, _ = run(started(Controller(skill, 1000.0, limits, feedback=False)))
+    tau = canonical.time_constant(skill.primitives[1].duration)
+    jumps = np.abs(np.diff(outputs["angular_acceleration"], axis=0)).max()
+    calm = np.abs(np.diff(still["angular_acceleration"], axis=0)).max()
+    bound = limits.largest_coupling * 0.001 / limits.fade_s / tau**2
+    assert jumps <= 3 * (calm + bound)
+    assert any(flag & Status.SATURATED for flag in flags)
+    assert any(flag & Status.RATE_LIMITED for flag in flags)
+    assert np.abs(outputs["coupling"]).max() <= 30.0
+
+
+# --- faults of the sensor ---------------------------------------------------------------------------------
+
+BOUNDS = Limits(largest_coupling=40.0, fade_s=0.1, stale_after_s=0.05)
+
+
+def steady_skill(rng):
+    """`tilt` has a network whose coupling is 2 u, whatever a working sensor reads."""
+    network = open_loop(np.full(25, 2.0))
+    blind = random_network(rng, hidden=())
+    sighted = type(blind)(
+        blind.input_mean, blind.input_scale, (), np.zeros((25, 6)), network.phase_biases, np.ones(25)
+    )
+    return random_skill(rng, {"tilt": sighted})
+
+
+@pytest.mark.parametrize(("channel", "value"), [(slice(None), np.nan), (2, np.inf), (5, -np.inf)])
+def test_a_sample_that_is_not_finite_is_rejected_and_the_last_good_one_held(channel, value):
+    rng = np.random.default_rng(3)
+    skill, sensor, bad = with_feedback(rng), touching(rng), BASE.copy()
+    bad[channel] = value
+    outputs, flags = run(started(Controller(skill, RATE)), lambda k: bad if k == 240 else sensor(k))
+    held, _ = run(started(Controller(skill, RATE)), lambda k: None if k == 240 else sensor(k))
+    assert [k for k, flag in enumerate(flags) if flag & Status.REJECTED] == [240]
+    for name in ("orientation", "deviation", "coupling"):
+        np.testing.assert_array_equal(outputs[name], held[name])
+
+
+@pytest.mark.parametrize("fault", ["silent", "missing finger"])
+def test_without_good_samples_the_coupling_fades_and_comes_back_smoothly(fault):
+    skill = steady_skill(np.random.default_rng(4))
+    rate, first, last = 1000.0, 0.12, 0.30
+    begin = round(skill.primitives[0].duration * rate)
+    half = BASE.copy()
+    half[:3] = np.nan
+    lost = half if fault == "missing finger" else None
+    silence = range(begin + round(first * rate), begin + round(last * rate))
+    outputs, flags = run(started(Controller(skill, rate, BOUNDS)), lambda k: lost if k in silence else BASE)
+    free, _ = run(started(Controller(skill, rate, BOUNDS)), lambda k: BASE)
+    c, wanted = outputs["coupling"], free["coupling"]
+    stale = [k for k, flag in enumerate(flags) if flag & Status.STALE]
+    assert stale == list(
+        range(silence[0] + 50, silence[-1] + 1)
+    )  # 50 ms after the last good one, until the next
+    np.testing.assert_array_equal(c[: stale[0]], wanted[: stale[0]])  # held as if nothing had happened
+    assert abs(wanted[stale[0]]) > 4.0
+    np.testing.assert_allclose(c[stale[0] + 60 : stale[-1]], 0.0, atol=1e-12)  # 40 in 0.1 s
+    np.testing.assert_array_equal(c[stale[-1] + 61 :], wanted[stale[-1] + 61 :])
+    within = np.diff(outputs["primitive"]) == 0  # at a switch the goal absorbs what the predecessor's was
+    assert np.abs(np.diff(c)[within]).max() <= 0.4 + 1e-9  # 40 / 0.1 s at 1 kHz
+    assert all(
+        bool(flag & Status.REJECTED) == (fault != "silent" and k in silence) for k, flag in enumerate(flags)
+    )
+
+
+def test_a_late_sample_is_no_fault():
+    rng = np.random.default_rng(5)
+    skill = steady_skill(rng)
+    outputs, flags = run(
+        started(Controller(skill, 1000.0, BOUNDS)), lambda k: BASE if k < 5 or k % 50 == 0 else None
+    )
+    assert not any(flags[5:])
+    assert np.abs(outputs["coupling"]).max() > 4.0
+
+
+@pytest.mark.parametrize("count", [0, OFFSET_SAMPLES - 1])
+def test_without_offset_there_is_no_feedback_in_the_whole_run(count):
+    skill = steady_skill(np.random.default_rng(6))
+    limits = Limits(offset_within_s=0.1)
+    sensor = {k: BASE for k in [*range(0, 10 * count, 10), *range(101, 5000)]}.get
+    outputs, flags = run(started(Controller(skill, 1000.0, limits)), sensor)
+    still, _ = run(started(Controller(skill, 1000.0, feedback=False)))
+    assert all(Status.WAITING in flag and Status.NO_OFFSET not in flag for flag in flags[:101])
+    assert all(Status.NO_OFFSET in flag and Status.WAITING not in flag for flag in flags[101:])
+    assert not outputs["coupling"].any()
+    assert np.isnan(outputs["deviation"]).all()
+    np.testing.assert_array_equal(outputs["orientation"], still["orientation"])
+
+
+def test_the_offset_is_the_mean_of_the_first_good_samples():
+    rng = np.random.default_rng(7)
+    skill = random_skill(rng)
+    samples = BASE + rng.normal(size=(400, 6))
+    samples[2, 3] = np.nan
+    outputs, flags = run(started(Controller(skill, RATE)), lambda k: samples[k], ticks=20)
+    zero = samples[[0, 1, 3, 4, 5]].mean(axis=0)
+    expected = skill.expected["down"].unroll(1 / RATE).position[:20]
+    np.testing.assert_allclose(outputs["deviation"][5:], samples[5:20] - zero - expected[5:], atol=1e-9)
+    assert [Status.WAITING in flag for flag in flags] == [True] * 5 + [False] * 15
+
+
+def test_counts_so_large_that_the_network_overflows_ask_for_nothing():
+    network = random_network(np.random.default_rng(8), size=20.0)
+    fine = replace(network, input_scale=np.full(6, 1e-3))  # what a channel that never moved in training gives
+    skill = random_skill(np.random.default_rng(8), {"tilt": fine})
+    huge = 1e308 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
+    outputs, flags = run(started(Controller(skill, RATE)), lambda k: BASE if k < 30 else huge)
+    overflows = [index for index, flag in enumerate(flags) if flag & Status.REJECTED]
+    assert (outputs["primitive"][overflows[1:-1]] == 1).all()
+    assert len(overflows) > 50
+    for name in (*ORIENTATION, "coupling"):
+        assert np.isfinite(outputs[name]).all()
+    assert not outputs["coupling"].any()
+
+
+@pytest.mark.parametrize("counts", [np.zeros(5), np.zeros((1, 6)), 3.0, [1.0, 2.0]])
+def test_a_sample_of_another_size_is_an_error_and_nothing_moves(counts):
+    rng = np.random.default_rng(9)
+    skill, sensor = with_feedback(rng), touching(rng)
+    reference, _ = run(started(Controller(skill, RATE)), sensor)
+    controller = started(Controller(skill, RATE))
+    first, _ = run(controller, sensor, ticks=200)
+    with pytest.raises(InputError, match="a sensor sample has 6 channels, got shape"):
+        controller.tick(counts)
+    rest, _ = run(controller, lambda k: sensor(k + 200))
+    joined = np.concatenate([first["orientation"], rest["orientation"]])
+    np.testing.assert_array_equal(joined, reference["orientation"])
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.int16, list])
+def test_counts_may_be_of_any_number_type(kind):
+    skill, counts = with_feedback(np.random.default_rng(10)), np.round(BASE)
+    other = list(counts) if kind is list else counts.astype(kind)
+    expected, _ = run(started(Controller(skill, RATE)), lambda k: counts)
+    found, _ = run(started(Controller(skill, RATE)), lambda k: other)
+    np.testing.assert_array_equal(found["orientation"], expected["orientation"])
+
+
+# --- moving goals -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("at_primitive", [0, 1, 2, "held"])
+@given(rng=rngs)
+@few
+def test_a_moved_goal_is_reached_without_a_jump(at_primitive, rng):
+    skill = random_skill(rng)
+    switches = np.cumsum([0, *(round(p.duration * RATE) for p in skill.primitives)])
+    running = 2 if at_primitive == "held" else at_primitive
+    at = switches[3] + 15 if at_primitive == "held" else switches[running : running + 2].sum() // 2
+    goal, shift, turn = skill.primitives[-1], random_vectors(rng, 0.1), random_vectors(rng, 0.5)
+    position = goal.position.goal + shift
+    orientation = quaternion.product(quaternion.from_rotation_vector(turn), goal.orientation.goal)
+    controller, free = started(Controller(skill, RATE)), started(Controller(skill, RATE))
+    run(controller, ticks=at)
+    controller.move_goal("scrape", position, orientation)
+    moved, _ = run(controller, ticks=2500 - at)
+    unmoved, _ = run(free, ticks=at + 2)
+    for name in (*POSITION, *ORIENTATION):
+        scale = np.abs(unmoved[name]).max()
+        np.testing.assert_allclose(moved[name][0], unmoved[name][at], atol=1e-9 * scale)
+    tau = canonical.time_constant(skill.primitives[running].duration)
+    fastest = (
+        ALPHA * BETA * ALPHA_G / tau**3 / RATE
+    )  # change of the acceleration in a tick, per shift of the goal
+    for name, distance in (("acceleration", shift), ("angular_acceleration", turn)):
+        change = np.linalg.norm(moved[name][1] - unmoved[name][at + 1])
+        assert change <= (1.0 if running == 2 else 0.0) * fastest * 1.1 * np.linalg.norm(distance) + 1e-9
+    np.testing.assert_allclose(controller.position, position, atol=1e-6)
+    assert quaternion.angle_between(controller.orientation, orientation) < 1e-6
+
+
+@given(rngs)
+@few
+def test_a_later_goal_that_is_moved_is_as_good_as_given_from_the_start(rng):
+    skill = random_skill(rng)
+    goals = sequence.default_goals(skill.primitives)
+    goals[1] = PoseGoal(goals[1].position + random_vectors(rng, 0.1), random_orientations(rng))
+    given_first, _ = run(started(Controller(skill, RATE, goals=goals)))
+    controller = started(Controller(skill, RATE))
+    begin, _ = run(controller, ticks=60)  # within `down`
+    controller.move_goal(1, goals[1].position, goals[1].orientation)
+    rest, _ = run(controller)
+    for name in (*POSITION, *ORIENTATION):
+        joined, expected = np.concatenate([begin[name], rest[name]]), given_first[name]
+        np.testing.assert_allclose(joined, expected, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_goal_that_stays_changes_nothing():
+    skill = random_skill(np.random.default_rng(11))
+    reference, _ = run(started(Controller(skill, RATE)))
+    controller = started(Controller(skill, RATE))
+    begin, _ = run(controller, ticks=250)
+    for name, goal in zip(NAMES[1:], sequence.default_goals(skill.primitives)[1:], strict=True):
+        controller.move_goal(name, goal.position)
+    rest, _ = run(controller)
+    for name in (*POSITION, *ORIENTATION):
+        joined = np.concatenate([begin[name], rest[name]])
+        np.testing.assert_allclose(joined, reference[name], atol=1e-9 * np.abs(reference[name]).max())
+
+
+def test_a_goal_that_cannot_be_moved_is_an_error_and_changes_nothing():
+    skill = random_skill(np.random.default_rng(12))
+    reference, _ = run(started(Controller(skill, RATE)))
+    controller = started(Controller(skill, RATE))
+    begin, _ = run(controller, ticks=round(RATE * skill.primitives[0].duration) + 30)
+    point, unit = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    for arguments, message in (
+        (("down", point, unit), "'down' has ended"),
+        (("up", point, unit), "no primitive 'up'"),
+        ((3, point, unit), "no primitive 3"),
+        (("tilt", np.array([0.0, np.nan, 0.0]), unit), "goal of 'tilt' must be 3 finite numbers"),
+        (("tilt", point, 1.1 * unit), "goal orientation of 'tilt' must have norm 1"),
+        (("scrape", np.zeros(2), unit), "goal of 'scrape' must be 3 finite numbers"),
+    ):
+        with pytest.raises(InputError, match=message):
+            controller.move_goal(*arguments)
+    rest, _ = run(controller)
+    for name in (*POSITION, *ORIENTATION):
+        np.testing.assert_array_equal(np.concatenate([begin[name], rest[name]]), reference[name])
+
+
+# --- bad input at the start -------------------------------------------------------------------------------
+
+UNIT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("position", "orientation", "message"),
+    [
+        ([0.0, np.nan, 0.0], UNIT, "position at the start must be 3 finite numbers"),
+        ([0.0, 0.0], UNIT, "position at the start must be 3 finite numbers"),
+        (np.zeros(3), 1.01 * UNIT, "orientation at the start must have norm 1, has 1.01"),
+        (np.zeros(3), 0.0 * UNIT, "must have norm 1"),
+        (np.zeros(3), np.nan * UNIT, "orientation at the start must be 4 finite numbers"),
+        (np.zeros(3), None, "orientation at the start must be 4 finite numbers"),
+    ],
+)
+def test_a_start_that_is_no_pose_is_an_error(position, orientation, message):
+    controller = Controller(random_skill(np.random.default_rng(13)), RATE)
+    with pytest.raises(InputError, match=message):
+        controller.start(position, orientation)
+    with pytest.raises(RuntimeError, match="start"):
+        controller.tick(None)
+
+
+def test_a_reach_without_direction_is_named():
+    skill = random_skill(np.random.default_rng(14))
+    controller = Controller(skill, RATE)
+    with pytest.raises(InputError, match=r"'down' from .* local frame"):
+        controller.start(skill.primitives[0].position.goal, UNIT)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"rate_hz": 0.0}, "rate of the controller"),
+        ({"rate_hz": np.nan}, "rate of the controller"),
+        ({"durations": [1.0, 1.0]}, "2 durations for 3 primitives"),
+        ({"durations": [1.0, 0.0, 1.0]}, "duration of 'tilt' must be a tick at least"),
+        ({"durations": [1.0, 1.0, np.inf]}, "duration of 'scrape'"),
+        ({"goals": [PoseGoal(np.zeros(3), UNIT)]}, "1 goals for 3 primitives"),
+        ({"goals": [PoseGoal(np.zeros(3), 2 * UNIT)] * 3}, "goal orientation of 'down' must have norm 1"),
+        ({"goals": [PoseGoal(np.full(3, np.inf), UNIT)] * 3}, "goal of 'down' must be 3 finite numbers"),
+    ],
+)
+def test_a_run_that_cannot_be_planned_is_an_error(arguments, message):
+    skill = random_skill(np.random.default_rng(15))
+    with pytest.raises(InputError, match=message):
+        Controller(skill, **({"rate_hz": RATE} | arguments))
+
+
+# --- real time --------------------------------------------------------------------------------------------
+
+
+def test_ticks_write_into_the_same_arrays_and_keep_no_memory():
+    rng = np.random.default_rng(16)
+    skill, counts = with_feedback(rng), BASE + rng.normal(size=6)
+    controller = started(Controller(skill, RATE))
+    arrays = [getattr(controller, name) for name in (*POSITION, *ORIENTATION, "deviation")]
+    for _ in range(10):
+        controller.tick(counts)
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        for _ in range(2000):  # through both switches and the end
+            controller.tick(counts)
+        after, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert controller.finished
+    assert after - before < 1000
+    assert peak - before < 10_000
+    for name, array in zip((*POSITION, *ORIENTATION, "deviation"), arrays, strict=True):
+        assert getattr(controller, name) is array
+
+
+def test_no_tick_compiles_anything():
+    from structlearn.feedback import stepping
+
+    rng = np.random.default_rng(17)
+    controller = started(Controller(with_feedback(rng), RATE))
+    compiled = len(stepping.tick.signatures)
+    run(controller, touching(rng))
+    run(started(Controller(random_skill(rng, channels=3), RATE)), lambda k: np.zeros(3))
+    assert len(stepping.tick.signatures) == compiled  # other sizes, the same code
+
+
+def test_the_controller_runs_without_torch():
+    code = "import sys; import structlearn.feedback.runtime; print('torch' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "False"
+
+
+def test_latencies_are_those_of_as_many_ticks_as_asked():
+    controller = Controller(with_feedback(np.random.default_rng(18)), RATE)
+    seconds = tick_latency(controller, 1500)  # more than one run
+    assert seconds.shape == (1500,)
+    assert (seconds > 0).all()
+
+
+def test_the_bound_follows_from_the_largest_demonstrated_coupling():
+    assert largest_coupling([np.array([1.0, -6.0]), np.ones((3, 2))]) == 9.0

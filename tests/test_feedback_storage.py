@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+from feedback_toy import toy_dataset
+from recordings_bags import make_recording
+
+from structlearn.artefacts import write_table
+from structlearn.errors import InputError
+from structlearn.feedback.dataset import to_table
+from structlearn.feedback.storage import read_datasets, read_expected, read_sets
+from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.primitives.storage import write_vector_primitive
+from structlearn.recordings import write_recordings
+from structlearn.recordings.source import ClockParameters
+
+CLOCK = ClockParameters(rate_hz=100.0)
+
+
+def write_set(folder, names=("01", "02")):
+    write_recordings([make_recording(name, seed=seed) for seed, name in enumerate(names)], folder)
+
+
+def test_sets_are_read_by_their_number_in_rising_order(tmp_path):
+    for name in ("10", "2.5", "-5", "0"):
+        write_set(tmp_path / name)
+    (tmp_path / "notes.txt").write_text("beside the folders")
+    sets = read_sets(tmp_path, CLOCK)
+    assert list(sets) == [-5.0, 0.0, 2.5, 10.0]
+    for runs in sets.values():
+        assert [run.name for run in runs] == ["01", "02"]
+        assert all(run.dt == pytest.approx(0.01) for run in runs)
+
+
+def test_where_nothing_was_recorded_there_are_no_sets(tmp_path):
+    assert read_sets(tmp_path, CLOCK) == {}
+
+
+@pytest.mark.parametrize("name", ["five", "5 deg", "nan", "inf", ".ipynb_checkpoints"])
+def test_a_folder_of_another_name_is_named(tmp_path, name):
+    write_set(tmp_path / "5")
+    (tmp_path / name).mkdir()
+    with pytest.raises(InputError, match="a setting's folder has a number as its name") as error:
+        read_sets(tmp_path, CLOCK)
+    assert str(tmp_path / name) in str(error.value)
+
+
+def test_two_folders_of_one_setting_are_refused(tmp_path):
+    write_set(tmp_path / "5")
+    write_set(tmp_path / "5.0")
+    with pytest.raises(InputError, match=r"5\.0: the setting 5 has another folder too"):
+        read_sets(tmp_path, CLOCK)
+
+
+def test_an_empty_set_is_named(tmp_path):
+    (tmp_path / "5").mkdir()
+    with pytest.raises(InputError, match=r"5: holds no \.mcap file"):
+        read_sets(tmp_path, CLOCK)
+
+
+@pytest.mark.parametrize("read", [lambda folder: read_sets(folder, CLOCK), read_expected, read_datasets])
+def test_a_folder_that_no_stage_has_written_is_not_an_empty_one(tmp_path, read):
+    with pytest.raises(InputError, match="nowhere: no such folder; run the stage that writes it"):
+        read(tmp_path / "nowhere")
+
+
+def test_expected_traces_come_by_primitive(tmp_path):
+    waves = np.sin(np.linspace(0, 3, 200)[:, None] * [1.0, 2.0])
+    for name in ("turn", "scrape"):
+        write_vector_primitive(fit_expected_traces([waves], 0.01, 6.0), tmp_path / f"{name}.safetensors", "")
+    expected = read_expected(tmp_path)
+    assert list(expected) == ["scrape", "turn"]
+    assert len(expected["turn"].start) == 2
+
+
+def test_damaged_expected_traces_are_named(tmp_path):
+    (tmp_path / "turn.safetensors").write_bytes(b"\x08\x00")
+    with pytest.raises(InputError, match=r"turn\.safetensors: not a readable safetensors file"):
+        read_expected(tmp_path)
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Datasets of two primitives with settings 0, 5 and 10, and a table of checks."""
+    datasets = {name: toy_dataset(seed=seed) for seed, name in enumerate(("scrape", "turn"))}
+    for name, dataset in datasets.items():
+        write_table(to_table(dataset), tmp_path / f"{name}.parquet")
+        write_table(to_table(dataset), tmp_path / f"checks_{name}.parquet")
+    return tmp_path, datasets
+
+
+def test_datasets_come_back_without_their_checks(written):
+    folder, datasets = written
+    read = read_datasets(folder)
+    assert list(read) == ["scrape", "turn"]
+    for name, dataset in read.items():
+        for array, values in vars(dataset).items():
+            np.testing.assert_array_equal(values, getattr(datasets[name], array))
+
+
+def test_settings_are_chosen_whole(written):
+    folder, datasets = written
+    for name, dataset in read_datasets(folder, (10.0, 5.0)).items():
+        assert set(dataset.setting) == {5.0, 10.0}
+        assert len(dataset.target) == (datasets[name].setting > 0).sum()
+
+
+def test_settings_that_were_not_recorded_are_named(written):
+    with pytest.raises(InputError, match=r"scrape\.parquet: has no corrections in the settings 2\.5, 7\.5$"):
+        read_datasets(written[0], (2.5, 5.0, 7.5))
+
+
+def test_a_table_of_another_kind_is_named(written):
+    folder, datasets = written
+    write_table(to_table(datasets["turn"]).drop(columns="target"), folder / "turn.parquet")
+    with pytest.raises(InputError, match=r"turn\.parquet: holds no supervised data \(missing 'target'\)"):
+        read_datasets(folder)

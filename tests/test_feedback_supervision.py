@@ -1,0 +1,245 @@
+"""Corrected demonstrations made of known coupling terms and deviations give both back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from feedback_runs import Y
+from pydantic import ValidationError
+from scraping_motions import minimum_jerk
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.feedback.supervision import (
+    SupervisionParameters,
+    corrected_primitive,
+    coupling_dataset,
+    executed_primitive,
+    learn_expected,
+    require_parts,
+)
+from structlearn.primitives import canonical
+from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.sensor_traces import expected as expected_traces
+from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.trajectory import OrientationTrajectory
+from structlearn.primitives.twist_swing import fit_twist_swing
+from structlearn.recordings.demonstration import Demonstration
+
+DT = 1 / 300
+BEFORE, AFTER = 1.0, 1.0  # s of rest around the primitive
+CHANNELS = 4
+PARAMETERS = SupervisionParameters(
+    primitives=("turn",), settings_deg=(5.0,), smoothing_hz=20.0, target_hz=20.0
+)
+
+
+def turn_path(duration):
+    """A roll of 5 degrees that starts and ends at rest."""
+    path = minimum_jerk([0.0, 0.0, 0.0], [0.0, np.radians(5.0), 0.0], duration)
+    turned = quaternion.from_rotation_vector(path.position)
+    return OrientationTrajectory(path.time, turned, path.velocity, path.acceleration)
+
+
+@pytest.fixture(scope="module")
+def primitive():
+    point = fit_position([minimum_jerk([0, 0, 0], [0, 0.1, 0], 2.0)], (False, False, False))
+    return PosePrimitive("turn", point, fit_quaternion([turn_path(2.0)]))
+
+
+@pytest.fixture(scope="module")
+def expected():
+    waves = np.sin(np.linspace(0, 3, 401)[:, None] * [0.5, 1.0, 1.5, 2.0])
+    return fit_expected_traces([30.0 * waves], 0.005, 6.0)
+
+
+def known_coupling(time, duration, size=8.0):
+    """Smooth, zero with its first derivatives at both ends, of two swings."""
+    s = np.minimum(time / duration, 1.0)
+    return size * 64 * s**3 * (1 - s) ** 3 * np.sin(2 * np.pi * s + 0.5)
+
+
+def known_deviation(time):
+    return np.round(10 * np.sin(time[:, None] * np.arange(1, CHANNELS + 1)))
+
+
+def demonstration(primitive, expected, name="01", duration=2.4, axis=Y, size=8.0):
+    """Rest, the primitive with a known coupling term; and where the primitive lies."""
+    samples, before, after = (round(span / DT) for span in (duration, BEFORE, AFTER))
+    time = DT * np.arange(samples + after + 1)  # it settles after its end
+    coupling = known_coupling(time, duration, size)[:, None] * axis
+    path = primitive.orientation.unroll(
+        DT,
+        duration=duration,
+        velocity=0.0,
+        acceleration=0.0,
+        coupling=lambda k, q, w: coupling[k],
+        until=time[-1],
+    )
+    rows = np.maximum(np.arange(before + len(time)) - before, 0)
+    tactile = np.zeros((len(rows), CHANNELS))
+    felt = expected_traces(expected, samples + 1, DT) + known_deviation(time[: samples + 1])
+    tactile[before : before + samples + 1] = felt
+    run = Demonstration(
+        name=name,
+        time=DT * np.arange(len(rows)),
+        position=np.zeros((len(rows), 3)),
+        orientation=path.orientation[rows],
+        tactile=tactile + np.array([100.0, -300.0, 0.0, 20.0]),
+    )
+    return run, pd.Series({"start_s": BEFORE, "end_s": BEFORE + duration})
+
+
+@pytest.mark.parametrize("duration", [2.0, 2.4])
+def test_the_known_coupling_term_comes_back(primitive, expected, duration):
+    run, cut = demonstration(primitive, expected, duration=duration)
+    corrected = corrected_primitive(run, cut, primitive, expected, PARAMETERS)
+    exact = known_coupling(corrected.path.time, duration)
+    assert corrected.target.shape == (len(exact), 3)
+    error = corrected.target @ Y - exact
+    assert np.mean(error**2) < 1e-3 * np.var(exact)
+    assert np.abs(corrected.target[:, [0, 2]]).max() < 1e-3
+    np.testing.assert_allclose(corrected.target[0], 0.0, atol=1e-2)
+
+
+def test_the_known_deviation_comes_back_without_the_offset(primitive, expected):
+    run, cut = demonstration(primitive, expected)
+    time, deviation = executed_primitive(run, cut, expected)
+    np.testing.assert_allclose(time, DT * np.arange(len(time)), atol=1e-12)
+    assert time[-1] == pytest.approx(2.4)
+    np.testing.assert_allclose(deviation, known_deviation(time), atol=1e-9)
+    corrected = corrected_primitive(run, cut, primitive, expected, PARAMETERS)
+    np.testing.assert_array_equal(corrected.deviation, deviation)
+
+
+def test_a_run_that_was_not_corrected_asks_for_nothing(primitive, expected):
+    run, cut = demonstration(primitive, expected, duration=2.0, size=0.0)
+    corrected = corrected_primitive(run, cut, primitive, expected, PARAMETERS)
+    assert np.abs(corrected.target).max() < 0.05  # of 8 above
+
+
+@pytest.fixture(scope="module")
+def supervised(primitive, expected):
+    """Two demonstrations in one setting, one in another, of different durations."""
+    made = {
+        5.0: [
+            demonstration(primitive, expected, "01", 2.0),
+            demonstration(primitive, expected, "02", 2.4),
+        ],
+        10.0: [demonstration(primitive, expected, "01", 2.2, size=16.0)],
+    }
+    runs = {setting: [run for run, _ in rows] for setting, rows in made.items()}
+    cuts = {
+        setting: pd.DataFrame([cut for _, cut in rows], index=[run.name for run, _ in rows])
+        for setting, rows in made.items()
+    }
+    return runs, cuts, coupling_dataset(runs, cuts, primitive, expected, PARAMETERS)
+
+
+def test_the_dataset_is_thinned_to_the_rate_of_the_sensors(supervised):
+    dataset, _ = supervised[2]
+    for setting, number, duration in ((5.0, 0, 2.0), (5.0, 1, 2.4), (10.0, 0, 2.2)):
+        rows = dataset.where((dataset.setting == setting) & (dataset.demonstration == number))
+        np.testing.assert_allclose(rows.time, 0.01 * np.arange(round(100 * duration) + 1), atol=1e-9)
+        p, u = canonical.phase(rows.time, canonical.time_constant(duration))
+        np.testing.assert_allclose(rows.phase, p, atol=1e-9)
+        np.testing.assert_allclose(rows.phase_velocity, u, atol=1e-9)
+        exact = known_coupling(rows.time, duration, 8.0 * setting / 5.0)
+        assert np.mean((rows.target - exact) ** 2) < 1e-3 * np.var(exact)
+        np.testing.assert_allclose(rows.deviation, known_deviation(rows.time), atol=1e-9)
+    assert len(dataset.target) == 201 + 241 + 221
+
+
+def test_the_checks_hold_on_what_was_made_without_fault(supervised):
+    _, checks = supervised[2]
+    assert list(checks["name"]) == ["01", "02", "01"]
+    assert list(checks["setting_deg"]) == [5.0, 5.0, 10.0]
+    assert list(checks["demonstration"]) == [0, 1, 0]
+    assert checks["reproduction_deg"].max() < 0.01
+    assert checks["smoothing_deg"].max() < 0.01
+    assert checks["others"].max() < 1e-3
+
+
+def test_a_correction_about_another_axis_shows_in_the_checks(primitive, expected):
+    """At equal size about x as about y the rest is as large as what is kept."""
+    run, cut = demonstration(primitive, expected, axis=np.array([1.0, 1.0, 0.0]))
+    cuts = {5.0: pd.DataFrame([cut], index=["01"])}
+    _, checks = coupling_dataset({5.0: [run]}, cuts, primitive, expected, PARAMETERS)
+    # over three axes, of which one is the axis itself
+    assert checks["others"][0] == pytest.approx(np.sqrt(0.5), rel=0.05)
+    assert checks["reproduction_deg"][0] > 0.5
+
+
+def test_the_axis_of_the_parameters_has_norm_one():
+    skew = SupervisionParameters(primitives=("turn",), settings_deg=(5.0,), axis=(0.0, 3.0, 4.0))
+    np.testing.assert_allclose(skew.unit_axis, [0.0, 0.6, 0.8])
+    with pytest.raises(ValidationError, match="axis must have a direction"):
+        SupervisionParameters(primitives=("turn",), settings_deg=(5.0,), axis=(0.0, 0.0, 0.0))
+
+
+def test_expected_traces_are_learned_per_primitive_and_without_offset():
+    """Three runs of equal movements with offsets of their own: the traces are what they share."""
+    time = DT * np.arange(round(4.0 / DT) + 1)
+    wave = np.column_stack([20 * np.sin(time), 5 * time**2])
+    rng = np.random.default_rng(0)
+    runs = [
+        Demonstration(f"{number}", time, np.zeros((len(time), 3)), tactile=wave + rng.normal(0, 100, 2))
+        for number in range(3)
+    ]
+    labels = [run.name for run in runs]
+    cuts = {
+        name: pd.DataFrame([[start, end]] * 3, columns=["start_s", "end_s"], index=labels)
+        for name, (start, end) in {"first": (0.0, 1.6), "second": (1.6, 4.0)}.items()
+    }
+    learned = learn_expected(runs, cuts, 10.0)
+    assert list(learned) == ["first", "second"]
+    for name, first, last in (("first", 0.0, 1.6), ("second", 1.6, 4.0)):
+        rows = slice(round(first / DT), round(last / DT) + 1)
+        unrolled = expected_traces(learned[name], rows.stop - rows.start, DT)
+        np.testing.assert_allclose(unrolled, wave[rows] - wave[:5].mean(axis=0), atol=0.7)
+
+
+def test_cuts_a_little_outside_the_recording_end_at_its_ends(primitive, expected):
+    """Fitted cut points can lie a sample before the first one."""
+    run, _ = demonstration(primitive, expected)
+    cut = pd.Series({"start_s": -0.004, "end_s": run.time[-1] + 0.01})
+    time, deviation = executed_primitive(run, cut, expected)
+    assert len(time) == len(deviation) == len(run.time)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"tactile": None}, "07: has no tactile stream"),
+        ({"orientation": None}, "07: 'turn' needs orientations"),
+        ({"tactile": np.zeros((1321, 3))}, "07: has 3 tactile channels, the expected traces have 4"),
+    ],
+)
+def test_what_is_missing_is_named(primitive, expected, change, complaint):
+    run, cut = demonstration(primitive, expected, "07")
+    with pytest.raises(InputError, match=complaint):
+        corrected_primitive(replace(run, **change), cut, primitive, expected, PARAMETERS)
+
+
+def test_a_primitive_that_turns_too_far_is_refused(primitive, expected):
+    run, cut = demonstration(primitive, expected, "07")
+    far = replace(primitive, orientation=fit_twist_swing([turn_path(2.0)]))
+    with pytest.raises(InputError, match="07: 'turn' needs orientations, and a turn of less than half"):
+        corrected_primitive(run, cut, far, expected, PARAMETERS)
+
+
+def test_expected_traces_need_fingers(primitive, expected):
+    run, cut = demonstration(primitive, expected, "07")
+    with pytest.raises(InputError, match="07: has no tactile stream"):
+        learn_expected([replace(run, tactile=None)], {"turn": pd.DataFrame([cut], index=["07"])}, 5.0)
+
+
+def test_primitives_that_cannot_get_feedback_are_named(primitive, expected):
+    require_parts(["turn"], [primitive], {"turn": expected})
+    with pytest.raises(InputError, match="there is no primitive 'tern' among turn"):
+        require_parts(["tern"], [primitive], {"turn": expected})
+    with pytest.raises(InputError, match="no expected traces of 'turn'"):
+        require_parts(["turn"], [primitive], {})

@@ -1,0 +1,176 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from feedback_toy import toy_dataset
+from pydantic import ValidationError
+
+from structlearn.errors import InputError
+from structlearn.feedback.folds import PARTS, leave_one_out
+from structlearn.feedback.networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.optimiser import RootMeanSquarePropagation
+from structlearn.feedback.training import (
+    LearningCurves,
+    StackedData,
+    TrainingParameters,
+    as_tensor,
+    evaluate,
+    predict,
+    standardisation,
+    target_scale,
+    train,
+    train_final,
+)
+from structlearn.metrics import nmse
+
+QUICK = TrainingParameters(steps=60, evaluate_every=20, batch_size=16)
+
+
+def stacked(data, parameters=QUICK, chosen=slice(None)):
+    """Folds of a dataset as a stack trains on them."""
+    folds = leave_one_out(data, parameters.fractions, parameters.chunk_samples, parameters.seed)[chosen]
+    inputs, targets = [], []
+    for fold in folds:
+        mean, spread = standardisation(data.deviation, fold)
+        inputs.append((data.deviation - mean) / spread)
+        targets.append(data.target / target_scale(data.target, fold))
+    return StackedData(
+        as_tensor(np.stack(inputs)), as_tensor(data.modulation()), as_tensor(np.stack(targets)), folds
+    )
+
+
+def networks(models, seed=0, dropout=0.5):
+    generator = torch.Generator().manual_seed(seed)
+    return StackedPhaseModulatedNetworks(models, 6, (20,), 25, dropout, generator)
+
+
+def test_a_known_coupling_is_learnt_and_exported():
+    data = toy_dataset(noise=0.02, offset=0.0)
+    parameters = TrainingParameters(steps=1500, evaluate_every=250, dropout=0.1, learning_rate=3e-3)
+    network = train_final(data, parameters, hidden=(40,))
+    assert nmse(network.coupling(data.deviation, data.modulation()), data.target) < 0.1
+    assert network.phase_weights.dtype == np.float64
+    assert network.coupling(data.deviation, 0.0 * data.modulation()).max() == 0.0
+    # and where the phase velocity has almost faded, the correction is still held
+    end = data.phase < 0.03
+    assert nmse(network.coupling(data.deviation, data.modulation())[end], data.target[end]) < 0.1
+
+
+def test_a_model_learns_the_same_alone_and_in_a_stack():
+    data = toy_dataset()
+    together, alone = networks(4), networks(1)
+    with torch.no_grad():
+        for values, found in zip(alone.parameters(), together.parameters(), strict=True):
+            values.copy_(found[2:3])
+    alone.hidden.generator.set_state(together.hidden.generator.get_state())
+    all_curves = train(together, stacked(data), QUICK)
+    own_curves = train(alone, stacked(data, chosen=slice(2, 3)), QUICK)
+    np.testing.assert_allclose(own_curves.nmse[:, 0], all_curves.nmse[:, 2], rtol=1e-3)
+    assert np.abs(np.diff(own_curves.nmse[:, 0], axis=0)).max() > 0.01  # it did learn something
+
+
+def test_a_step_is_that_of_torch_on_every_tensor():
+    ours, theirs = networks(2), networks(2)
+    optimiser = RootMeanSquarePropagation(ours, QUICK.learning_rate, QUICK.decay)
+    reference = torch.optim.RMSprop(theirs.parameters(), QUICK.learning_rate, QUICK.decay, eps=1e-8)
+    generator = torch.Generator().manual_seed(0)
+    for _ in range(5):
+        inputs = torch.randn(2, 30, 6, generator=generator)
+        modulation = torch.randn(2, 30, 25, generator=generator)
+        optimiser.step(ours(inputs, modulation).square().mean())
+        reference.zero_grad()
+        theirs(inputs, modulation).square().mean().backward()
+        reference.step()
+    for one, other in zip(ours.parameters(), theirs.parameters(), strict=True):
+        torch.testing.assert_close(one, other, atol=1e-6, rtol=1e-4)
+
+
+def test_training_is_deterministic_and_leaves_the_number_of_threads():
+    data = toy_dataset()
+    threads = torch.get_num_threads()
+    first, second = (train_final(data, QUICK) for _ in range(2))
+    other = train_final(data, QUICK.model_copy(update={"seed": 1}))
+    np.testing.assert_array_equal(first.phase_weights, second.phase_weights)
+    assert not np.array_equal(first.phase_weights, other.phase_weights)
+    assert torch.get_num_threads() == threads
+
+
+def test_left_out_demonstrations_never_enter_training():
+    data = toy_dataset()
+    foreign = data.demonstration == 2
+    changed = dataclasses.replace(
+        data,
+        deviation=np.where(foreign[:, None], 1e3, data.deviation),
+        target=np.where(foreign, np.random.default_rng(0).normal(size=len(foreign)), data.target),
+    )
+    fold = slice(2, 3)
+    one, other = networks(1), networks(1)
+    curves = train(one, stacked(data, chosen=fold), QUICK)
+    changed_curves = train(other, stacked(changed, chosen=fold), QUICK)
+    for values, found in zip(one.parameters(), other.parameters(), strict=True):
+        assert torch.equal(values, found)
+    np.testing.assert_array_equal(curves.nmse[..., :3], changed_curves.nmse[..., :3])
+    assert not np.array_equal(curves.nmse[..., 3], changed_curves.nmse[..., 3])
+
+
+def test_every_model_ends_with_the_weights_that_validation_chose():
+    parameters = QUICK.model_copy(update={"steps": 400, "learning_rate": 0.05, "dropout": 0.0})
+    data, network = stacked(toy_dataset()), networks(4, dropout=0.0)
+    curves = train(network, data, parameters)
+    best = curves.best("validation")
+    assert len(set(best)) > 1  # models differ, or the test shows nothing
+    expected = curves.nmse[best, np.arange(4)]
+    np.testing.assert_array_equal(evaluate(network, data), expected)
+    np.testing.assert_array_equal(expected[:, 1], curves.nmse[..., 1].min(axis=0))
+
+
+def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
+    data, network = stacked(toy_dataset()), networks(4)
+    found, outputs = evaluate(network, data), predict(network, data)
+    for model, fold in enumerate(data.folds):
+        for part, rows in enumerate(fold.parts()):
+            expected = nmse(outputs[model, rows], data.target[model, rows].numpy())
+            assert found[model, part] == pytest.approx(float(expected), rel=1e-5)
+
+
+def test_steps_are_evaluated_to_the_last_and_diverged_ones_never_chosen():
+    curves = train(networks(4), stacked(toy_dataset()), QUICK.model_copy(update={"steps": 50}))
+    np.testing.assert_array_equal(curves.steps, [20, 40, 50])
+    assert curves.nmse.shape == (3, 4, len(PARTS))
+    errors = np.full((3, 1, 4), 0.5)
+    errors[0, :, 1] = np.nan
+    errors[2, :, 3] = 0.4
+    diverged = LearningCurves(np.arange(3), errors)
+    assert diverged.best("validation") == [1]
+    assert diverged.best("generalization") == [2]
+
+
+def test_training_goes_on_from_a_given_network():
+    data = toy_dataset()
+    initial = train_final(data, QUICK)
+    still = QUICK.model_copy(update={"learning_rate": 1e-12})
+    found = train_final(data, still, initial=initial)
+    deviation, modulation = data.deviation, data.modulation()
+    np.testing.assert_array_equal(found.input_mean, initial.input_mean)
+    np.testing.assert_allclose(
+        found.coupling(deviation, modulation), initial.coupling(deviation, modulation), atol=1e-3
+    )
+
+
+def test_a_silent_channel_does_no_harm():
+    data = toy_dataset()
+    data.deviation[:, 3] = 7.0
+    network = train_final(data, QUICK)
+    assert network.input_scale[3] == 1.0
+    assert np.isfinite(network.coupling(data.deviation, data.modulation())).all()
+
+
+def test_bad_input_is_named():
+    data = toy_dataset()
+    with pytest.raises(InputError, match="the coupling target is constant"):
+        train_final(dataclasses.replace(data, target=np.zeros_like(data.target)), QUICK)
+    with pytest.raises(ValidationError, match="dropout"):
+        TrainingParameters(dropout=1.0)
+    with pytest.raises(ValidationError, match="extra"):
+        TrainingParameters(epochs=3)

@@ -1,0 +1,257 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from primitives_movements import ramp, wobbly_turn
+from pydantic import ValidationError
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.feedback.coupling import orientation_target
+from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.training import TrainingParameters, train_final
+from structlearn.feedback.unrolled_training import (
+    UnrolledTrainingParameters,
+    corrected_paths,
+    split,
+    train_unrolled,
+    unrolled_error,
+)
+from structlearn.primitives import canonical, kernels, transformation
+from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.trajectory import OrientationTrajectory
+
+ROLL = np.array([1.0, 0.0, 0.0])
+
+
+def corrected_demonstration(primitive, largest, dt):
+    """A nominal movement turned further by a minimum-jerk roll, and that roll (T,)."""
+    nominal = primitive.unroll(dt)
+    roll, rate, change = (
+        largest * values[:, None] / nominal.duration**order * ROLL
+        for order, values in enumerate(ramp(nominal.time / nominal.duration))
+    )
+    turn = quaternion.from_rotation_vector(roll)
+    velocity = quaternion.rotate(turn, nominal.angular_velocity)
+    acceleration = quaternion.rotate(turn, nominal.angular_acceleration) + np.cross(rate, velocity)
+    path = OrientationTrajectory(
+        nominal.time, quaternion.product(turn, nominal.orientation), rate + velocity, change + acceleration
+    )
+    return path, roll[:, 0]
+
+
+def dataset_of(time, target, setting=10.0, demonstration=0, deviation=None):
+    p, u = canonical.phase(time, canonical.time_constant(time[-1]))
+    return CouplingDataset(
+        deviation=np.zeros((len(time), 2)) if deviation is None else deviation,
+        phase=p,
+        phase_velocity=u,
+        target=target,
+        setting=np.full(len(time), setting),
+        demonstration=np.full(len(time), demonstration),
+        time=time,
+    )
+
+
+def joined(parts):
+    return CouplingDataset(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_demonstrated_roll_follows_from_the_coupling_targets_alone(seed):
+    rng = np.random.default_rng(seed)
+    base = quaternion.from_rotation_vector(rng.normal(size=3))
+    movement = wobbly_turn(rng, np.radians(4), np.radians(1.3), 2.6, 1 / 300, base, axis=(0, 0.6, 0.8))
+    primitive = fit_quaternion([movement])
+    path, roll = corrected_demonstration(primitive, np.radians(10), 1 / 300)
+    target = orientation_target(path, primitive) @ ROLL
+    paths = corrected_paths(dataset_of(path.time, target), 250)
+    expected = np.interp(np.linspace(0, path.time[-1], 250), path.time, roll)
+    assert np.degrees(np.abs(paths.correction[0] - expected).max()) < 0.01
+    # held over 250 steps, as the feedback is, it comes half a step later: 10 degrees * 1.9 / 500
+    assert np.degrees(np.abs(paths.response @ paths.target[0] - expected).max()) < 0.06
+
+
+def test_demonstrations_are_told_apart_sorted_and_resampled():
+    parts = []
+    for setting, number, count in ((5.0, 1, 90), (2.5, 0, 60), (5.0, 0, 75)):
+        time = np.arange(count) / 100
+        columns = np.column_stack([np.full(count, 10 * setting + number), time / time[-1]])
+        parts.append(dataset_of(time, columns[:, 1] ** 2, setting, number, columns))
+    rows = joined(parts)
+    shuffled = rows.where(np.random.default_rng(0).permutation(len(rows.time)))
+    paths = corrected_paths(shuffled, 31)
+    assert list(zip(paths.setting, paths.demonstration, strict=True)) == [(2.5, 0), (5.0, 0), (5.0, 1)]
+    np.testing.assert_allclose(paths.deviation[:, :, 0], np.outer([25.0, 50.0, 51.0], np.ones(31)))
+    s = np.linspace(0, 1, 31)
+    np.testing.assert_allclose(paths.deviation[:, :, 1], np.tile(s, (3, 1)), atol=1e-12)
+    np.testing.assert_allclose(paths.target, np.tile(s**2, (3, 1)), atol=1e-4)
+
+
+def test_half_a_movement_is_refused():
+    time = np.arange(100) / 100
+    whole = dataset_of(time, np.zeros(100))
+    with pytest.raises(InputError, match=r"setting 10, demonstration 0: not on a uniform clock"):
+        corrected_paths(whole.where(np.arange(60)), 50)
+
+
+def demonstrated_roll(rng, setting, samples, tremor_deg):
+    """Roll of a hand that turns by the setting, late and trembling: (T,) rad and its two derivatives."""
+    s = np.linspace(0.0, 1.0, samples)
+    delay, width = rng.uniform(0.05, 0.15), rng.uniform(0.4, 0.6)
+    inside = np.clip((s - delay) / width, 0.0, 1.0)
+    path = np.array([values / width**order for order, values in enumerate(ramp(inside))])
+    omega, shift = rng.uniform(25.0, 45.0, size=(3, 1)), rng.uniform(0.0, 6.0, size=(3, 1))  # 1.5 to 3 Hz
+    waves = [np.sin(omega * s + shift), omega * np.cos(omega * s + shift)]
+    waves = np.sum([*waves, -(omega**2) * waves[0]], axis=1)
+    fade = np.array(
+        [values * [1, 10, 100][order] for order, values in enumerate(ramp(np.minimum(10 * s, 1)))]
+    )
+    tremor = [fade[0] * waves[0], fade[1] * waves[0] + fade[0] * waves[1]]
+    tremor.append(fade[2] * waves[0] + 2 * fade[1] * waves[1] + fade[0] * waves[2])
+    return np.radians(setting * path + tremor_deg * np.array(tremor))
+
+
+def random_dataset(numbers, settings=(2.5, 5.0, 10.0), samples=60, channels=6, tremor_deg=0.2, seed=0):
+    """Corrections by a trembling hand; channels show the tilt felt, the tilt that is left, and the speed.
+
+    The tremor is a few percent of the roll, but most of the coupling term, where it is differentiated twice.
+    """
+    rng = np.random.default_rng(seed)
+    mixing = np.random.default_rng(99).normal(size=(3, channels))
+    time = np.arange(samples) / 50
+    parts = []
+    for setting in settings:
+        for number in range(numbers):
+            roll, rate, change = demonstrated_roll(rng, setting, samples, tremor_deg)
+            tilt = np.radians(setting)
+            seen = np.tanh(4.0 * np.column_stack([np.full(samples, tilt), tilt - roll, 0.3 * rate]) @ mixing)
+            seen += 0.03 * rng.normal(size=channels) + 0.03 * rng.normal(size=seen.shape)
+            target = 4.0 * change + transformation.ALPHA * (transformation.BETA * roll + 2.0 * rate)
+            parts.append(dataset_of(time, target, setting, number, seen))
+    return joined(parts)
+
+
+def random_paths(numbers=6, settings=(2.5, 5.0, 10.0), samples=60, seed=0):
+    return corrected_paths(random_dataset(numbers, settings, samples, seed=seed), samples)
+
+
+def untrained(paths, hidden=(4,), seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    stack = StackedPhaseModulatedNetworks(1, paths.deviation.shape[2], hidden, 25, 0.0, generator)
+    mean, scale = paths.deviation.mean(axis=(0, 1)), paths.deviation.std(axis=(0, 1))
+    return stack.to_network(0, mean, scale, float(paths.target.std()))
+
+
+def rms_deg(network, paths):
+    return float(np.degrees(np.sqrt(np.mean(unrolled_error(network, paths) ** 2))))
+
+
+def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
+    paths = random_paths(numbers=1, settings=(5.0,))
+    network = untrained(paths)
+    time = np.linspace(0.0, 1.7, 60)
+    coupling = network.coupling(paths.deviation[0], kernels.unit_features(60))
+    path = transformation.unroll(
+        np.zeros(1),
+        np.zeros(1),
+        np.zeros((60, 1)),
+        time[1],
+        canonical.time_constant(1.7),
+        coupling=lambda k, x, xd: coupling[k : k + 1],
+    )
+    expected = np.sqrt(np.mean((path.position[:, 0] - paths.correction[0]) ** 2))
+    np.testing.assert_allclose(unrolled_error(network, paths), [expected], rtol=1e-9)
+    assert expected > 0
+
+
+def test_no_demonstration_number_is_trained_and_validated_on():
+    paths = random_paths()
+    training, validation = split(paths, 0.3, seed=4)
+    assert not set(training.demonstration) & set(validation.demonstration)
+    assert len(training.target) + len(validation.target) == len(paths.target)
+    assert len(np.unique(validation.demonstration)) == 2
+    again, _ = split(paths, 0.3, seed=4)
+    np.testing.assert_array_equal(training.target, again.target)
+
+
+def test_one_demonstration_number_cannot_be_split():
+    with pytest.raises(InputError, match="at least two demonstration numbers"):
+        split(random_paths(numbers=1), 0.5, seed=0)
+
+
+QUICK = UnrolledTrainingParameters(
+    samples=60,
+    steps=300,
+    learning_rate=3e-3,
+    demonstrations_per_batch=9,
+    dropout=0.0,
+    validation_interval=25,
+)
+
+
+def test_of_a_trembling_hand_the_unroll_learns_more_than_single_samples_do():
+    data = random_dataset(numbers=10)
+    paths = corrected_paths(data, 60)
+    training, validation, left_out = (
+        paths.where((paths.demonstration >= first) & (paths.demonstration < last))
+        for first, last in ((0, 6), (6, 8), (8, 10))
+    )
+    sample_by_sample = train_final(
+        data.where(data.demonstration < 6),
+        TrainingParameters(steps=1000, dropout=0.0, evaluate_every=250),
+        hidden=(6,),
+    )
+    unrolled = train_unrolled(training, validation, sample_by_sample, QUICK)
+    assert rms_deg(unrolled, left_out) < 0.85 * rms_deg(sample_by_sample, left_out)
+    assert rms_deg(sample_by_sample, left_out) < 0.4 * np.degrees(np.sqrt(np.mean(left_out.correction**2)))
+
+
+def test_a_network_knocked_off_is_put_right_from_the_path_alone():
+    paths = random_paths(numbers=12)
+    teacher = untrained(paths, seed=1)
+    said = teacher.coupling(paths.deviation, kernels.unit_features(60))
+    exact = dataclasses.replace(paths, target=np.ones_like(said), correction=said @ paths.response.T)
+    training, validation = split(exact, 0.2, seed=0)
+    noise = 1.0 + 0.5 * np.random.default_rng(0).normal(size=25)
+    start = dataclasses.replace(teacher, output_weights=noise * teacher.output_weights)
+    only_path = QUICK.model_copy(update={"coupling_loss_weight": 0.0})
+    learnt = train_unrolled(training, validation, start, only_path)
+    assert rms_deg(learnt, validation) < 0.2 * rms_deg(start, validation)
+
+
+def test_the_same_seed_gives_the_same_network_and_another_does_not():
+    training, validation = split(random_paths(), 0.3, seed=0)
+    start = untrained(training)
+    short = QUICK.model_copy(update={"steps": 20, "dropout": 0.3})
+    first, again, other = (
+        train_unrolled(training, validation, start, short.model_copy(update={"seed": seed})).output_weights
+        for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_a_training_that_leads_astray_keeps_the_initial_network():
+    training, validation = split(random_paths(), 0.3, seed=0)
+    start = train_unrolled(training, validation, untrained(training), QUICK)
+    wild = QUICK.model_copy(update={"steps": 3, "learning_rate": 10.0})
+    assert train_unrolled(training, validation, start, wild) is start
+
+
+def test_without_any_correction_there_is_nothing_to_learn():
+    paths = random_paths()
+    nothing = np.zeros_like(paths.target)
+    idle = dataclasses.replace(paths, target=nothing, correction=nothing)
+    with pytest.raises(InputError, match="nothing was corrected"):
+        train_unrolled(idle, idle, untrained(paths), QUICK)
+
+
+@pytest.mark.parametrize("wrong", [{"dropout": 1.0}, {"samples": 2}, {"coupling_loss_weight": -0.1}])
+def test_parameters_out_of_range_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        UnrolledTrainingParameters(**wrong)

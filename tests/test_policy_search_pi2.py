@@ -1,0 +1,357 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from primitives_movements import reach
+from pydantic import ValidationError
+from scipy.optimize import minimize_scalar
+
+from structlearn.errors import InputError
+from structlearn.policy_search.covariance import CovarianceParameters
+from structlearn.policy_search.pi2 import (
+    PI2Parameters,
+    SearchDistribution,
+    cost_to_go,
+    sample,
+    time_weights,
+    update,
+)
+from structlearn.primitives.vector import fit_vector
+
+rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
+DEFAULT = PI2Parameters()
+
+
+def random_rollouts(rng, samples=12, steps=6, dimensions=3):
+    distribution = SearchDistribution.around(rng.normal(size=dimensions), rng.uniform(0.5, 2.0, dimensions))
+    policies = sample(distribution, samples, rng)
+    return distribution, policies, rng.random((samples, steps))
+
+
+def parameters_of(mode, centre="old_mean", **others):
+    return PI2Parameters(covariance=CovarianceParameters(mode=mode, centre=centre, **others))
+
+
+def slow_update(mean, policies, costs, kl_bound, floor, centre):
+    """Algorithm IV.4 line by line, the temperature by minimising the dual, time step by time step."""
+    steps = costs.shape[1]
+    means, covariances = [], []
+    for t in range(steps):
+        ahead = np.array([sum(row[j] for j in range(t, steps)) for row in costs])
+        ahead = (ahead - ahead.min()) / (ahead.max() - ahead.min())
+
+        def dual(temperature, ahead=ahead):
+            return temperature * (kl_bound + np.log(np.mean(np.exp(-ahead / temperature))))
+
+        temperature = minimize_scalar(dual, bounds=(floor, 5.0), method="bounded", options={"xatol": 1e-11}).x
+        p = np.exp(-ahead / temperature) / np.sum(np.exp(-ahead / temperature))
+        means.append(sum(p_k * policy for p_k, policy in zip(p, policies, strict=True)))
+        around = mean if centre == "old_mean" else means[-1]
+        covariances.append(
+            sum(
+                p_k * np.outer(policy - around, policy - around)
+                for p_k, policy in zip(p, policies, strict=True)
+            )
+        )
+    weights = [steps - t for t in range(steps)]  # t from 0
+    total = sum(weights)
+    return (
+        sum(w * m for w, m in zip(weights, means, strict=True)) / total,
+        sum(w * c for w, c in zip(weights, covariances, strict=True)) / total,
+    )
+
+
+@pytest.mark.parametrize("centre", ["old_mean", "new_mean"])
+@given(rng=rngs)
+def test_equals_the_algorithm_of_the_text(centre, rng):
+    distribution, policies, costs = random_rollouts(rng)
+    parameters = parameters_of("full", centre, eigenvalue_floor=1e-9)
+    new = update(distribution, policies, costs, parameters).distribution
+    mean, covariance = slow_update(distribution.mean, policies, costs, 1.0, 1e-3, centre)
+    np.testing.assert_allclose(new.mean, mean, atol=1e-5)
+    np.testing.assert_allclose(new.covariance, covariance, atol=1e-4)
+
+
+def test_time_weights_by_hand():
+    """Three steps, two samples, costs on one step only: weights 3, 2, 1 over 6."""
+    np.testing.assert_allclose(time_weights(3), [3 / 6, 2 / 6, 1 / 6])
+    np.testing.assert_allclose(time_weights(1), [1.0])
+    costs = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 2.0]])
+    np.testing.assert_array_equal(cost_to_go(costs), [[1, 1, 0], [2, 2, 2]])
+    # the first sample is better at all steps; nearly all weight at temperature 1e-3
+    distribution = SearchDistribution.around(np.zeros(1), 1.0)
+    policies = np.array([[1.0], [-1.0]])
+    cold = PI2Parameters(temperature=1e-3)
+    assert update(distribution, policies, costs, cold).distribution.mean == pytest.approx(1.0)
+    # better only where nothing has been paid yet (weights 3 + 2), worse at the end (weight 1)
+    costs = np.array([[0.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
+    found = update(distribution, policies, costs, cold)
+    assert found.distribution.mean == pytest.approx(5 / 6 - 1 / 6)
+    np.testing.assert_allclose(found.weights, [5 / 6, 1 / 6])
+
+
+def test_costs_that_were_paid_before_do_not_count():
+    """A cost at the first step is in the cost-to-go of the first step only (weight T of T (T + 1) / 2)."""
+    costs = np.zeros((2, 4))
+    costs[1, 0] = 1.0
+    found = update(
+        SearchDistribution.around(np.zeros(1), 1.0),
+        np.array([[1.0], [-1.0]]),
+        costs,
+        PI2Parameters(temperature=1e-3),
+    )
+    np.testing.assert_allclose(found.weights, [0.4 + 0.6 / 2, 0.6 / 2])
+    np.testing.assert_allclose(found.effective_samples, [1, 2, 2, 2])
+
+
+def test_two_samples_at_a_fixed_temperature():
+    distribution = SearchDistribution.around(np.array([10.0, 0.0]), 1.0)
+    policies = np.array([[1.0, 2.0], [3.0, -2.0]])
+    found = update(distribution, policies, np.array([[5.0], [7.0]]), PI2Parameters(temperature=0.5))
+    p = 1 / (1 + np.exp(-2.0))
+    np.testing.assert_allclose(found.distribution.mean, [p + 3 * (1 - p), 2 * p - 2 * (1 - p)])
+    np.testing.assert_allclose(found.temperatures, 0.5)
+    np.testing.assert_allclose(found.effective_samples, 1 / (p**2 + (1 - p) ** 2))
+
+
+def test_equal_costs_make_the_mean_of_the_samples():
+    distribution, policies, _ = random_rollouts(np.random.default_rng(0))
+    found = update(distribution, policies, np.full((12, 6), 0.1), DEFAULT)
+    np.testing.assert_allclose(found.distribution.mean, policies.mean(axis=0))
+    np.testing.assert_allclose(found.weights, 1 / 12)
+    np.testing.assert_allclose(found.effective_samples, 12)
+
+
+def test_the_best_sample_wins_at_a_low_temperature():
+    distribution, policies, costs = random_rollouts(np.random.default_rng(1))
+    costs[7] = -1.0
+    found = update(distribution, policies, costs, PI2Parameters(temperature=1e-6))
+    np.testing.assert_allclose(found.distribution.mean, policies[7])
+    np.testing.assert_allclose(found.effective_samples, 1.0)
+
+
+@given(rng=rngs, scale=st.floats(1e-3, 1e3), shift=st.floats(-10.0, 10.0))
+def test_scale_and_shift_of_the_costs_do_not_matter(rng, scale, shift):
+    distribution, policies, costs = random_rollouts(rng)
+    plain = update(distribution, policies, costs, DEFAULT).distribution
+    other = update(distribution, policies, scale * (costs + shift), DEFAULT).distribution
+    np.testing.assert_allclose(other.mean, plain.mean, atol=1e-7)
+    np.testing.assert_allclose(other.covariance, plain.covariance, atol=1e-7)
+
+
+@pytest.mark.parametrize("mode", ["rescaled", "full", "kept"])
+@given(rng=rngs)
+def test_the_order_of_the_rollouts_does_not_matter(mode, rng):
+    distribution, policies, costs = random_rollouts(rng)
+    order = rng.permutation(12)
+    plain = update(distribution, policies, costs, parameters_of(mode))
+    other = update(distribution, policies[order], costs[order], parameters_of(mode))
+    np.testing.assert_allclose(other.distribution.mean, plain.distribution.mean, atol=1e-8)
+    np.testing.assert_allclose(other.distribution.covariance, plain.distribution.covariance, atol=1e-8)
+    np.testing.assert_allclose(other.weights, plain.weights[order], atol=1e-8)
+
+
+def test_the_divergence_of_every_time_step_is_the_bound():
+    distribution, policies, costs = random_rollouts(np.random.default_rng(4), samples=38, steps=50)
+    found = update(distribution, policies, costs, DEFAULT)
+    relative = cost_to_go(costs) - cost_to_go(costs).min(axis=0)
+    p = np.exp(-relative / np.ptp(relative, axis=0) / found.temperatures)
+    p /= p.sum(axis=0)
+    np.testing.assert_allclose(np.sum(p * np.log(38 * p), axis=0), 1.0, atol=1e-6)
+    assert np.all((found.effective_samples > 1) & (found.effective_samples < 38))
+
+
+@pytest.mark.parametrize("fault", [np.nan, np.inf, -np.inf])
+@given(rng=rngs, step=st.integers(0, 5))
+def test_a_rollout_without_a_finite_cost_is_as_if_it_had_not_been(fault, rng, step):
+    distribution, policies, costs = random_rollouts(rng)
+    costs[[2, 9], step] = fault
+    found = update(distribution, policies, costs, DEFAULT)
+    rest = np.delete(np.arange(12), [2, 9])
+    expected = update(distribution, policies[rest], costs[rest], DEFAULT)
+    np.testing.assert_array_equal(found.distribution.mean, expected.distribution.mean)
+    np.testing.assert_array_equal(found.distribution.covariance, expected.distribution.covariance)
+    np.testing.assert_array_equal(np.flatnonzero(found.failed), [2, 9])
+    np.testing.assert_array_equal(found.weights[[2, 9]], 0.0)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_sum_beyond_the_largest_number_is_no_finite_cost():
+    distribution, policies, costs = random_rollouts(np.random.default_rng(0))
+    costs[3] = 1e308
+    np.testing.assert_array_equal(np.flatnonzero(update(distribution, policies, costs, DEFAULT).failed), [3])
+
+
+@pytest.mark.parametrize("left", [0, 1])
+def test_an_update_needs_two_rollouts(left):
+    distribution, policies, costs = random_rollouts(np.random.default_rng(0))
+    costs[left:] = np.nan
+    with pytest.raises(InputError, match=f"^{left} of 12 rollouts have finite costs, an update needs 2$"):
+        update(distribution, policies, costs, DEFAULT)
+
+
+def test_arrays_that_do_not_fit_are_named():
+    distribution, policies, costs = random_rollouts(np.random.default_rng(0))
+    with pytest.raises(InputError, match=r"same K, not \(11, 3\) and \(12, 6\)"):
+        update(distribution, policies[1:], costs, DEFAULT)
+    with pytest.raises(InputError, match=r"not \(12, 3\) and \(12,\)"):
+        update(distribution, policies, costs[:, 0], DEFAULT)
+    with pytest.raises(InputError, match=r"not \(12, 3\) and \(12, 0\)"):
+        update(distribution, policies, costs[:, :0], DEFAULT)
+    with pytest.raises(InputError, match="have 2 parameters, the distribution has 3"):
+        update(distribution, policies[:, :2], costs, DEFAULT)
+    with pytest.raises(InputError, match="not finite"):
+        update(distribution, np.full_like(policies, np.nan), costs, DEFAULT)
+    with pytest.raises(InputError, match=r"mean \(D,\) and a covariance \(D, D\), not \(3,\) and \(2, 2\)"):
+        SearchDistribution(np.zeros(3), np.eye(2))
+    with pytest.raises(InputError, match="not positive definite"):
+        update(replace(distribution, covariance=-np.eye(3)), policies, costs, DEFAULT)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"samples": 1},
+        {"kl_bound": 0.0},
+        {"temperature": 0.0},
+        {"temperature_floor": 0.0},
+        {"covariance": {"mode": "diagonal"}},
+        {"covariance": {"damping": 0.5}},
+        {"covariance": {"eigenvalue_floor": 0.0}},
+    ],
+)
+def test_parameters_out_of_range_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        PI2Parameters.model_validate(wrong)
+
+
+def test_samples_have_the_moments_of_the_distribution():
+    distribution = SearchDistribution(np.array([1.0, -2.0]), np.array([[2.0, 0.6], [0.6, 0.5]]))
+    policies = sample(distribution, 200_000, np.random.default_rng(0))
+    np.testing.assert_allclose(policies.mean(axis=0), distribution.mean, atol=0.02)
+    np.testing.assert_allclose(np.cov(policies.T), distribution.covariance, atol=0.02)
+
+
+def test_equal_seeds_give_equal_bytes_and_fewer_samples_are_the_first_of_more():
+    distribution, *_ = random_rollouts(np.random.default_rng(0), dimensions=25)
+    first, again, fewer = (sample(distribution, count, np.random.default_rng(3)) for count in (38, 38, 10))
+    assert first.tobytes() == again.tobytes()
+    np.testing.assert_allclose(fewer, first[:10], rtol=1e-12)
+    costs = np.random.default_rng(1).random((38, 200))
+    one, other = (update(distribution, first, costs, DEFAULT) for _ in range(2))
+    assert one.distribution.mean.tobytes() == other.distribution.mean.tobytes()
+    assert one.distribution.covariance.tobytes() == other.distribution.covariance.tobytes()
+
+
+def shifted_quadratic(dimensions, condition):
+    """Rotated, minimum away from 0, curvatures from 1 to the condition number."""
+    rng = np.random.default_rng(7)
+    axes = np.linalg.qr(rng.normal(size=(dimensions, dimensions)))[0]
+    optimum, curvatures = rng.normal(size=dimensions), np.geomspace(1.0, condition, dimensions)
+    return lambda policies: np.sum(curvatures * ((policies - optimum) @ axes) ** 2, axis=1)
+
+
+def rosenbrock(policies):
+    x, y = policies[:, :-1], policies[:, 1:]
+    return np.sum(100.0 * (y - x**2) ** 2 + (1.0 - x) ** 2, axis=1)
+
+
+def search(function, start, std, updates, seed, parameters):
+    """Cost of the mean after so many updates, with the costs of one time step."""
+    distribution = SearchDistribution.around(start, std)
+    for number in range(updates):
+        policies = sample(distribution, parameters.samples, np.random.default_rng([seed, number]))
+        distribution = update(distribution, policies, function(policies)[:, None], parameters).distribution
+    return function(distribution.mean[None])[0]
+
+
+def evolution_strategy(function, start, std, updates, seed, samples):
+    """The same of CMA-ES."""
+    cma = pytest.importorskip("cma")
+    options = {"popsize": samples, "seed": seed + 1, "verbose": -9}
+    strategy = cma.CMAEvolutionStrategy(start, std, options)
+    for _ in range(updates):
+        policies = np.array(strategy.ask())
+        strategy.tell(policies, function(policies))
+    return function(strategy.mean[None])[0]
+
+
+def medians(function, start, std, updates, parameters, seeds=5):
+    """Median cost over seeds: ours, CMA-ES."""
+    ours = [search(function, start, std, updates, seed, parameters) for seed in range(seeds)]
+    peer = [
+        evolution_strategy(function, start, std, updates, seed, parameters.samples) for seed in range(seeds)
+    ]
+    return np.median(ours), np.median(peer)
+
+
+@pytest.mark.parametrize("updates", [4, 10])
+def test_few_updates_of_25_parameters_get_lower_than_cma_es(updates):
+    """The case it is used for; `rescaled` needs no time to learn a covariance."""
+    function = shifted_quadratic(25, 10.0)
+    ours, peer = medians(function, np.zeros(25), 1.0, updates, DEFAULT)
+    assert ours < peer
+    assert ours < (0.3 if updates == 4 else 0.15) * function(np.zeros((1, 25)))[0]
+
+
+def test_a_full_covariance_learns_an_ill_conditioned_quadratic_as_fast_as_cma_es():
+    """6 parameters; by the 40th update both are far below what a covariance of fixed shape reaches."""
+    function = shifted_quadratic(6, 1000.0)
+    ours, peer = medians(function, np.zeros(6), 1.0, 40, parameters_of("full"))
+    of_fixed_shape = np.median([search(function, np.zeros(6), 1.0, 40, seed, DEFAULT) for seed in range(5)])
+    assert ours < 10.0 * peer
+    assert ours < 1e-3 * of_fixed_shape
+
+
+def test_the_valley_of_rosenbrock_is_followed_to_its_end():
+    """From 58 to the minimum at (1, 1), in 40 updates; CMA-ES gets there too."""
+    ours, peer = medians(rosenbrock, np.full(2, -0.5), 0.5, 40, parameters_of("full"))
+    assert ours < 1e-6
+    assert peer < 1e-6
+
+
+def test_failing_rollouts_do_not_end_a_search():
+    """A quarter of the policies, all of one side, diverge: the minimum on the other side is found."""
+    function = shifted_quadratic(5, 10.0)
+
+    def with_faults(policies):
+        costs = function(policies)
+        return np.where(policies[:, 0] < np.quantile(policies[:, 0], 0.25), np.nan, costs)
+
+    whole, faulty = (search(each, np.zeros(5), 1.0, 30, 0, DEFAULT) for each in (function, with_faults))
+    assert whole < 1e-3
+    assert faulty < 1e-2
+
+
+@pytest.fixture(scope="module")
+def tracking():
+    """A movement primitive that has to follow another path: early weights act on all later costs."""
+    rng = np.random.default_rng(0)
+    path, wanted = (reach(rng, [0.0], [0.3], dt=0.01, detour=detour) for detour in (0.0, 0.05))
+    primitive = replace(fit_vector([path]), goal=wanted.position[-1])
+
+    def costs(policies):
+        weights = policies.reshape(len(policies), 25, 1)
+        return abs(replace(primitive, weights=weights).unroll(0.01).position - wanted.position)[..., 0]
+
+    return primitive.weights.ravel(), costs
+
+
+@pytest.mark.parametrize("mode", ["rescaled", "kept"])
+def test_a_movement_primitive_learns_to_follow_a_path(tracking, mode):
+    """38 rollouts an update: the accumulated cost, mean over searches, falls with every update."""
+    start, costs = tracking
+    parameters = parameters_of(mode)
+    curves = []
+    for seed in range(4):
+        distribution = SearchDistribution.around(start, 1.0)
+        curves.append([costs(distribution.mean[None]).sum()])
+        for number in range(8):
+            policies = sample(distribution, parameters.samples, np.random.default_rng([seed, number]))
+            distribution = update(distribution, policies, costs(policies), parameters).distribution
+            curves[-1].append(costs(distribution.mean[None]).sum())
+    curve = np.mean(curves, axis=0)
+    assert np.all(np.diff(curve) < 0), curve
+    assert curve[3] < 0.5 * curve[0], curve

@@ -1,0 +1,136 @@
+"""The robot as PyBullet, Pinocchio and the compiled chain see it: one robot."""
+
+import numpy as np
+import pinocchio
+import pybullet
+import pytest
+from scraping_motions import FLAT, beside_contact
+
+from structlearn.simulation import scraping_robot
+from structlearn.simulation.scraping_robot import (
+    ARM_JOINTS,
+    EDGE_M,
+    GRASP_JOINTS,
+    GRASP_M,
+    HOME,
+    arm_model,
+    chain,
+    joint_angles,
+    urdf,
+)
+
+JOINTS = ARM_JOINTS + len(GRASP_JOINTS)
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+@pytest.fixture(scope="module")
+def whole():
+    model = pinocchio.buildModelFromXML(urdf())
+    model.gravity.linear = GRAVITY
+    return model
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    """Client, body and movable joints of the robot in PyBullet."""
+    client = pybullet.connect(pybullet.DIRECT)
+    pybullet.setGravity(*GRAVITY, physicsClientId=client)
+    yield (client, *scraping_robot.load(client))
+    pybullet.disconnect(client)
+
+
+def states(count=8):
+    """Joint positions, velocities and accelerations anywhere in the arm's reach, the grasp loaded."""
+    rng = np.random.default_rng(0)
+    scale = np.repeat([1.0, 0.003, 0.2], [ARM_JOINTS, 3, 3])
+    for _ in range(count):
+        yield tuple(scale * rng.uniform(-1.5, 1.5, JOINTS) for _ in range(3))
+
+
+def test_the_chain_is_pinocchios(whole):
+    kinematics, data = chain(), whole.createData()
+    for q, _, _ in states():
+        pinocchio.forwardKinematics(whole, data, q)
+        rotation, place = np.eye(3), np.zeros(3)
+        for joint in range(JOINTS):
+            place = place + rotation @ kinematics.translation[joint]
+            rotation = rotation @ kinematics.rotation[joint]
+            if kinematics.prismatic[joint]:
+                place = place + rotation @ kinematics.axis[joint] * q[joint]
+            else:
+                rotation = rotation @ pinocchio.exp3(kinematics.axis[joint] * q[joint])
+            np.testing.assert_allclose(rotation, data.oMi[joint + 1].rotation, atol=1e-12)
+            np.testing.assert_allclose(place, data.oMi[joint + 1].translation, atol=1e-12)
+
+
+def test_thirteen_joints_in_the_same_order_everywhere(whole, loaded):
+    client, body, joints = loaded
+    names = [pybullet.getJointInfo(body, joint, physicsClientId=client)[1].decode() for joint in joints]
+    assert names == list(whole.names)[1:]
+    assert names[ARM_JOINTS:] == list(GRASP_JOINTS)
+    assert list(chain().prismatic) == [name in ("grasp_x", "grasp_y", "grasp_z") for name in names]
+
+
+def test_pybullet_weighs_the_same_robot(whole, loaded):
+    client, body, _ = loaded
+    data = whole.createData()
+    for q, v, a in states():
+        mass = pybullet.calculateMassMatrix(body, q.tolist(), physicsClientId=client)
+        upper = pinocchio.crba(whole, data, q)
+        np.testing.assert_allclose(mass, np.triu(upper) + np.triu(upper, 1).T, atol=1e-9)
+        torques = pybullet.calculateInverseDynamics(
+            body, q.tolist(), v.tolist(), a.tolist(), physicsClientId=client
+        )
+        np.testing.assert_allclose(torques, pinocchio.rnea(whole, data, q, v, a), atol=1e-9)
+
+
+def test_nothing_holds_the_joints_back(whole, loaded):
+    """One short step without torques is free fall: no motor, no damping, no friction is left on."""
+    client, body, joints = loaded
+    dt, data = 1e-5, whole.createData()
+    pybullet.setTimeStep(dt, physicsClientId=client)
+    for q, v, _ in states(4):
+        for joint, angle, speed in zip(joints, q, v, strict=True):
+            pybullet.resetJointState(body, joint, angle, speed, physicsClientId=client)
+        pybullet.stepSimulation(physicsClientId=client)
+        after = [state[1] for state in pybullet.getJointStates(body, joints, physicsClientId=client)]
+        falling = pinocchio.aba(whole, data, q, v, np.zeros(JOINTS))
+        np.testing.assert_allclose((np.array(after) - v) / dt, falling, rtol=1e-3, atol=1e-3)
+
+
+def test_the_controller_knows_the_arm_with_an_unloaded_tool(whole):
+    arm, data = arm_model(), whole.createData()
+    assert arm.model.nq == ARM_JOINTS
+    for q, _, _ in states(3):
+        rigid = np.concatenate([q[:ARM_JOINTS], np.zeros(6)])
+        mass = pinocchio.crba(whole, data, rigid)[:ARM_JOINTS, :ARM_JOINTS]
+        own = arm.model.createData()
+        np.testing.assert_allclose(np.triu(pinocchio.crba(arm.model, own, q[:ARM_JOINTS])), np.triu(mass))
+        pinocchio.framesForwardKinematics(whole, data, rigid)
+        pinocchio.framesForwardKinematics(arm.model, own, q[:ARM_JOINTS])
+        hand, edge = data.oMf[whole.getFrameId("hand")], own.oMf[arm.edge_frame]
+        np.testing.assert_allclose(edge.rotation, hand.rotation, atol=1e-12)
+        np.testing.assert_allclose(hand.actInv(edge).translation, [0, 0, GRASP_M + EDGE_M], atol=1e-12)
+
+
+def pose_of(angles):
+    arm = arm_model()
+    data = arm.model.createData()
+    pinocchio.framesForwardKinematics(arm.model, data, angles)
+    return data.oMf[arm.edge_frame]
+
+
+def test_joint_angles_reach_all_poses_of_the_task():
+    """8.7 cm above the board to 6.4 cm along it, tilted by up to 15 degrees either way."""
+    for height in (0.0, 0.087):
+        for forward in (0.0, 0.064):
+            for tilt in np.radians([[0, 0, 0], [5, -15, 0], [-5, 15, 5]]):
+                goal = pinocchio.SE3(pinocchio.exp3(tilt) @ FLAT, beside_contact(height, forward))
+                angles = joint_angles(goal.translation, goal.rotation)
+                assert np.abs(pinocchio.log6(pose_of(angles).actInv(goal)).vector).max() < 1e-11
+                assert np.abs(angles - HOME).max() < 0.8  # the same elbow
+
+
+def test_out_of_reach():
+    with pytest.raises(ValueError, match="the arm does not reach"):
+        joint_angles(np.array([2.0, 0.0, 0.5]), FLAT)

@@ -1,0 +1,213 @@
+"""Runs of the testbed as recordings: complete, labelled, repeatable one by one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scraping_motions import DURATIONS_S, NAMES, constant_network, roll_deg, scraping_skill
+
+from structlearn import quaternion
+from structlearn.recordings import synchronise
+from structlearn.recordings.checks import check_recording
+from structlearn.simulation.demonstrator import DemonstratorParameters, orientation_of
+from structlearn.simulation.trials import (
+    HOLD_S,
+    Run,
+    TestbedParameters,
+    VariationParameters,
+    corrected_runs,
+    evaluation_runs,
+    executions,
+    guided_demonstrations,
+    nominal_runs,
+)
+
+KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
+KINDS += ["tactile", "tactile", "tool_to_board"]
+TESTBED = TestbedParameters()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def in_this_process():
+    """Short runs are over before worker processes would have started."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
+        yield
+
+
+@pytest.fixture(scope="module")
+def skill():
+    return scraping_skill()
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [*nominal_runs(1), *corrected_runs([5.0], 2), *evaluation_runs([8.8], 1, feedback=False)]
+
+
+@pytest.fixture(scope="module")
+def recordings(skill, runs):
+    return executions(skill, runs, TESTBED)
+
+
+def same(first, second):
+    return first.name == second.name and all(
+        np.array_equal(one.stamps, two.stamps) and np.array_equal(one.values, two.values)
+        for one, two in zip(first.streams, second.streams, strict=True)
+    )
+
+
+def stream(recording, kind):
+    return next(one for one in recording.streams if one.kind == kind)
+
+
+def test_recordings_are_sound_and_have_all_streams(recordings):
+    assert len(recordings) == 4
+    for recording in recordings:
+        check_recording(recording)
+        assert [one.kind for one in recording.streams] == KINDS
+        widths = [one.values.shape[1] for one in recording.streams]
+        assert widths == [7, 7, 7, 7, 6, 19, 19, 4]
+        pose = recording.streams[0]
+        assert np.median(np.diff(pose.stamps)) == pytest.approx(1e9 / 300, abs=1)
+        for one in recording.streams[5:]:
+            assert np.median(np.diff(one.stamps)) * 1e-9 == pytest.approx(0.01, abs=5e-4)
+
+
+def test_what_is_simulated_says_so(recordings, runs):
+    settings = ["0", "5", "5", "8.8"]
+    kinds = ["nominal", "corrected by a person", "corrected by a person", "nominal"]
+    for recording, run, setting, kind in zip(recordings, runs, settings, kinds, strict=True):
+        assert recording.name == run.name
+        assert recording.provenance["origin"] == "simulated"
+        assert recording.provenance["setting"] == f"board roll {setting} degrees"
+        assert recording.provenance["what"] == f"execution, {kind}"
+        assert recording.provenance["seed"] == " ".join(map(str, [TESTBED.seed, *run.seed]))
+        assert all(isinstance(value, str) for value in recording.provenance.values())
+
+
+def test_true_segments_are_the_commanded_primitives(recordings):
+    for recording in recordings:
+        segments = recording.true_segments
+        assert segments.shape == (3, 2)
+        np.testing.assert_array_equal(segments[1:, 0], segments[:-1, 1])
+        np.testing.assert_allclose(np.diff(segments)[:, 0], DURATIONS_S, atol=1.01 / 300)
+        assert segments[0, 0] == 0.0
+        assert segments[-1, 1] == pytest.approx(sum(DURATIONS_S))
+
+
+def test_all_streams_cover_the_last_sample_of_the_last_primitive(recordings):
+    for recording in recordings:
+        demonstration = synchronise(recording, 300.0)
+        assert demonstration.simulated
+        assert demonstration.time[-1] > sum(DURATIONS_S) + 0.5 * HOLD_S
+        np.testing.assert_allclose(demonstration.true_segments, recording.true_segments, atol=1e-9)
+
+
+def test_a_run_alone_is_the_run_of_the_set(skill, runs, recordings):
+    for index, run in enumerate(runs):
+        (alone,) = executions(skill, [run], TESTBED)
+        start = recordings[index].streams[0].stamps[0] - alone.streams[0].stamps[0]
+        shifted = [replace(one, stamps=one.stamps + start) for one in alone.streams]
+        assert same(replace(alone, streams=tuple(shifted)), recordings[index])
+
+
+def test_the_number_of_processes_does_not_matter(skill, runs, recordings, monkeypatch):
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
+    for one, other in zip(executions(skill, runs, TESTBED), recordings, strict=True):
+        assert same(one, other)
+
+
+def test_other_seeds_are_other_runs(skill, recordings):
+    """Whatever is equal, friction, board and sensors are drawn anew."""
+    first, second = recordings[1:3]
+    assert not np.array_equal(stream(first, "pose").values, stream(second, "pose").values)
+    (other,) = executions(skill, nominal_runs(1), TESTBED.model_copy(update={"seed": 1}))
+    assert not np.array_equal(stream(other, "wrench").values, stream(recordings[0], "wrench").values)
+
+
+def test_seeds_of_different_uses_settings_and_numbers_never_meet():
+    settings = [0.0, 2.5, 5.0, 6.3, 7.5, 8.8, 10.0, -2.5]
+    runs = [*nominal_runs(15), *corrected_runs(settings, 15), *evaluation_runs(settings, 8, False)]
+    assert len({run.seed for run in runs}) == len(runs) == 15 + 15 * 8 + 8 * 8
+
+
+def test_runs_with_and_without_feedback_meet_equal_conditions():
+    without, with_it = (evaluation_runs([0.0, 8.8], 3, feedback) for feedback in (False, True))
+    assert [replace(run, feedback=True) for run in without] == with_it
+    assert [run.name for run in without] == ["01", "02", "03"] * 2
+    assert [run.setting_deg for run in without] == [0.0] * 3 + [8.8] * 3
+
+
+def test_feedback_that_asks_for_nothing_is_the_nominal_run(recordings, runs):
+    """Equal conditions to the last bit: what differs between two runs is what the networks do."""
+    silent = scraping_skill({name: constant_network(0.0) for name in NAMES[1:]})
+    (found,) = executions(silent, [replace(runs[3], feedback=True)], TESTBED)
+    assert found.provenance["what"] == "execution, with feedback"
+    for one, other in zip(found.streams, recordings[3].streams, strict=True):
+        np.testing.assert_array_equal(one.values, other.values)
+
+
+def test_feedback_turns_the_tool(recordings, runs):
+    pushing = scraping_skill({name: constant_network(-20.0) for name in NAMES[1:]})
+    (found,) = executions(pushing, [replace(runs[3], feedback=True)], TESTBED)
+    turned = roll_deg(stream(found, "tool_to_board").values) - roll_deg(
+        stream(recordings[3], "tool_to_board").values
+    )
+    in_the_air = round(100 * DURATIONS_S[0])
+    assert np.abs(turned[:in_the_air]).max() < 0.01
+    assert np.abs(turned).max() > 1.0
+    assert abs(turned[-10:].mean()) < 0.3 * np.abs(turned).max()  # it fades with the phase
+
+
+def test_the_wrist_ends_where_the_primitives_do(skill, recordings):
+    """Nominal run at 0 degrees: sideways and in orientation at the goal, whatever force control does."""
+    pose = stream(recordings[0], "pose").values[-1]
+    goal = skill.primitives[-1].position.goal
+    np.testing.assert_allclose(pose[:2], goal[:2], atol=1e-3)
+    assert np.degrees(quaternion.angle_between(pose[3:], orientation_of(np.zeros(3)))) < 0.5
+
+
+def test_a_person_gets_the_tool_flatter_than_the_robot_alone(skill):
+    slow = scraping_skill(expected=False)
+    nominal = Run("01", 10.0, (9, 9), corrected=False)
+    runs = [nominal, replace(nominal, corrected=True)]
+    ends = [
+        np.abs(roll_deg(stream(recording, "tool_to_board").values[-20:])).mean()
+        for recording in executions(slow, runs, TESTBED)
+    ]
+    assert ends[0] > 8.0
+    assert ends[1] < 0.5 * ends[0]
+
+
+def test_motion_capture_has_its_own_noise(skill):
+    noisy = TESTBED.model_copy(update={"variation": VariationParameters(motion_capture_deg=0.5)})
+    quiet = TESTBED.model_copy(update={"variation": VariationParameters(motion_capture_deg=0.0)})
+    seen = [stream(executions(skill, nominal_runs(1), one)[0], "tool_to_board") for one in (noisy, quiet)]
+    off = np.degrees(quaternion.difference(seen[0].values, seen[1].values))
+    np.testing.assert_allclose(off.std(axis=0), 0.5, rtol=0.2)
+    np.testing.assert_allclose(np.linalg.norm(seen[0].values, axis=1), 1.0)
+
+
+def test_a_guided_demonstration_is_recorded_like_an_execution():
+    demonstrator = DemonstratorParameters(
+        count=2,
+        seed=3,
+        durations_s=(0.6, 0.6, 0.6),
+        rest_s=(0.2, 0.2),
+        pause_s=(0.1, 0.1),
+        rate_hz=100.0,
+    )
+    both = guided_demonstrations(demonstrator, TESTBED)
+    assert [recording.name for recording in both] == ["01", "02"]
+    for recording in both:
+        check_recording(recording)
+        assert [one.kind for one in recording.streams] == KINDS
+        assert recording.provenance["what"] == "a person guides the arm"
+        assert recording.provenance["seed"] == "3"
+        assert np.median(np.diff(recording.streams[0].stamps)) == pytest.approx(1e9 / 300, abs=1)
+        np.testing.assert_array_equal(recording.true_segments[1:, 0], recording.true_segments[:-1, 1])
+        assert recording.true_segments[-1, 1] < synchronise(recording).time[-1]
+    assert not np.array_equal(both[0].true_segments, both[1].true_segments)
+    (first,) = guided_demonstrations(demonstrator.model_copy(update={"count": 1}), TESTBED)
+    assert same(first, both[0])
