@@ -6,7 +6,8 @@ from pathlib import Path
 FLOORS = (
     ("recordings", "primitives"),
     ("segmentation", "feedback"),
-    ("simulation", "recorded", "policy_search"),
+    ("policy_search",),
+    ("simulation", "recorded"),
     ("reporting", "viewer"),
 )
 ROOMS = {

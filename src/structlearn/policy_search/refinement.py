@@ -1,0 +1,286 @@
+"""Reinforcement learning of a feedback model in a new setting (dissertation IV.7, algorithm IV.3).
+
+    1. execute with the current network; while the norm of its cost is above the threshold:
+    2. compress what it did into an open-loop policy, one weight per phase kernel
+    3. draw policies around it, execute each, and update the policy by PI2-CMA
+    4. execute the improved policy and add what was felt and done to the demonstrations
+    5. train the network anew from the initial one on old and new data, and execute it
+
+The search runs in the 25 weights of the policy, not in the thousands of the network, and the network keeps
+the demonstrations of the old settings in its data, so it does not forget them. One primitive at a time; the
+primitives before it run with what they have learned.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from structlearn.errors import InputError
+from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.skill import open_loop
+from structlearn.feedback.training import TrainingParameters, train_final
+from structlearn.params import Parameters
+from structlearn.policy_search import pi2
+from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
+from structlearn.primitives.kernels import KERNEL_COUNT
+
+FEEDBACK, SAMPLE, IMPROVED = "feedback", "sample", "improved"
+"""Kinds of rollouts: with the network, with a drawn policy, with the updated policy."""
+
+SMALLEST_SINGULAR_VALUE = 1e-4
+"""Relative to the largest; what is smaller is a kernel that the vanishing phase velocity hides."""
+
+
+class RefinementParameters(Parameters):
+    """Parameters of the refinement of one primitive.
+
+    Attributes:
+        iterations: at most so many.
+        threshold_rad: norm of the cost vector over the primitive's ticks, mean over runs, that is enough.
+        exploration: initial standard deviation of the policy's weights.
+        search: of PI2-CMA.
+        evaluation_runs: executions with the network per iteration.
+        added_runs: executions of the improved policy that are added to the data; the text adds one, the
+            author's public code eight.
+        training: of the network.
+    """
+
+    iterations: int = Field(default=2, ge=1, le=100)
+    threshold_rad: float = Field(default=0.0, ge=0)
+    exploration: float = Field(default=15.0, gt=0)
+    search: PI2Parameters = PI2Parameters()
+    evaluation_runs: int = Field(default=8, ge=1)
+    added_runs: int = Field(default=8, ge=1)
+    training: TrainingParameters = TrainingParameters()
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """One execution of the primitive that is refined.
+
+    Attributes:
+        cost: (T,) rad per tick; NaN throughout where it failed.
+        samples: what was felt and done, as supervised data; None where it failed.
+        fault: why it failed, or empty.
+    """
+
+    cost: np.ndarray
+    samples: CouplingDataset | None
+    fault: str = ""
+
+
+class Environment(Protocol):
+    """Where the primitive is executed; `seeds` decide what a run meets, and repeat it exactly."""
+
+    def rollouts(
+        self, networks: Sequence[PhaseModulatedNetwork], seeds: Sequence[tuple[int, ...]]
+    ) -> list[Rollout]:
+        """Execute once per network, each with its seed, and report failures instead of raising them."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State after an iteration; all that the next one needs.
+
+    Attributes:
+        iteration: 0 before the first update.
+        network: the feedback model.
+        covariance: (N, N) of the search.
+        history: one row per rollout so far: `iteration`, `kind`, `number`, `cost_rad` (accumulated; NaN where
+            it failed), `norm_rad` (of the cost vector), `fault`.
+        policies: (R, N) weights of the open-loop rollouts in the history's order, for inspection.
+        compressed: what the last executions with the network amount to as a policy, (N,).
+    """
+
+    iteration: int
+    network: PhaseModulatedNetwork
+    covariance: np.ndarray
+    history: pd.DataFrame
+    policies: np.ndarray
+    compressed: np.ndarray
+
+    @property
+    def norm_rad(self) -> float:
+        """Mean norm of the cost vector of the last executions with the network."""
+        last = self.history[
+            (self.history["kind"] == FEEDBACK) & (self.history["iteration"] == self.iteration)
+        ]
+        return float(last["norm_rad"].mean())
+
+
+def start(
+    environment: Environment, initial: PhaseModulatedNetwork, parameters: RefinementParameters
+) -> Progress:
+    """Execute the initial network (algorithm IV.3, line 2).
+
+    Args:
+        environment: the new setting.
+        initial: trained on demonstrations of other settings.
+        parameters: see there.
+
+    Raises:
+        InputError: no execution succeeded.
+    """
+    count = len(initial.output_weights)
+    runs = _execute(environment, [initial] * parameters.evaluation_runs, 0, FEEDBACK)
+    return Progress(
+        iteration=0,
+        network=initial,
+        covariance=parameters.exploration**2 * np.eye(count),
+        history=_rows(runs, 0, FEEDBACK),
+        policies=np.empty((0, count)),
+        compressed=compress(runs, count),
+    )
+
+
+def improve(
+    environment: Environment,
+    progress: Progress,
+    initial: PhaseModulatedNetwork,
+    demonstrations: CouplingDataset,
+    parameters: RefinementParameters,
+    seed: int,
+) -> Progress:
+    """One iteration of algorithm IV.3.
+
+    Args:
+        environment: the new setting.
+        progress: after the iteration before.
+        initial: from which the network is trained anew.
+        demonstrations: of the settings that were learned from.
+        parameters: see there.
+        seed: of the exploration.
+
+    Returns:
+        The state after this iteration.
+
+    Raises:
+        InputError: fewer than two policies could be executed, or the improved policy or the network not once.
+    """
+    iteration = progress.iteration + 1
+    rng = np.random.default_rng([seed, iteration])
+    distribution = SearchDistribution(progress.compressed, progress.covariance)
+    policies = pi2.sample(distribution, parameters.search.samples, rng)
+    tried = _execute(environment, [open_loop(policy) for policy in policies], iteration, SAMPLE)
+    _succeeded(tried, f"policies of iteration {iteration}", pi2.FEWEST_ROLLOUTS)
+    update = pi2.update(distribution, policies, _costs(tried), parameters.search)
+    mean = update.distribution.mean
+    improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
+    added = _succeeded(improved, f"executions of the improved policy of iteration {iteration}")
+    numbered = [
+        replace(samples, demonstration=np.full(len(samples.target), -1 - number))
+        for number, samples in enumerate(added)
+    ]
+    network = train_final(_together([demonstrations, *numbered]), parameters.training, initial=initial)
+    runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
+    rows = [
+        _rows(group, iteration, kind)
+        for group, kind in ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
+    ]
+    return Progress(
+        iteration=iteration,
+        network=network,
+        covariance=update.distribution.covariance,
+        history=pd.concat([progress.history, *rows], ignore_index=True),
+        policies=np.vstack([progress.policies, policies, np.tile(mean, (len(improved), 1))]),
+        compressed=compress(runs, len(mean)),
+    )
+
+
+def refine(
+    environment: Environment,
+    initial: PhaseModulatedNetwork,
+    demonstrations: CouplingDataset,
+    parameters: RefinementParameters,
+    seed: int,
+    resume: Progress | None = None,
+    report: Callable[[Progress], None] = lambda progress: None,
+) -> Progress:
+    """Refine a feedback model until its cost is low enough or the iterations are used up.
+
+    Args:
+        environment: the new setting.
+        initial: trained on demonstrations of other settings.
+        demonstrations: these demonstrations.
+        parameters: see there.
+        seed: of the exploration.
+        resume: state to go on from, of a run that was cut off.
+        report: called with the state after every iteration, the 0th included.
+
+    Returns:
+        The last state.
+    """
+    progress = resume
+    if progress is None:
+        progress = start(environment, initial, parameters)
+        report(progress)
+    while progress.iteration < parameters.iterations and progress.norm_rad > parameters.threshold_rad:
+        progress = improve(environment, progress, initial, demonstrations, parameters, seed)
+        report(progress)
+    return progress
+
+
+def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.ndarray:
+    """Open-loop policy that does what executions did on average (algorithm IV.3, line 4).
+
+    Args:
+        runs: executions; failed ones are left out.
+        kernel_count: number of phase kernels N.
+
+    Returns:
+        (N,) weights theta of c = G(p, u) . theta, by least squares.
+
+    Raises:
+        InputError: all executions failed.
+    """
+    done = _succeeded(runs, "executions with the network")
+    features = np.vstack([samples.modulation(kernel_count) for samples in done])
+    target = np.concatenate([samples.target for samples in done])
+    return np.linalg.lstsq(features, target, rcond=SMALLEST_SINGULAR_VALUE)[0]
+
+
+def _succeeded(runs: Sequence[Rollout], what: str, fewest: int = 1) -> list[CouplingDataset]:
+    """Samples of the runs that did not fail; InputError with the first fault if there are too few."""
+    done = [run.samples for run in runs if run.samples is not None]
+    if len(done) < fewest:
+        fault = next(run.fault for run in runs if run.samples is None)
+        raise InputError(
+            f"{len(done)} of {len(runs)} {what} succeeded, {fewest} must; the first fault: {fault}"
+        )
+    return done
+
+
+def _execute(
+    environment: Environment, networks: Sequence[PhaseModulatedNetwork], iteration: int, kind: str
+) -> list[Rollout]:
+    place = (FEEDBACK, SAMPLE, IMPROVED).index(kind)
+    return environment.rollouts(networks, [(iteration, place, number) for number in range(len(networks))])
+
+
+def _together(parts: Sequence[CouplingDataset]) -> CouplingDataset:
+    columns = {name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
+    return CouplingDataset(**columns)
+
+
+def _costs(runs: Sequence[Rollout]) -> np.ndarray:
+    """(K, T) costs; failed runs have NaN."""
+    length = min((len(run.cost) for run in runs if not run.fault), default=1)
+    return np.stack([run.cost[:length] if not run.fault else np.full(length, np.nan) for run in runs])
+
+
+def _rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "iteration": iteration,
+            "kind": kind,
+            "number": range(len(runs)),
+            "cost_rad": [float(np.sum(run.cost)) for run in runs],
+            "norm_rad": [float(np.linalg.norm(run.cost)) for run in runs],
+            "fault": [run.fault for run in runs],
+        }
+    )

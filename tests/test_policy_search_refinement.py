@@ -1,0 +1,358 @@
+"""Refinement in a closed-form setting: it learns there, repeats itself, resumes, and survives failures."""
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from feedback_skills import random_network
+
+from structlearn.errors import InputError
+from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.skill import open_loop
+from structlearn.feedback.training import TrainingParameters, train_final
+from structlearn.policy_search import refinement
+from structlearn.policy_search.checkpoint import Checkpoint
+from structlearn.policy_search.covariance import factor
+from structlearn.policy_search.pi2 import PI2Parameters
+from structlearn.policy_search.refinement import (
+    FEEDBACK,
+    IMPROVED,
+    SAMPLE,
+    RefinementParameters,
+    Rollout,
+    compress,
+    refine,
+)
+from structlearn.primitives import canonical, kernels
+
+TICKS, CHANNELS, KERNELS = 60, 3, 6
+TIME = np.linspace(0.0, 1.0, TICKS)
+PHASE = canonical.phase(TIME, canonical.TAU_PER_DURATION)
+FEATURES = kernels.features(*PHASE, KERNELS)
+LEARNED, NEW = (0.0, 5.0), 10.0
+KINDS = (FEEDBACK, SAMPLE, IMPROVED)
+PARAMETERS = RefinementParameters(
+    iterations=2,
+    exploration=4.0,
+    search=PI2Parameters(samples=20),
+    evaluation_runs=3,
+    added_runs=2,
+    training=TrainingParameters(steps=200, batch_size=32, evaluate_every=50, dropout=0.0, learning_rate=3e-3),
+)
+
+
+def wanted(setting):
+    """Coupling term that corrects a setting; not linear in it, so what was learned does not reach to NEW."""
+    return FEATURES @ np.full(KERNELS, -0.5 * setting * (1.0 + 0.1 * setting))
+
+
+def felt(setting, rng):
+    """Deviations that grow with the setting."""
+    waves = np.sin(np.outer(TIME, [2.0, 3.0, 5.0]) + 1.0)
+    return setting * (1.0 + waves) + 0.2 * rng.standard_normal((TICKS, CHANNELS))
+
+
+def dataset(deviation, target, setting, demonstration=0):
+    same = np.ones(len(target))
+    return CouplingDataset(
+        deviation, *PHASE, target, setting * same, (demonstration * same).astype(int), TIME
+    )
+
+
+@dataclass
+class MadeUp:
+    """The cost is how far the coupling term is from the wanted one; remembers what it was asked for.
+
+    Attributes:
+        failing: seeds whose rollouts fail.
+        calls: (network, seed) of every rollout.
+    """
+
+    failing: object = lambda seed: False
+    calls: list = field(default_factory=list)
+
+    def rollouts(self, networks, seeds):
+        self.calls += zip(networks, seeds, strict=True)
+        return [self.rollout(network, seed) for network, seed in zip(networks, seeds, strict=True)]
+
+    def rollout(self, network, seed):
+        if self.failing(seed):
+            return Rollout(np.array([np.nan]), None, f"ValueError: {seed} diverged")
+        deviation = felt(NEW, np.random.default_rng(seed))
+        coupling = network.coupling(deviation[:, : len(network.input_mean)], FEATURES)
+        return Rollout(np.abs(coupling - wanted(NEW)), dataset(deviation, coupling, NEW))
+
+
+@pytest.fixture(scope="module")
+def demonstrations():
+    rng = np.random.default_rng(0)
+    parts = [
+        dataset(felt(setting, rng), wanted(setting), setting, n) for setting in LEARNED for n in range(2)
+    ]
+    return CouplingDataset(
+        *(np.concatenate(columns) for columns in zip(*map(columns_of, parts), strict=True))
+    )
+
+
+def columns_of(part):
+    return list(vars(part).values())
+
+
+@pytest.fixture(scope="module")
+def initial(demonstrations):
+    untrained = random_network(np.random.default_rng(1), CHANNELS, hidden=(6,), kernels=KERNELS)
+    return train_final(demonstrations, PARAMETERS.training, initial=untrained)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(initial, demonstrations):
+    """A whole run: environment, states that were reported, result."""
+    environment, states = MadeUp(), []
+    result = refine(environment, initial, demonstrations, PARAMETERS, seed=3, report=states.append)
+    return environment, states, result
+
+
+def assert_same(one, other):
+    """Bit for bit."""
+    assert one.iteration == other.iteration
+    for name in ("covariance", "policies", "compressed"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    pd.testing.assert_frame_equal(one.history, other.history, check_exact=True)
+    for first, second in zip(arrays(one.network), arrays(other.network), strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def arrays(network):
+    layers = [array for layer in network.hidden for array in layer]
+    outer = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
+    return layers + [getattr(network, name) for name in outer]
+
+
+def test_an_open_loop_policy_is_compressed_into_itself():
+    policy = np.random.default_rng(1).normal(0.0, 20.0, KERNELS)
+    found = compress(MadeUp().rollouts([open_loop(policy)] * 2, [(0,), (1,)]), KERNELS)
+    np.testing.assert_allclose(found, policy, rtol=1e-10)
+
+
+def test_a_policy_has_as_many_kernels_as_the_forcing_term():
+    policy = np.random.default_rng(1).normal(0.0, 20.0, kernels.KERNEL_COUNT)
+    samples = dataset(np.zeros((TICKS, CHANNELS)), kernels.features(*PHASE) @ policy, NEW)
+    np.testing.assert_allclose(compress([Rollout(np.zeros(TICKS), samples)]), policy, rtol=1e-9)
+
+
+def test_samples_that_stop_short_of_the_end_are_compressed_into_the_policy_too():
+    """Data thinned to the sensor's rate need not hold the last tick."""
+    policy = np.random.default_rng(1).normal(0.0, 20.0, KERNELS)
+    (run,) = MadeUp().rollouts([open_loop(policy)], [(0,)])
+    short = replace(run, samples=run.samples.where(np.arange(TICKS - 1)))
+    np.testing.assert_allclose(compress([short, run], KERNELS), policy, rtol=1e-10)
+
+
+def test_several_runs_are_compressed_into_their_mean_and_failed_ones_left_out():
+    policies = np.random.default_rng(2).normal(0.0, 20.0, (3, KERNELS))
+    runs = MadeUp(lambda seed: seed == (1,)).rollouts(
+        [open_loop(policy) for policy in policies], [(0,), (1,), (2,)]
+    )
+    np.testing.assert_allclose(compress(runs, KERNELS), policies[[0, 2]].mean(axis=0), rtol=1e-10)
+
+
+def test_the_cost_falls_and_what_was_learned_before_stays(uninterrupted, initial, demonstrations):
+    _, states, result = uninterrupted
+    norms = [state.norm_rad for state in states]
+    assert [state.iteration for state in states] == [0, 1, 2]
+    assert norms[0] > norms[1] > norms[2]
+    assert norms[2] < 0.6 * norms[0]
+    error = {
+        name: np.abs(
+            network.coupling(demonstrations.deviation, demonstrations.modulation(KERNELS))
+            - demonstrations.target
+        ).mean()
+        for name, network in (("before", initial), ("after", result.network))
+    }
+    assert error["after"] < 2.0 * error["before"] + 0.05 * np.abs(demonstrations.target).max()
+
+
+def test_the_history_has_a_row_per_rollout(uninterrupted):
+    environment, _, result = uninterrupted
+    counts = {FEEDBACK: 3, SAMPLE: 20, IMPROVED: 2}
+    order = [(0, FEEDBACK), *((i, kind) for i in (1, 2) for kind in (SAMPLE, IMPROVED, FEEDBACK))]
+    rows = [(iteration, kind, n) for iteration, kind in order for n in range(counts[kind])]
+    assert list(result.history) == ["iteration", "kind", "number", "cost_rad", "norm_rad", "fault"]
+    assert list(result.history[["iteration", "kind", "number"]].itertuples(index=False, name=None)) == rows
+    assert (result.history["fault"] == "").all()
+    for (network, seed), row in zip(environment.calls, result.history.itertuples(), strict=True):
+        cost = environment.rollout(network, seed).cost
+        assert row.cost_rad == np.sum(cost)
+        assert row.norm_rad == np.linalg.norm(cost)
+
+
+def test_policies_line_up_with_the_open_loop_rows(uninterrupted):
+    environment, _, result = uninterrupted
+    rows = result.history[result.history["kind"] != FEEDBACK]
+    assert result.policies.shape == (len(rows), KERNELS)
+    for policy, row in zip(result.policies, rows.itertuples(), strict=True):
+        seed = (row.iteration, KINDS.index(row.kind), row.number)
+        assert row.cost_rad == environment.rollout(open_loop(policy), seed).cost.sum()
+
+
+def test_policies_are_drawn_around_what_the_network_did(uninterrupted):
+    _, states, result = uninterrupted
+    first = result.policies[: PARAMETERS.search.samples]
+    spread = first - states[0].compressed
+    assert spread.std() == pytest.approx(PARAMETERS.exploration, rel=0.15)
+    np.testing.assert_array_equal(states[0].covariance, PARAMETERS.exploration**2 * np.eye(KERNELS))
+    assert not np.array_equal(states[1].covariance, states[0].covariance)
+
+
+def test_every_iteration_draws_anew(uninterrupted):
+    _, states, _ = uninterrupted
+    drawn = []
+    for before, after in pairwise(states):
+        own = after.policies[len(before.policies) :][: PARAMETERS.search.samples]
+        drawn.append(np.linalg.solve(factor(before.covariance), (own - before.compressed).T))
+    assert np.abs(drawn[0] - drawn[1]).max() > 0.5
+    np.testing.assert_allclose([np.std(one) for one in drawn], 1.0, rtol=0.15)
+
+
+def test_the_improved_policy_is_better_than_the_average_one_tried(uninterrupted):
+    history = uninterrupted[2].history
+    for iteration in (1, 2):
+        cost = history[history["iteration"] == iteration].groupby("kind")["cost_rad"].mean()
+        assert cost[IMPROVED] < cost[SAMPLE]
+
+
+def test_seeds_are_unique_and_follow_from_iteration_kind_and_number(uninterrupted, initial, demonstrations):
+    environment, _, result = uninterrupted
+    seeds = [seed for _, seed in environment.calls]
+    assert len(set(seeds)) == len(seeds) == len(result.history)
+    rows = result.history[["iteration", "kind", "number"]].itertuples(index=False)
+    assert seeds == [(row.iteration, KINDS.index(row.kind), row.number) for row in rows]
+    more = PARAMETERS.model_copy(update={"evaluation_runs": 4, "iterations": 1})
+    other = MadeUp()
+    refine(other, initial, demonstrations, more, seed=8)
+    assert {seed for seed in seeds if seed[0] < 2} < {seed for _, seed in other.calls}
+
+
+def test_the_same_seed_gives_the_same_to_the_last_bit(uninterrupted, initial, demonstrations):
+    assert_same(refine(MadeUp(), initial, demonstrations, PARAMETERS, seed=3), uninterrupted[2])
+    once = PARAMETERS.model_copy(update={"iterations": 1})
+    other = refine(MadeUp(), initial, demonstrations, once, seed=4)
+    assert not np.array_equal(other.policies, uninterrupted[1][1].policies)
+
+
+@pytest.mark.parametrize("finished", [0, 1])
+def test_a_run_that_was_cut_off_goes_on_as_if_it_had_not_been(
+    finished, uninterrupted, initial, demonstrations, tmp_path
+):
+    checkpoint = Checkpoint(tmp_path / "iterations")
+
+    def save_and_die(progress):
+        checkpoint.save(progress)
+        if progress.iteration == finished:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        refine(MadeUp(), initial, demonstrations, PARAMETERS, seed=3, report=save_and_die)
+    environment, states = MadeUp(), []
+    resumed = refine(
+        environment, initial, demonstrations, PARAMETERS, 3, checkpoint.last(), report=states.append
+    )
+    assert_same(resumed, uninterrupted[2])
+    assert min(seed[0] for _, seed in environment.calls) == finished + 1
+    assert [state.iteration for state in states] == [1, 2][finished:]
+
+
+def test_a_finished_run_has_nothing_left_to_do(uninterrupted, initial, demonstrations):
+    result = uninterrupted[2]
+    idle = MadeUp()
+    assert refine(idle, initial, demonstrations, PARAMETERS, 3, resume=result) is result
+    assert idle.calls == []
+
+
+def test_the_threshold_ends_it(uninterrupted, initial, demonstrations):
+    norms = [state.norm_rad for state in uninterrupted[1]]
+    for stop, threshold in enumerate((1.01 * norms[0], 0.5 * (norms[0] + norms[1]))):
+        enough = PARAMETERS.model_copy(update={"threshold_rad": threshold, "iterations": 5})
+        result = refine(MadeUp(), initial, demonstrations, enough, seed=3)
+        assert result.iteration == stop
+        assert_same(result, uninterrupted[1][stop])
+
+
+def test_failed_rollouts_are_left_out_and_recorded(initial, demonstrations):
+    failing = {(0, 0, 1), (1, 1, 0), (1, 1, 5), (1, 2, 1), (1, 0, 2)}
+    once = PARAMETERS.model_copy(update={"iterations": 1})
+    result = refine(MadeUp(failing.__contains__), initial, demonstrations, once, seed=3)
+    failed = result.history[result.history["fault"] != ""]
+    found = zip(failed["iteration"], map(KINDS.index, failed["kind"]), failed["number"], strict=True)
+    assert set(found) == failing
+    assert failed[["cost_rad", "norm_rad"]].isna().all(axis=None)
+    assert failed["fault"].str.endswith("diverged").all()
+    assert len(result.policies) == (result.history["kind"] != FEEDBACK).sum()
+    for array in (result.covariance, result.policies, result.compressed, *arrays(result.network)):
+        assert np.isfinite(array).all()
+    last = result.history[(result.history["kind"] == FEEDBACK) & (result.history["iteration"] == 1)]
+    assert result.norm_rad == pytest.approx(np.mean([last["norm_rad"].iloc[0], last["norm_rad"].iloc[1]]))
+
+
+def test_a_failed_sample_has_no_say_in_the_update(initial, demonstrations, monkeypatch):
+    """The mean is a convex combination of those that were executed; all their ticks count."""
+    seen = []
+    original = refinement.pi2.update
+
+    def update(distribution, policies, costs, parameters):
+        found = original(distribution, policies, costs, parameters)
+        seen.append((costs, found.failed))
+        return found
+
+    monkeypatch.setattr(refinement.pi2, "update", update)
+    once = PARAMETERS.model_copy(update={"iterations": 1})
+    refine(MadeUp(lambda seed: seed == (1, 1, 4)), initial, demonstrations, once, seed=3)
+    ((costs, failed),) = seen
+    assert costs.shape == (PARAMETERS.search.samples, TICKS)
+    np.testing.assert_array_equal(np.flatnonzero(failed), [4])
+
+
+@pytest.mark.parametrize(
+    ("phase", "named"),
+    [((0, 0), (0, 0, 0)), ((1, 1), (1, 1, 0)), ((1, 2), (1, 2, 0)), ((1, 0), (1, 0, 0))],
+)
+def test_where_all_fail_the_fault_is_named(phase, named, initial, demonstrations):
+    environment = MadeUp(lambda seed: seed[:2] == phase)
+    with pytest.raises(InputError, match=rf"ValueError: \({', '.join(map(str, named))}\) diverged"):
+        refine(environment, initial, demonstrations, PARAMETERS, seed=3)
+
+
+def test_one_sample_is_not_enough_for_an_update(initial, demonstrations):
+    environment = MadeUp(lambda seed: seed[1] == 1 and seed[2] != 7)
+    with pytest.raises(InputError, match=r"\(1, 1, 0\) diverged"):
+        refine(environment, initial, demonstrations, PARAMETERS, seed=3)
+
+
+def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
+    initial, demonstrations, monkeypatch
+):
+    trained = []
+
+    def remember(data, parameters, initial):
+        trained.append((data, initial))
+        return train_final(data, parameters, initial=initial)
+
+    monkeypatch.setattr(refinement, "train_final", remember)
+    environment = MadeUp(lambda seed: seed == (1, 2, 1))
+    three = PARAMETERS.model_copy(update={"added_runs": 3})
+    result = refine(environment, initial, demonstrations, three, seed=3)
+    kept = len(demonstrations.target)
+    for (data, start), added in zip(trained, (2, 3), strict=True):
+        assert start is initial
+        for name, values in vars(demonstrations).items():
+            np.testing.assert_array_equal(getattr(data, name)[:kept], values)
+        new = data.where(np.arange(kept, len(data.target)))
+        numbers, counts = np.unique(new.demonstration, return_counts=True)
+        assert counts.tolist() == [TICKS] * added
+        assert not set(numbers) & set(demonstrations.demonstration)
+        assert (new.setting == NEW).all()
+    improved = result.policies[PARAMETERS.search.samples]  # the first row after the samples
+    first = trained[0][0].where(np.arange(kept, kept + TICKS))
+    np.testing.assert_array_equal(first.target, open_loop(improved).coupling(np.empty((TICKS, 0)), FEATURES))

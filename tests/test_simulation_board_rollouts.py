@@ -1,0 +1,263 @@
+"""Rollouts on the simulated board: judged, repeatable, and never the end of a search."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network, scraping_skill
+
+from structlearn.feedback.cost import nominal_orientation
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.runtime import Limits
+from structlearn.feedback.skill import open_loop
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.recordings.clock import synchronise
+from structlearn.recordings.source import ClockParameters
+from structlearn.simulation import board_rollouts
+from structlearn.simulation.board_rollouts import REFINED, Board
+from structlearn.simulation.execution import ControlParameters
+from structlearn.simulation.trials import (
+    TestbedParameters,
+    corrected_runs,
+    evaluation_runs,
+    execute_run,
+    nominal_runs,
+)
+
+RATE_HZ = 300.0
+TESTBED = TestbedParameters()
+LIMITS = Limits(largest_coupling=60.0)
+POLICY = np.linspace(-10.0, -5.0, 25)
+SEED = (1, 0, 2)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def in_this_process():
+    """Short runs are over before worker processes would have started; faults can be put in."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
+        yield
+
+
+@pytest.fixture(scope="module")
+def board():
+    """The second of three primitives on a board of 5 degrees."""
+    skill = scraping_skill()
+    (run,) = nominal_runs(1)
+    nominal = synchronise(execute_run(run, 0, skill, TESTBED), RATE_HZ)
+    return Board(
+        primitives=skill.primitives,
+        expected=skill.expected,
+        preceding={},
+        name="turn",
+        setting_deg=5.0,
+        nominal=nominal_orientation([nominal]),
+        supervision=SupervisionParameters(primitives=NAMES[1:], settings_deg=(5.0,)),
+        testbed=TESTBED,
+        limits=LIMITS,
+        clock=ClockParameters(rate_hz=RATE_HZ),
+    )
+
+
+@pytest.fixture(scope="module")
+def runs(board):
+    """Of a policy and of one that does nothing, under equal conditions."""
+    return board.rollouts([open_loop(POLICY), open_loop(np.zeros(25))], [SEED, SEED])
+
+
+def same(one, other):
+    return np.array_equal(one.cost, other.cost) and all(
+        np.array_equal(values, vars(other.samples)[name]) for name, values in vars(one.samples).items()
+    )
+
+
+def test_a_rollout_has_a_cost_per_tick_of_the_primitive(runs):
+    for run in runs:
+        assert run.fault == ""
+        assert len(run.cost) == pytest.approx(DURATIONS_S[1] * RATE_HZ, abs=2)
+        assert np.isfinite(run.cost).all()
+        assert (run.cost >= 0.0).all()
+
+
+def test_the_cost_is_how_far_the_tool_is_off(runs):
+    """Without feedback the tool stays upright on the tilted board."""
+    done, idle = runs
+    assert np.degrees(idle.cost).mean() == pytest.approx(5.0, abs=0.5)
+    assert done.cost.sum() < 0.8 * idle.cost.sum()  # this policy turns the right way
+
+
+def test_samples_say_what_the_policy_did(runs):
+    """The target is what the policy added, behind the low-passes of supervision."""
+    done, idle = (run.samples for run in runs)
+    for samples in (done, idle):
+        assert samples.deviation.shape == (len(samples.target), CHANNELS)
+        assert (samples.setting == 5.0).all()
+        assert samples.time[0] == 0.0
+        assert samples.time[-1] == pytest.approx(DURATIONS_S[1], abs=0.02)
+        np.testing.assert_allclose(np.diff(samples.time), 0.01, atol=1e-9)
+    wanted = done.modulation() @ POLICY
+    assert np.abs(wanted).max() < LIMITS.largest_coupling
+    assert np.corrcoef(done.target, wanted)[0, 1] > 0.9
+    assert np.abs(done.target - wanted).mean() < 0.2 * np.abs(wanted).max()
+    assert np.abs(idle.target).mean() < 0.1 * np.abs(wanted).max()
+
+
+def test_what_the_policy_does_is_felt_and_costed(runs):
+    done, idle = runs
+    assert not np.array_equal(done.samples.deviation, idle.samples.deviation)
+    assert np.abs(done.cost - idle.cost).max() > np.radians(0.5)
+
+
+def test_a_rollout_is_repeatable_and_its_seed_decides_it(board, runs):
+    again, other = board.rollouts([open_loop(POLICY)] * 2, [SEED, (1, 0, 3)])
+    assert same(again, runs[0])
+    assert not same(other, runs[0])
+
+
+def test_the_number_of_processes_does_not_matter(board, runs, monkeypatch):
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
+    for one, other in zip(
+        board.rollouts([open_loop(POLICY), open_loop(np.zeros(25))], [SEED, SEED]), runs, strict=True
+    ):
+        assert same(one, other)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """The arguments of every execution; nothing is executed."""
+    calls = []
+
+    def remember(*arguments):
+        calls.append(arguments)
+        raise ValueError("only looked at")
+
+    monkeypatch.setattr(board_rollouts, "execute_run", remember)
+    return calls
+
+
+def test_only_the_primitives_up_to_the_refined_one_are_executed(board, asked):
+    before = constant_network(5.0)
+    refined = replace(board, preceding={"turn": before}, name="scrape")
+    for one, names in ((board, NAMES[:2]), (refined, NAMES)):
+        asked.clear()
+        network = open_loop(POLICY)
+        one.rollouts([network], [SEED])
+        ((run, _, skill, testbed, limits),) = asked
+        assert tuple(primitive.name for primitive in skill.primitives) == names
+        assert tuple(skill.expected) == names
+        assert skill.networks[names[-1]] is network
+        assert run.feedback
+        assert not run.corrected
+        assert run.setting_deg == 5.0
+        assert (testbed, limits) == (TESTBED, LIMITS)
+    assert skill.networks["turn"] is before
+
+
+def test_the_first_primitives_run_as_long_as_they_do_alone(board, runs, monkeypatch):
+    seen = []
+
+    def remember(*arguments):
+        seen.append(execute_run(*arguments))
+        return seen[-1]
+
+    monkeypatch.setattr(board_rollouts, "execute_run", remember)
+    board.rollouts([open_loop(POLICY)], [SEED])
+    (recording,) = seen
+    assert recording.true_segments.shape == (2, 2)
+    assert recording.true_segments[-1, 1] == pytest.approx(sum(DURATIONS_S[:2]))
+
+
+def test_seeds_meet_no_other_runs_and_tell_primitives_apart(board, asked):
+    seeds = [(iteration, kind, n) for iteration in range(3) for kind in range(3) for n in range(4)]
+    for name in NAMES[1:]:
+        replace(board, name=name).rollouts([open_loop(POLICY)] * len(seeds), seeds)
+    found = [run.seed for run, *_ in asked]
+    assert len(set(found)) == len(found) == 2 * len(seeds)
+    others = [*nominal_runs(15), *corrected_runs([5.0], 15), *evaluation_runs([5.0], 15, False)]
+    assert REFINED not in {run.seed[0] for run in others}
+
+
+def assert_failed(run, fault):
+    assert fault in run.fault
+    assert run.samples is None
+    assert len(run.cost) > 0
+    assert np.isnan(run.cost).all()
+
+
+def test_a_network_that_is_no_number_fails_alone(board, runs):
+    broken, good = board.rollouts([open_loop(np.full(25, np.nan)), open_loop(POLICY)], [SEED, SEED])
+    assert_failed(broken, "InputError: the network of 'turn' holds a value that is not finite")
+    assert same(good, runs[0])
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_absurd_weights_never_raise(board):
+    """The controller bounds what they ask for; if the run diverges all the same, its rollout says so."""
+    rng = np.random.default_rng(0)
+    wild = PhaseModulatedNetwork(
+        input_mean=np.zeros(CHANNELS),
+        input_scale=np.full(CHANNELS, 1e-300),
+        hidden=((1e300 * rng.normal(size=(4, CHANNELS)), np.zeros(4)),),
+        phase_weights=1e300 * rng.normal(size=(25, 4)),
+        phase_biases=np.zeros(25),
+        output_weights=np.full(25, 1e300),
+    )
+    for run in board.rollouts([wild, open_loop(np.full(25, -1e300))], [SEED, SEED]):
+        if run.fault:
+            assert_failed(run, "")
+        else:
+            assert np.isfinite(run.cost).all()
+            assert np.isfinite(run.samples.target).all()
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e9, 1e300])
+def test_a_robot_that_diverges_fails(board, stiffness):
+    """The simulator keeps its signals finite, so they tell by where the tool is."""
+    control = ControlParameters(stiffness=stiffness)
+    unstable = replace(board, testbed=TESTBED.model_copy(update={"control": control}))
+    (run,) = unstable.rollouts([open_loop(POLICY)], [SEED])
+    assert_failed(run, "degrees: the run has diverged")
+
+
+@pytest.mark.parametrize("kind", ["pose", "tool_to_board", "tactile"])
+def test_a_signal_that_is_not_finite_fails(board, kind, monkeypatch):
+    def diverging(*arguments):
+        recording = execute_run(*arguments)
+        streams = []
+        for stream in recording.streams:
+            values = stream.values.copy()
+            if stream.kind == kind:
+                values[len(values) // 2 :] = np.nan
+            streams.append(replace(stream, values=values))
+        return replace(recording, streams=tuple(streams))
+
+    monkeypatch.setattr(board_rollouts, "execute_run", diverging)
+    (run,) = board.rollouts([open_loop(POLICY)], [SEED])
+    assert_failed(run, "InputError: ")
+
+
+@pytest.mark.parametrize(
+    "error", [ValueError, FloatingPointError, OverflowError, ZeroDivisionError, np.linalg.LinAlgError]
+)
+def test_what_a_diverging_run_raises_is_a_fault(board, error, monkeypatch):
+    def fail(*arguments):
+        raise error("no joint angles reach there")
+
+    monkeypatch.setattr(board_rollouts, "execute_run", fail)
+    (run,) = board.rollouts([open_loop(POLICY)], [SEED])
+    assert_failed(run, f"{error.__name__}: no joint angles reach there")
+
+
+@pytest.mark.parametrize("error", [TypeError, KeyError, AttributeError, MemoryError, KeyboardInterrupt])
+def test_errors_of_the_program_are_not_hidden(board, error, monkeypatch):
+    def fail(*arguments):
+        raise error("a mistake")
+
+    monkeypatch.setattr(board_rollouts, "execute_run", fail)
+    with pytest.raises(error, match="a mistake"):
+        board.rollouts([open_loop(POLICY)], [SEED])
+
+
+def test_a_seed_per_network(board):
+    with pytest.raises(ValueError, match="zip"):
+        board.rollouts([open_loop(POLICY)] * 2, [SEED])
