@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench view deps clean
+.PHONY: repro test lint recorded bench ablations view deps clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -28,6 +28,11 @@ recorded: $(INSTALLED)
 bench: $(INSTALLED) .venv/installed-bench
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/controller.py
+
+# The refinement with one parameter changed at a time, as experiments of DVC (about an hour on 2 cores).
+ablations: $(INSTALLED)
+	$(IN_ENVIRONMENT) python benchmarks/ablations.py
+	@echo "reports/ablations/index.html is up to date"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`.
 TESTBED ?= scraping

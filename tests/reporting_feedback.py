@@ -15,7 +15,7 @@ from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.board_results import BoardResults
 from structlearn.reporting.feedback_results import FeedbackResults
-from structlearn.segmentation.executions import execution_cuts
+from structlearn.segmentation.executions import commanded_cuts
 from structlearn.simulation.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -177,7 +177,7 @@ def board_results() -> BoardResults:
 def feedback_results() -> FeedbackResults:
     """Everything that the feedback stages would have written."""
     unrolls = [execution(seed) for seed in range(3)]
-    cuts = execution_cuts(unrolls, PRIMITIVES, None)
+    cuts = commanded_cuts(unrolls, PRIMITIVES)
     table = comparison()
     return FeedbackResults(
         primitives=PRIMITIVES,
@@ -191,6 +191,7 @@ def feedback_results() -> FeedbackResults:
         orderings=orderings(table),
         seen_deg=SEEN,
         board=board_results(),
+        refinement=None,
     )
 
 
@@ -202,7 +203,7 @@ def with_board(results: FeedbackResults, **changes: object) -> FeedbackResults:
 def without_executions(results: FeedbackResults) -> FeedbackResults:
     """What one's own executions and corrections give, where nothing is simulated."""
     own = [replace(run, provenance={"origin": "recorded"}) for run in results.unrolls]
-    return replace(results, unrolls=own, board=None)
+    return replace(results, unrolls=own, board=None, refinement=None)
 
 
 def without_corrections(results: FeedbackResults) -> FeedbackResults:

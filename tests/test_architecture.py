@@ -6,7 +6,7 @@ from pathlib import Path
 FLOORS = (
     ("recordings", "primitives"),
     ("segmentation", "feedback"),
-    ("policy_search",),
+    ("policy_search"),
     ("simulation", "recorded"),
     ("reporting", "viewer"),
 )

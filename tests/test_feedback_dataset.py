@@ -50,3 +50,12 @@ def test_modulation_is_that_of_the_forcing_term():
     np.testing.assert_allclose(features.sum(axis=1), data.phase_velocity, atol=1e-12)
     _, u = canonical.phase(np.linspace(0.0, 1.0, 30), 2.0)
     np.testing.assert_allclose(data.modulation(5).sum(axis=1)[:30], u, atol=1e-12)
+
+
+def test_datasets_are_put_one_after_the_other():
+    whole = toy_dataset()
+    parts = [whole.where(whole.demonstration == number) for number in np.unique(whole.demonstration)]
+    together = dataset.concatenated(parts)
+    order = np.argsort(whole.demonstration, kind="stable")
+    for name, values in vars(together).items():
+        np.testing.assert_array_equal(values, getattr(whole, name)[order])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from feedback_toy import toy_dataset
@@ -63,3 +65,11 @@ def test_too_little_data_is_named():
         leave_one_out(toy_dataset(demonstrations=1), FRACTIONS, 1, seed=0)
     with pytest.raises(InputError, match="6 chunks of samples are too few for train, validation and test"):
         leave_one_out(toy_dataset(demonstrations=3), FRACTIONS, 10_000, seed=0)
+
+
+def test_no_demonstration_is_left_out_whatever_its_number():
+    data = toy_dataset(demonstrations=4)
+    renumbered = replace(data, demonstration=data.demonstration - 2)
+    fold = without_generalization(renumbered, FRACTIONS, 1, seed=0)
+    assert len(fold.generalization) == 0
+    np.testing.assert_array_equal(np.sort(np.concatenate(fold.parts())), np.arange(len(data.target)))

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from primitives_movements import quick, rngs
 
-from structlearn.metrics import nmse, pairwise_spread
+from structlearn.metrics import BETTER, UNDECIDED, WORSE, nmse, pairwise_spread, verdict
 
 
 @given(rngs)
@@ -40,3 +40,8 @@ def test_spread_of_parallel_curves_is_their_mean_distance():
 def test_spread_does_not_depend_on_the_order_of_the_curves(rng):
     curves = rng.normal(size=(5, 12, 3))
     assert pairwise_spread(rng.permutation(curves)) == pytest.approx(pairwise_spread(curves))
+
+
+def test_a_verdict_needs_an_interval_on_one_side_of_zero():
+    low, high = np.array([0.1, -0.2, -0.1, 0.0, np.nan]), np.array([0.2, -0.1, 0.1, 0.1, np.nan])
+    assert verdict(low, high).tolist() == [BETTER, WORSE, UNDECIDED, UNDECIDED, UNDECIDED]

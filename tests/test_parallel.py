@@ -1,17 +1,116 @@
+"""Independent work: the same results from a loop, processes and a cluster, also where processes die."""
+
+import os
+import subprocess
+import sys
 import time
+from contextlib import suppress
+from functools import partial
 
+import dask
 import numpy as np
+import pytest
+from board_rollouts import POLICY, SEED, same, small_board
+from distributed import Client, LocalCluster
+from parallel_work import (
+    missing,
+    noisy_matrix,
+    noisy_mean,
+    process_alone,
+    process_of,
+    square,
+    square_at_the_second_try,
+)
 
+from structlearn import parallel
+from structlearn.errors import InputError
+from structlearn.feedback.skill import open_loop
 from structlearn.parallel import parallel_map
 
+POLICIES = [open_loop(POLICY), open_loop(np.zeros(25)), open_loop(-POLICY)]
+SEEDS = [SEED, SEED, (1, 0, 3)]
 
-def noisy_mean(seed):
-    return np.random.default_rng(seed).normal(size=1000).mean()
+
+def expected(count, deadly):
+    return [("lost", item) if item in deadly else item**2 for item in range(count)]
 
 
-def test_processes_give_what_a_loop_gives():
+@pytest.fixture(params=["1", "2"])
+def count(request, monkeypatch):
+    """Number of processes."""
+    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", request.param)
+    return int(request.param)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two worker processes; work whose worker dies once has failed, so the innocent do too, and soon."""
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs="CRITICAL"
+        ) as local,
+    ):
+        yield local
+
+
+@pytest.fixture
+def chosen(monkeypatch):
+    """The user has asked for the cluster; whatever is connected is closed afterwards."""
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "dask")
+    with dask.config.set({"scheduler-address": None}):
+        yield
+    with suppress(ValueError):
+        Client.current().close()
+
+
+@pytest.fixture
+def impatient(chosen, monkeypatch):
+    monkeypatch.setattr(parallel, "ANSWER_S", 0.2)
+    monkeypatch.setattr(parallel, "WORKERS_S", 0.2)
+
+
+@pytest.fixture
+def on_cluster(chosen, cluster):
+    with dask.config.set({"scheduler-address": cluster.scheduler_address}):
+        yield
+
+
+@pytest.fixture(scope="module")
+def board():
+    return small_board()
+
+
+@pytest.fixture(scope="module")
+def rollouts(board):
+    """In a loop."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
+        return board.rollouts(POLICIES, SEEDS)
+
+
+def test_processes_give_what_a_loop_gives(count):
     seeds = range(20)
     assert parallel_map(noisy_mean, seeds, "means") == [noisy_mean(seed) for seed in seeds]
+
+
+def test_the_number_of_processes_does_not_change_a_bit(monkeypatch):
+    found = []
+    for number in ("1", "2"):
+        monkeypatch.setenv("LOKY_MAX_CPU_COUNT", number)
+        found.append(parallel_map(noisy_matrix, range(4), "matrices"))
+    assert found[0] == found[1]
+
+
+def test_rollouts_do_not_depend_on_the_number_of_processes(board, rollouts, count):
+    for one, other in zip(board.rollouts(POLICIES, SEEDS), rollouts, strict=True):
+        assert same(one, other)
+
+
+def test_one_process_is_one_at_a_time_and_not_this_one(monkeypatch, tmp_path):
+    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
+    found = parallel_map(partial(process_alone, door=tmp_path / "door"), range(8), "alone")
+    assert os.getpid() not in found
 
 
 def test_the_order_is_kept_whoever_finishes_first(monkeypatch):
@@ -31,3 +130,112 @@ def test_any_iterable_is_work_and_no_work_is_no_result(monkeypatch):
     monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
     assert parallel_map(abs, (item for item in (-1, 2)), "generator") == [1, 2]
     assert parallel_map(abs, [], "nothing") == []
+
+
+@pytest.mark.parametrize("deadly", [{0}, {5}, {11}, {2, 9}])
+def test_only_what_ends_its_process_is_lost(deadly):
+    found = parallel_map(partial(square, deadly=deadly), range(12), "squares", lost=missing)
+    assert found == expected(12, deadly)
+
+
+def test_one_process_loses_no_more(monkeypatch):
+    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
+    assert parallel_map(partial(square, deadly={0, 1}), range(3), "squares", missing) == expected(3, {0, 1})
+
+
+def test_what_ends_its_process_once_is_tried_again(tmp_path):
+    work = partial(square_at_the_second_try, marker=tmp_path / "marker")
+    assert parallel_map(work, range(6), "squares", lost=missing) == expected(6, {})
+    assert (tmp_path / "marker").exists()
+
+
+def test_a_dead_process_is_named_where_nothing_stands_in():
+    with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items it worked on one of 1$"):
+        parallel_map(partial(square, deadly={0}), [0], "squares")
+    assert parallel_map(square, range(3), "squares") == expected(3, {})  # the next work has new processes
+
+
+def test_an_error_is_no_death():
+    with pytest.raises(TypeError, match="unsupported operand"):
+        parallel_map(square, ["text"], "squares", lost=missing)
+
+
+def test_a_cluster_gives_what_a_loop_gives(on_cluster):
+    seeds = range(20)
+    assert parallel_map(noisy_mean, seeds, "means") == [noisy_mean(seed) for seed in seeds]
+    first = Client.current()
+    assert os.getpid() not in parallel_map(process_of, range(2), "processes")
+    assert Client.current() is first
+
+
+def test_a_cluster_gives_the_bits_of_this_machine(on_cluster, monkeypatch):
+    found = parallel_map(noisy_matrix, range(4), "matrices")
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "loky")
+    assert found == parallel_map(noisy_matrix, range(4), "matrices")
+
+
+def test_rollouts_on_a_cluster_are_those_of_a_loop(on_cluster, board, rollouts):
+    for one, other in zip(board.rollouts(POLICIES, SEEDS), rollouts, strict=True):
+        assert same(one, other)
+
+
+def test_items_reach_a_cluster_as_they_are(on_cluster):
+    """Dask would take a tuple that begins with a function for a call."""
+    items = [(abs, -1), "text", ["text", {"key": (1, 2)}], None]
+    assert parallel_map(repr, items, "items") == [repr(item) for item in items]
+
+
+def test_an_error_on_a_cluster_is_the_callers(on_cluster):
+    with pytest.raises(TypeError, match="unsupported operand"):
+        parallel_map(square, [1, "text"], "squares", lost=missing)
+
+
+def test_a_cluster_loses_only_what_ends_its_process(on_cluster):
+    found = parallel_map(partial(square, deadly={0, 5}), range(12), "squares", lost=missing)
+    assert found == expected(12, {0, 5})
+
+
+def test_a_dead_worker_is_named_where_nothing_stands_in(on_cluster):
+    with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items it worked on one of 1$"):
+        parallel_map(partial(square, deadly={0}), [0], "squares")
+
+
+def test_work_on_files_of_this_machine_stays_here(chosen):
+    assert parallel_map(square, range(3), "squares", local=True) == expected(3, {})
+    with pytest.raises(InputError, match="DASK_SCHEDULER_ADDRESS"):
+        parallel_map(square, range(3), "squares")
+
+
+def test_the_environment_alone_chooses_the_cluster(cluster):
+    """Nothing is printed that the program did not say."""
+    script = "from structlearn.parallel import parallel_map; print(parallel_map(abs, range(-9, 0), 'sizes'))"
+    chosen = {"STRUCTLEARN_BACKEND": "dask", "DASK_SCHEDULER_ADDRESS": cluster.scheduler_address}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env={**os.environ, **chosen}, capture_output=True, text=True
+    )
+    assert done.stderr == ""
+    assert done.stdout == f"{list(range(9, 0, -1))}\n"
+
+
+def test_dask_that_is_not_installed(chosen, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match="STRUCTLEARN_BACKEND=dask needs the package `distributed`"):
+        parallel_map(square, range(3), "squares")
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "host-without-port"])
+def test_a_scheduler_that_does_not_answer(impatient, address):
+    with (
+        dask.config.set({"scheduler-address": address}),
+        pytest.raises(InputError, match=f"DASK_SCHEDULER_ADDRESS={address}: no Dask scheduler answers"),
+    ):
+        parallel_map(square, range(3), "squares")
+
+
+def test_a_cluster_without_workers(impatient):
+    with (
+        LocalCluster(n_workers=0, processes=False, dashboard_address=":0") as empty,
+        dask.config.set({"scheduler-address": empty.scheduler_address}),
+        pytest.raises(InputError, match="no worker has joined within"),
+    ):
+        parallel_map(square, range(3), "squares")

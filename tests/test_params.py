@@ -1,10 +1,12 @@
 import re
 
 import pytest
+import yaml
 from pydantic import Field, ValidationError
 
 from structlearn.errors import InputError
 from structlearn.params import Parameters, read_parameters
+from structlearn.simulation.trials import TestbedParameters
 
 
 class FilterParameters(Parameters):
@@ -93,3 +95,21 @@ def test_a_missing_file_is_named(tmp_path):
 
 def test_yaml_cannot_run_code(tmp_path):
     assert complaint(tmp_path, "segment: !!python/object/apply:os.getcwd []").startswith("not a YAML file")
+
+
+def listed(model: type[Parameters]) -> dict:
+    """Names of all parameters of a model, nested."""
+    fields = {name: field.annotation for name, field in model.model_fields.items()}
+    return {
+        name: listed(kind) if isinstance(kind, type) and issubclass(kind, Parameters) else None
+        for name, kind in fields.items()
+    }
+
+
+def test_every_constant_of_the_simulated_testbed_stands_in_the_parameter_file(root):
+    written = yaml.safe_load((root / "params.yaml").read_text())["testbed"]
+    names = listed(TestbedParameters)
+    assert names.keys() == written.keys()
+    for part, inner in names.items():
+        if inner is not None:
+            assert inner.keys() == written[part].keys(), part

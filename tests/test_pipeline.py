@@ -16,12 +16,22 @@ REDUCED = {
     "segment_sweep": {"noise_mm": [0.0, 0.5], "seeds": 2, "downsampling": [1, 8]},
     "fit_primitives": {"kernel_count": 15},
     "expected_traces": {"runs": 2},
-    "record_corrections": {"settings_deg": [2.5, 10], "runs": 3},
+    "record_corrections": {"settings_deg": [2.5, 5, 10], "runs": 3},
     "coupling_dataset": {"settings_deg": [2.5, 10]},
     "train_feedback": {"pointwise": {"steps": 200}, "unrolled": {"steps": 20}},
     "compare_models": {"steps": 60, "evaluate_every": 20},
     "time_controller": {"ticks": 200, "runs": 1},
     "evaluate_feedback": {"settings_deg": [0, 2.5, 10], "runs": 1},
+    "refine": {
+        "settings_deg": [2.5, 5],
+        "training": {"steps": 40, "evaluate_every": 20},
+        "iterations": 1,
+        "evaluation_runs": 1,
+        "added_runs": 2,
+        "search": {"samples": 3},
+    },
+    "evaluate_refinement": {"settings_deg": [0, 5, 10], "runs": 1},
+    "compare_search": {"budget": 14, "seeds": 1, "evaluation_runs": 1},
     "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
     "recorded_corrections": {"splits": 2},
 }
@@ -87,13 +97,16 @@ def test_everything_is_there(project):
         "data/raw/scraping/corrections/2.5/03.mcap",
         "data/feedback/scraping/models/pointwise.safetensors",
         "data/feedback/scraping/evaluation/scores.parquet",
+        "data/feedback/scraping/refinement/rollouts.parquet",
+        "data/raw/scraping/refined/after/10/01.mcap",
+        "data/feedback/scraping/search/trials.parquet",
         "reports/index.html",
         "reports/scraping/index.html",
         "reports/scraping/metrics.json",
     ):
         assert written[path]
     recordings = list((project / "reports/recordings/scraping").glob("*.rrd"))
-    assert len(recordings) == 5
+    assert len(recordings) == 6
     assert not list(project.rglob(".publish-*"))
 
 
@@ -137,6 +150,27 @@ def test_a_killed_stage_leaves_nothing_half_written(project):
     assert not list(project.rglob(".publish-*"))
 
 
+def test_a_killed_refinement_keeps_its_iterations(project):
+    """Killed after the first iteration of the first primitive; the next run does only what is missing."""
+    before = artefacts(project)
+    script = "stages/scraping/refine.py"
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED_AFTER_AN_ITERATION, script],
+        cwd=project, env=environment(), check=False,
+    )  # fmt: skip
+    assert killed.returncode == -signal.SIGKILL
+    unfinished = project / "data/unfinished"
+    (kept,) = unfinished.iterdir()
+    assert [path.name for path in sorted(kept.iterdir())] == ["000", "001"]
+    done = subprocess.run(
+        [sys.executable, script], cwd=project, env=environment(), capture_output=True, text=True, check=True
+    )
+    told = [line.split(":")[0] for line in done.stdout.splitlines() if "iteration" in line]
+    assert told == ["scrape, iteration 0", "scrape, iteration 1"]
+    assert not unfinished.exists()
+    assert artefacts(project) == before
+
+
 def test_recorded_data_have_a_pipeline_of_their_own(project, recorded_data):
     ran = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
     stages = {stage.split(":")[-1] for stage in ran}
@@ -160,5 +194,18 @@ def write_and_die(*arguments):
     if len(calls) == 2:
         os.kill(os.getpid(), signal.SIGKILL)
 artefacts.write_table = write_and_die
+runpy.run_path(sys.argv[1], run_name="__main__")
+"""
+
+
+KILLED_AFTER_AN_ITERATION = """
+import os, runpy, signal, sys
+from structlearn.policy_search import checkpoint
+save = checkpoint.Checkpoint.save
+def save_and_die(self, progress):
+    save(self, progress)
+    if progress.iteration == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+checkpoint.Checkpoint.save = save_and_die
 runpy.run_path(sys.argv[1], run_name="__main__")
 """

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from structlearn.policy_search import checkpoint as module
 from structlearn.policy_search.checkpoint import Checkpoint, digest
 from structlearn.policy_search.pi2 import PI2Parameters
-from structlearn.policy_search.refinement import FEEDBACK, SAMPLE, Progress
+from structlearn.policy_search.refinement import Progress
+from structlearn.policy_search.rollouts import FEEDBACK, SAMPLE
 
 
 def progress(iteration=1, rows=4):
@@ -37,6 +38,7 @@ def progress(iteration=1, rows=4):
         covariance=(root @ root.T).T,
         history=history,
         policies=rng.normal(size=(3 * iteration, 25)),
+        samples=pd.DataFrame({"iteration": iteration, "target": rng.normal(size=6)}),
         compressed=rng.normal(size=25),
     )
 
@@ -52,6 +54,7 @@ def assert_same(found, saved):
         np.testing.assert_array_equal(getattr(found, name), getattr(saved, name))
         assert getattr(found, name).dtype == getattr(saved, name).dtype
     pd.testing.assert_frame_equal(found.history, saved.history, check_exact=True)
+    pd.testing.assert_frame_equal(found.samples, saved.samples, check_exact=True)
     one, other = found.network, saved.network
     for name in ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

@@ -1,12 +1,25 @@
 """Refinement in a closed-form setting: it learns there, repeats itself, resumes, and survives failures."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 import pytest
 from feedback_skills import random_network
+from made_up_environment import (
+    CHANNELS,
+    FEATURES,
+    KERNELS,
+    LEARNED,
+    NEW,
+    PHASE,
+    TICKS,
+    MadeUp,
+    dataset,
+    felt,
+    wanted,
+)
 
 from structlearn.errors import InputError
 from structlearn.feedback.dataset import CouplingDataset
@@ -17,72 +30,23 @@ from structlearn.policy_search.checkpoint import Checkpoint
 from structlearn.policy_search.covariance import factor
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import (
-    FEEDBACK,
-    IMPROVED,
-    SAMPLE,
     RefinementParameters,
-    Rollout,
+    ScaleParameters,
     compress,
     refine,
 )
-from structlearn.primitives import canonical, kernels
+from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE, Rollout
+from structlearn.primitives import kernels
 
-TICKS, CHANNELS, KERNELS = 60, 3, 6
-TIME = np.linspace(0.0, 1.0, TICKS)
-PHASE = canonical.phase(TIME, canonical.TAU_PER_DURATION)
-FEATURES = kernels.features(*PHASE, KERNELS)
-LEARNED, NEW = (0.0, 5.0), 10.0
+SCALE = ScaleParameters(exploration=4.0)
 KINDS = (FEEDBACK, SAMPLE, IMPROVED)
 PARAMETERS = RefinementParameters(
     iterations=2,
-    exploration=4.0,
     search=PI2Parameters(samples=20),
     evaluation_runs=3,
     added_runs=2,
     training=TrainingParameters(steps=200, batch_size=32, evaluate_every=50, dropout=0.0, learning_rate=3e-3),
 )
-
-
-def wanted(setting):
-    """Coupling term that corrects a setting; not linear in it, so what was learned does not reach to NEW."""
-    return FEATURES @ np.full(KERNELS, -0.5 * setting * (1.0 + 0.1 * setting))
-
-
-def felt(setting, rng):
-    """Deviations that grow with the setting."""
-    waves = np.sin(np.outer(TIME, [2.0, 3.0, 5.0]) + 1.0)
-    return setting * (1.0 + waves) + 0.2 * rng.standard_normal((TICKS, CHANNELS))
-
-
-def dataset(deviation, target, setting, demonstration=0):
-    same = np.ones(len(target))
-    return CouplingDataset(
-        deviation, *PHASE, target, setting * same, (demonstration * same).astype(int), TIME
-    )
-
-
-@dataclass
-class MadeUp:
-    """The cost is how far the coupling term is from the wanted one; remembers what it was asked for.
-
-    Attributes:
-        failing: seeds whose rollouts fail.
-        calls: (network, seed) of every rollout.
-    """
-
-    failing: object = lambda seed: False
-    calls: list = field(default_factory=list)
-
-    def rollouts(self, networks, seeds):
-        self.calls += zip(networks, seeds, strict=True)
-        return [self.rollout(network, seed) for network, seed in zip(networks, seeds, strict=True)]
-
-    def rollout(self, network, seed):
-        if self.failing(seed):
-            return Rollout(np.array([np.nan]), None, f"ValueError: {seed} diverged")
-        deviation = felt(NEW, np.random.default_rng(seed))
-        coupling = network.coupling(deviation[:, : len(network.input_mean)], FEATURES)
-        return Rollout(np.abs(coupling - wanted(NEW)), dataset(deviation, coupling, NEW))
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +74,7 @@ def initial(demonstrations):
 def uninterrupted(initial, demonstrations):
     """A whole run: environment, states that were reported, result."""
     environment, states = MadeUp(), []
-    result = refine(environment, initial, demonstrations, PARAMETERS, seed=3, report=states.append)
+    result = refine(environment, initial, demonstrations, PARAMETERS, SCALE, seed=3, report=states.append)
     return environment, states, result
 
 
@@ -120,6 +84,7 @@ def assert_same(one, other):
     for name in ("covariance", "policies", "compressed"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     pd.testing.assert_frame_equal(one.history, other.history, check_exact=True)
+    pd.testing.assert_frame_equal(one.samples, other.samples, check_exact=True)
     for first, second in zip(arrays(one.network), arrays(other.network), strict=True):
         np.testing.assert_array_equal(first, second)
 
@@ -201,8 +166,8 @@ def test_policies_are_drawn_around_what_the_network_did(uninterrupted):
     _, states, result = uninterrupted
     first = result.policies[: PARAMETERS.search.samples]
     spread = first - states[0].compressed
-    assert spread.std() == pytest.approx(PARAMETERS.exploration, rel=0.15)
-    np.testing.assert_array_equal(states[0].covariance, PARAMETERS.exploration**2 * np.eye(KERNELS))
+    assert spread.std() == pytest.approx(SCALE.exploration, rel=0.15)
+    np.testing.assert_array_equal(states[0].covariance, SCALE.exploration**2 * np.eye(KERNELS))
     assert not np.array_equal(states[1].covariance, states[0].covariance)
 
 
@@ -223,22 +188,26 @@ def test_the_improved_policy_is_better_than_the_average_one_tried(uninterrupted)
         assert cost[IMPROVED] < cost[SAMPLE]
 
 
-def test_seeds_are_unique_and_follow_from_iteration_kind_and_number(uninterrupted, initial, demonstrations):
+def test_seeds_follow_from_iteration_kind_and_number(uninterrupted, initial, demonstrations):
+    """Those of networks from kind and number alone: all iterations meet equal conditions."""
     environment, _, result = uninterrupted
     seeds = [seed for _, seed in environment.calls]
-    assert len(set(seeds)) == len(seeds) == len(result.history)
-    rows = result.history[["iteration", "kind", "number"]].itertuples(index=False)
-    assert seeds == [(row.iteration, KINDS.index(row.kind), row.number) for row in rows]
+    rows = list(result.history[["iteration", "kind", "number"]].itertuples(index=False))
+    assert seeds == [
+        (0 if row.kind == FEEDBACK else row.iteration, KINDS.index(row.kind), row.number) for row in rows
+    ]
+    policies = [seed for seed, row in zip(seeds, rows, strict=True) if row.kind != FEEDBACK]
+    assert len(set(policies)) == len(policies)
     more = PARAMETERS.model_copy(update={"evaluation_runs": 4, "iterations": 1})
     other = MadeUp()
-    refine(other, initial, demonstrations, more, seed=8)
+    refine(other, initial, demonstrations, more, SCALE, seed=8)
     assert {seed for seed in seeds if seed[0] < 2} < {seed for _, seed in other.calls}
 
 
 def test_the_same_seed_gives_the_same_to_the_last_bit(uninterrupted, initial, demonstrations):
-    assert_same(refine(MadeUp(), initial, demonstrations, PARAMETERS, seed=3), uninterrupted[2])
+    assert_same(refine(MadeUp(), initial, demonstrations, PARAMETERS, SCALE, seed=3), uninterrupted[2])
     once = PARAMETERS.model_copy(update={"iterations": 1})
-    other = refine(MadeUp(), initial, demonstrations, once, seed=4)
+    other = refine(MadeUp(), initial, demonstrations, once, SCALE, seed=4)
     assert not np.array_equal(other.policies, uninterrupted[1][1].policies)
 
 
@@ -254,46 +223,47 @@ def test_a_run_that_was_cut_off_goes_on_as_if_it_had_not_been(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        refine(MadeUp(), initial, demonstrations, PARAMETERS, seed=3, report=save_and_die)
+        refine(MadeUp(), initial, demonstrations, PARAMETERS, SCALE, seed=3, report=save_and_die)
     environment, states = MadeUp(), []
     resumed = refine(
-        environment, initial, demonstrations, PARAMETERS, 3, checkpoint.last(), report=states.append
+        environment, initial, demonstrations, PARAMETERS, SCALE, 3, checkpoint.last(), report=states.append
     )
     assert_same(resumed, uninterrupted[2])
-    assert min(seed[0] for _, seed in environment.calls) == finished + 1
+    assert min(seed[0] for _, seed in environment.calls if seed[1]) == finished + 1
     assert [state.iteration for state in states] == [1, 2][finished:]
 
 
 def test_a_finished_run_has_nothing_left_to_do(uninterrupted, initial, demonstrations):
     result = uninterrupted[2]
     idle = MadeUp()
-    assert refine(idle, initial, demonstrations, PARAMETERS, 3, resume=result) is result
+    assert refine(idle, initial, demonstrations, PARAMETERS, SCALE, 3, resume=result) is result
     assert idle.calls == []
 
 
 def test_the_threshold_ends_it(uninterrupted, initial, demonstrations):
     norms = [state.norm_rad for state in uninterrupted[1]]
     for stop, threshold in enumerate((1.01 * norms[0], 0.5 * (norms[0] + norms[1]))):
-        enough = PARAMETERS.model_copy(update={"threshold_rad": threshold, "iterations": 5})
-        result = refine(MadeUp(), initial, demonstrations, enough, seed=3)
+        more = PARAMETERS.model_copy(update={"iterations": 5})
+        enough = SCALE.model_copy(update={"threshold_rad": threshold})
+        result = refine(MadeUp(), initial, demonstrations, more, enough, seed=3)
         assert result.iteration == stop
         assert_same(result, uninterrupted[1][stop])
 
 
 def test_failed_rollouts_are_left_out_and_recorded(initial, demonstrations):
-    failing = {(0, 0, 1), (1, 1, 0), (1, 1, 5), (1, 2, 1), (1, 0, 2)}
+    failing = {(0, 0, 1), (1, 1, 0), (1, 1, 5), (1, 2, 1)}
     once = PARAMETERS.model_copy(update={"iterations": 1})
-    result = refine(MadeUp(failing.__contains__), initial, demonstrations, once, seed=3)
+    result = refine(MadeUp(failing.__contains__), initial, demonstrations, once, SCALE, seed=3)
     failed = result.history[result.history["fault"] != ""]
     found = zip(failed["iteration"], map(KINDS.index, failed["kind"]), failed["number"], strict=True)
-    assert set(found) == failing
+    assert set(found) == failing | {(1, 0, 1)}  # the network of iteration 1 meets what fails
     assert failed[["cost_rad", "norm_rad"]].isna().all(axis=None)
     assert failed["fault"].str.endswith("diverged").all()
     assert len(result.policies) == (result.history["kind"] != FEEDBACK).sum()
     for array in (result.covariance, result.policies, result.compressed, *arrays(result.network)):
         assert np.isfinite(array).all()
     last = result.history[(result.history["kind"] == FEEDBACK) & (result.history["iteration"] == 1)]
-    assert result.norm_rad == pytest.approx(np.mean([last["norm_rad"].iloc[0], last["norm_rad"].iloc[1]]))
+    assert result.norm_rad == pytest.approx(np.mean([last["norm_rad"].iloc[0], last["norm_rad"].iloc[2]]))
 
 
 def test_a_failed_sample_has_no_say_in_the_update(initial, demonstrations, monkeypatch):
@@ -308,7 +278,7 @@ def test_a_failed_sample_has_no_say_in_the_update(initial, demonstrations, monke
 
     monkeypatch.setattr(refinement.pi2, "update", update)
     once = PARAMETERS.model_copy(update={"iterations": 1})
-    refine(MadeUp(lambda seed: seed == (1, 1, 4)), initial, demonstrations, once, seed=3)
+    refine(MadeUp(lambda seed: seed == (1, 1, 4)), initial, demonstrations, once, SCALE, seed=3)
     ((costs, failed),) = seen
     assert costs.shape == (PARAMETERS.search.samples, TICKS)
     np.testing.assert_array_equal(np.flatnonzero(failed), [4])
@@ -316,18 +286,18 @@ def test_a_failed_sample_has_no_say_in_the_update(initial, demonstrations, monke
 
 @pytest.mark.parametrize(
     ("phase", "named"),
-    [((0, 0), (0, 0, 0)), ((1, 1), (1, 1, 0)), ((1, 2), (1, 2, 0)), ((1, 0), (1, 0, 0))],
+    [((0, 0), (0, 0, 0)), ((1, 1), (1, 1, 0)), ((1, 2), (1, 2, 0))],
 )
 def test_where_all_fail_the_fault_is_named(phase, named, initial, demonstrations):
     environment = MadeUp(lambda seed: seed[:2] == phase)
     with pytest.raises(InputError, match=rf"ValueError: \({', '.join(map(str, named))}\) diverged"):
-        refine(environment, initial, demonstrations, PARAMETERS, seed=3)
+        refine(environment, initial, demonstrations, PARAMETERS, SCALE, seed=3)
 
 
 def test_one_sample_is_not_enough_for_an_update(initial, demonstrations):
     environment = MadeUp(lambda seed: seed[1] == 1 and seed[2] != 7)
     with pytest.raises(InputError, match=r"\(1, 1, 0\) diverged"):
-        refine(environment, initial, demonstrations, PARAMETERS, seed=3)
+        refine(environment, initial, demonstrations, PARAMETERS, SCALE, seed=3)
 
 
 def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
@@ -342,7 +312,7 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
     monkeypatch.setattr(refinement, "train_final", remember)
     environment = MadeUp(lambda seed: seed == (1, 2, 1))
     three = PARAMETERS.model_copy(update={"added_runs": 3})
-    result = refine(environment, initial, demonstrations, three, seed=3)
+    result = refine(environment, initial, demonstrations, three, SCALE, seed=3)
     kept = len(demonstrations.target)
     for (data, start), added in zip(trained, (2, 3), strict=True):
         assert start is initial
@@ -356,3 +326,17 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
     improved = result.policies[PARAMETERS.search.samples]  # the first row after the samples
     first = trained[0][0].where(np.arange(kept, kept + TICKS))
     np.testing.assert_array_equal(first.target, open_loop(improved).coupling(np.empty((TICKS, 0)), FEATURES))
+
+
+def test_what_was_felt_and_done_is_kept_of_every_rollout(uninterrupted):
+    environment, _, result = uninterrupted
+    keys = ["iteration", "kind", "number"]
+    grouped = result.samples.groupby(keys, sort=False)
+    assert [key for key, _ in grouped] == list(result.history[keys].itertuples(index=False, name=None))
+    costs = grouped["cost_rad"].sum()
+    np.testing.assert_allclose(costs.to_numpy(), result.history["cost_rad"], rtol=1e-5)
+    network, seed = environment.calls[7]
+    run = environment.rollout(network, seed)
+    kept = grouped.get_group(tuple(result.history.loc[7, keys]))
+    np.testing.assert_array_equal(kept["target"], run.samples.target.astype(np.float32))
+    np.testing.assert_array_equal(kept["channel_00"], run.samples.deviation[:, 0].astype(np.float32))

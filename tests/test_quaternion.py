@@ -179,3 +179,10 @@ def test_the_borders_to_scalar_last_are_inverse():
     q = np.array([[0.1, 0.2, 0.3, 0.4]])
     np.testing.assert_array_equal(quaternion.to_xyzw(q), [[0.2, 0.3, 0.4, 0.1]])
     np.testing.assert_array_equal(quaternion.from_xyzw(quaternion.to_xyzw(q)), q)
+
+
+@quick
+@given(rngs)
+def test_the_rotation_matrix_turns_as_the_quaternion_does(rng):
+    q, vector = random_orientations(rng, 1)[0], rng.normal(size=3)
+    np.testing.assert_allclose(quaternion.matrix(q) @ vector, quaternion.rotate(q, vector), atol=1e-12)

@@ -24,7 +24,7 @@ from reporting_feedback import (
 from reporting_scraping import FIT, PARAMETERS, demonstration, scraping_results
 
 from structlearn.artefacts import write_metrics
-from structlearn.feedback.comparison import BETTER, UNDECIDED, WORSE
+from structlearn.metrics import BETTER, UNDECIDED, WORSE
 from structlearn.reporting import board_figures, feedback_figures
 from structlearn.reporting.feedback_claims import feedback_claims
 from structlearn.reporting.feedback_results import informative_channel, unroll_traces

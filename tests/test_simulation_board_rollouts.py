@@ -4,31 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network, scraping_skill
+from board_rollouts import LIMITS, POLICY, RATE_HZ, SEED, TESTBED, same, small_board
+from parallel_work import Deadly
+from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network
 
-from structlearn.feedback.cost import nominal_orientation
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.runtime import Limits
 from structlearn.feedback.skill import open_loop
-from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.recordings.clock import synchronise
-from structlearn.recordings.source import ClockParameters
 from structlearn.simulation import board_rollouts
-from structlearn.simulation.board_rollouts import REFINED, Board
+from structlearn.simulation.board_rollouts import REFINED
 from structlearn.simulation.execution import ControlParameters
-from structlearn.simulation.trials import (
-    TestbedParameters,
-    corrected_runs,
-    evaluation_runs,
-    execute_run,
-    nominal_runs,
-)
-
-RATE_HZ = 300.0
-TESTBED = TestbedParameters()
-LIMITS = Limits(largest_coupling=60.0)
-POLICY = np.linspace(-10.0, -5.0, 25)
-SEED = (1, 0, 2)
+from structlearn.simulation.trials import corrected_runs, evaluation_runs, execute_run, nominal_runs
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -41,34 +26,13 @@ def in_this_process():
 
 @pytest.fixture(scope="module")
 def board():
-    """The second of three primitives on a board of 5 degrees."""
-    skill = scraping_skill()
-    (run,) = nominal_runs(1)
-    nominal = synchronise(execute_run(run, 0, skill, TESTBED), RATE_HZ)
-    return Board(
-        primitives=skill.primitives,
-        expected=skill.expected,
-        preceding={},
-        name="turn",
-        setting_deg=5.0,
-        nominal=nominal_orientation([nominal]),
-        supervision=SupervisionParameters(primitives=NAMES[1:], settings_deg=(5.0,)),
-        testbed=TESTBED,
-        limits=LIMITS,
-        clock=ClockParameters(rate_hz=RATE_HZ),
-    )
+    return small_board()
 
 
 @pytest.fixture(scope="module")
 def runs(board):
     """Of a policy and of one that does nothing, under equal conditions."""
     return board.rollouts([open_loop(POLICY), open_loop(np.zeros(25))], [SEED, SEED])
-
-
-def same(one, other):
-    return np.array_equal(one.cost, other.cost) and all(
-        np.array_equal(values, vars(other.samples)[name]) for name, values in vars(one.samples).items()
-    )
 
 
 def test_a_rollout_has_a_cost_per_tick_of_the_primitive(runs):
@@ -261,3 +225,11 @@ def test_errors_of_the_program_are_not_hidden(board, error, monkeypatch):
 def test_a_seed_per_network(board):
     with pytest.raises(ValueError, match="zip"):
         board.rollouts([open_loop(POLICY)] * 2, [SEED])
+
+
+def test_a_rollout_whose_process_dies_is_left_out_alone(board, runs, monkeypatch):
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "loky")
+    alive, dead, also_alive = board.rollouts([open_loop(POLICY), Deadly(), open_loop(POLICY)], [SEED] * 3)
+    assert_failed(dead, "the process died")
+    assert same(alive, runs[0])
+    assert same(also_alive, runs[0])

@@ -10,11 +10,11 @@ from structlearn import quaternion
 from structlearn.recordings import synchronise
 from structlearn.recordings.checks import check_recording
 from structlearn.simulation.demonstrator import DemonstratorParameters, orientation_of
+from structlearn.simulation.recorder import RecorderParameters
 from structlearn.simulation.trials import (
     HOLD_S,
     Run,
     TestbedParameters,
-    VariationParameters,
     corrected_runs,
     evaluation_runs,
     executions,
@@ -181,8 +181,8 @@ def test_a_person_gets_the_tool_flatter_than_the_robot_alone(skill):
 
 
 def test_motion_capture_has_its_own_noise(skill):
-    noisy = TESTBED.model_copy(update={"variation": VariationParameters(motion_capture_deg=0.5)})
-    quiet = TESTBED.model_copy(update={"variation": VariationParameters(motion_capture_deg=0.0)})
+    noisy = TESTBED.model_copy(update={"recorder": RecorderParameters(motion_capture_deg=0.5)})
+    quiet = TESTBED.model_copy(update={"recorder": RecorderParameters(motion_capture_deg=0.0)})
     seen = [stream(executions(skill, nominal_runs(1), one)[0], "tool_to_board") for one in (noisy, quiet)]
     off = np.degrees(quaternion.difference(seen[0].values, seen[1].values))
     np.testing.assert_allclose(off.std(axis=0), 0.5, rtol=0.2)

@@ -24,11 +24,16 @@ def use_own_cache(package: Path) -> None:
         os.environ[VARIABLE] = str(package / "__pycache__" / f"compiled-{sources_digest(package)}")
 
 
-def sources_digest(package: Path) -> str:
-    """Digest of all source files with compiled functions, names and contents: 16 hexadecimal digits."""
+def sources_digest(package: Path, mark: bytes = MARK) -> str:
+    """Digest of source files, names and contents: 16 hexadecimal digits.
+
+    Args:
+        package: their folder.
+        mark: files that contain it count, by default those with compiled functions.
+    """
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         content = path.read_bytes()
-        if MARK in content:
+        if mark in content:
             digest.update(path.relative_to(package).as_posix().encode() + b"\0" + content)
     return digest.hexdigest()[:16]

@@ -51,3 +51,19 @@ def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float,
         return float(np.mean(samples)), float("nan")
     quantile = stats.t.ppf(0.5 + 0.5 * confidence, count - 1)
     return float(np.mean(samples)), float(quantile * np.std(samples, ddof=1) / np.sqrt(count))
+
+
+BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
+
+
+def verdict(low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
+    """What confidence intervals of a gain say: better, worse, or undecided where zero is inside or unknown.
+
+    Args:
+        low: (...) lower ends.
+        high: (...) upper ends.
+
+    Returns:
+        (...) texts `BETTER`, `WORSE` or `UNDECIDED`.
+    """
+    return np.select([np.greater(low, 0), np.less(high, 0)], [BETTER, WORSE], UNDECIDED)

@@ -114,6 +114,18 @@ def rotate(q: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector + q[..., :1] * twice_cross + np.cross(axis, twice_cross)
 
 
+def matrix(q: np.ndarray) -> np.ndarray:
+    """Rotation matrix of one unit quaternion: (4,) -> (3, 3), so that `matrix(q) @ v` is `rotate(q, v)`."""
+    w, x, y, z = q
+    return np.array(
+        (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        )
+    )
+
+
 def sign_continuous(path: np.ndarray) -> np.ndarray:
     """A path of orientations with signs chosen so that neighbours are close; the first one is kept.
 

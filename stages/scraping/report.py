@@ -5,6 +5,7 @@ from structlearn.feedback.closed_loop import EvaluationParameters
 from structlearn.feedback.models import FeedbackParameters
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
 from structlearn.feedback.training import TrainingParameters
+from structlearn.policy_search.comparison import ComparisonParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.primitives.storage import read_primitives
 from structlearn.recordings import read_demonstrations
@@ -17,6 +18,7 @@ from structlearn.reporting.scraping_results import ScrapingResults, metrics, tab
 from structlearn.segmentation.learning import FitParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
+from structlearn.simulation.board_refinement import BoardRefinementParameters
 from structlearn.simulation.cut_sweep import SweepParameters
 from structlearn.simulation.demonstrator import DemonstratorParameters
 from structlearn.simulation.trials import TestbedParameters
@@ -39,6 +41,9 @@ FEEDBACK_PARAMETERS = {
     "train_feedback": FeedbackParameters,
     "compare_models": TrainingParameters,
     "evaluate_feedback": EvaluationParameters,
+    "refine": BoardRefinementParameters,
+    "evaluate_refinement": EvaluationParameters,
+    "compare_search": ComparisonParameters,
 }
 RECORDINGS = {
     "demonstrations": "all demonstrations with their cut points",
@@ -49,6 +54,7 @@ EXECUTED = {
     "feedback": "nominal, corrected and closed-loop runs at every tilt, with what the fingers feel",
     "robot": "the whole robot with feedback at the largest tilt",
 }
+REFINED = {"refinement": "runs before and after refinement by trial, with what the fingers feel"}
 
 
 def main() -> None:
@@ -60,6 +66,7 @@ def main() -> None:
     if feedback is not None:
         parameters |= of_feedback
     notes = RECORDINGS | (EXECUTED if feedback is not None and feedback.board is not None else {})
+    notes |= REFINED if feedback is not None and feedback.refinement is not None else {}
     links = [Link(f"../recordings/scraping/{name}.rrd", f"{name}.rrd", note) for name, note in notes.items()]
     results = ScrapingResults(
         demonstrations=read_demonstrations("data/raw/scraping/nominal", **parameters["clock"].model_dump()),

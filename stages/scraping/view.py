@@ -1,4 +1,4 @@
-"""Recordings to look at: demonstrations and their cuts, alignment, primitives (IV.5), executions (IV.9)."""
+"""Recordings to look at: demonstrations, alignment, primitives (IV.5), executions and refinement (IV.9)."""
 
 from pathlib import Path
 
@@ -10,11 +10,13 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
 from structlearn.stage import run, stage_parameters
 from structlearn.viewer import (
+    read_refined_runs,
     read_shown_runs,
     write_alignment,
     write_demonstrations,
     write_executions,
     write_primitives,
+    write_refinement,
     write_robot,
 )
 
@@ -33,6 +35,7 @@ def main() -> None:
     }
     names = [primitive.name for primitive in primitives]
     runs = read_shown_runs(RAW, FEEDBACK, SHOWN_MODEL, names, clock)
+    refined = read_refined_runs(RAW, FEEDBACK, names, clock)
 
     with publish("reports/recordings/scraping") as folder:
         folder.mkdir()
@@ -47,6 +50,9 @@ def main() -> None:
             *_, with_feedback = runs[max(runs)]
             write_executions(folder / "feedback.rrd", runs, "Scraping: feedback")
             write_robot(folder / "robot.rrd", with_feedback, "Scraping: robot with feedback")
+        if refined:
+            search = [read_table(FEEDBACK / f"refinement/{name}.parquet") for name in ("history", "rollouts")]
+            write_refinement(folder / "refinement.rrd", refined, *search, "Scraping: refinement")
 
 
 if __name__ == "__main__":

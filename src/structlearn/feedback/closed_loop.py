@@ -17,6 +17,9 @@ from structlearn.recordings.demonstration import Demonstration
 NOMINAL = "nominal"
 """Name of the executions without feedback."""
 
+BEFORE, AFTER = "before", "after"
+"""Names of the executions with feedback before and after refinement by trial."""
+
 
 class EvaluationParameters(Parameters):
     """Executions for the evaluation.

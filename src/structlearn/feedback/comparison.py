@@ -23,7 +23,7 @@ from structlearn.feedback.training import (
     target_scale,
     train,
 )
-from structlearn.metrics import mean_interval
+from structlearn.metrics import mean_interval, verdict
 from structlearn.parallel import parallel_map
 
 REPRESENTATIONS = ("pmnn_100", "pmnn_6", "pmnn_0", "ffnn_phase", "ffnn", "pca", "autoencoder")
@@ -54,8 +54,6 @@ CLAIMS = (
     ("pmnn_6", "autoencoder"),
 )
 """Pairs (better, worse) of figure IV.16 and its text."""
-
-BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
 
 
 def compare_representations(
@@ -107,7 +105,8 @@ def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
                 difference = (errors[worse] - errors[better]).to_numpy()
                 mean, half_width = mean_interval(difference)
                 p_value = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
-                rows.append((stopping, better, worse, mean, half_width, p_value, _verdict(mean, half_width)))
+                found = str(verdict(mean - half_width, mean + half_width))
+                rows.append((stopping, better, worse, mean, half_width, p_value, found))
     columns = ["stopping", "better", "worse", "difference", "half_width", "p_value", "verdict"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -188,9 +187,3 @@ def _inputs(
         mean, spread = standardisation(values[index], fold)
         inputs[index] = (values[index] - mean) / spread
     return torch.from_numpy(inputs), dimensions
-
-
-def _verdict(difference: float, half_width: float) -> str:
-    if difference - half_width > 0.0:
-        return BETTER
-    return WORSE if difference + half_width < 0.0 else UNDECIDED

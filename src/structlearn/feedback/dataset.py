@@ -4,6 +4,7 @@ One table per primitive, one row per sample, keyed by setting and demonstration;
 demonstration in different settings belong together in leave-one-demonstration-out tests.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -42,6 +43,12 @@ class CouplingDataset:
     def where(self, mask: np.ndarray) -> Self:
         """The samples of a mask (S,) or of indices."""
         return type(self)(**{name: values[mask] for name, values in vars(self).items()})
+
+
+def concatenated(parts: Sequence[CouplingDataset]) -> CouplingDataset:
+    """The samples of several datasets of the same channels, one after the other."""
+    columns = {name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
+    return CouplingDataset(**columns)
 
 
 def to_table(dataset: CouplingDataset) -> pd.DataFrame:

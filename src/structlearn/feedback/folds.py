@@ -23,18 +23,23 @@ class Fold:
     """Rows of a dataset by what they are used for; all disjoint.
 
     Attributes:
-        number: of the demonstration that is left out; -1 where none is.
+        number: of the demonstration that is left out; None where none is.
         train: rows that make gradients, standardisation and principal components.
         validation: rows that choose the step at which training stops.
         test: rows of the same demonstrations that choose nothing.
         generalization: all rows of the left-out demonstration.
     """
 
-    number: int
+    number: int | None
     train: np.ndarray
     validation: np.ndarray
     test: np.ndarray
     generalization: np.ndarray
+
+    @property
+    def stream(self) -> int:
+        """Which random numbers are the fold's own."""
+        return _stream(self.number)
 
     def parts(self) -> tuple[np.ndarray, ...]:
         """The rows in the order of `PARTS`."""
@@ -68,22 +73,26 @@ def without_generalization(
 
     Arguments and errors as `leave_one_out`.
     """
-    return _fold(dataset, -1, fractions, chunk_samples, seed)
+    return _fold(dataset, None, fractions, chunk_samples, seed)
 
 
 def _fold(
-    dataset: CouplingDataset, number: int, fractions: Sequence[float], chunk_samples: int, seed: int
+    dataset: CouplingDataset, number: int | None, fractions: Sequence[float], chunk_samples: int, seed: int
 ) -> Fold:
-    left_out = dataset.demonstration == number
+    left_out = np.full(len(dataset.target), False) if number is None else dataset.demonstration == number
     chunks = _chunks(dataset, chunk_samples)
     remaining = np.unique(chunks[~left_out])
     sizes = [round(fraction * len(remaining)) for fraction in fractions]
     if min(*sizes, len(remaining) - sum(sizes)) < 1:
         raise InputError(f"{len(remaining)} chunks of samples are too few for train, validation and test")
-    shuffled = np.random.default_rng([seed, number + 1]).permutation(remaining)
+    shuffled = np.random.default_rng([seed, _stream(number)]).permutation(remaining)
     validation, test, train = np.split(shuffled, np.cumsum(sizes))
     rows = [np.flatnonzero(np.isin(chunks, part)) for part in (train, validation, test)]
     return Fold(number, *rows, generalization=np.flatnonzero(left_out))
+
+
+def _stream(number: int | None) -> int:
+    return 0 if number is None else number + 1
 
 
 def _chunks(dataset: CouplingDataset, chunk_samples: int) -> np.ndarray:

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 from structlearn import quaternion
 from structlearn.errors import InputError
 from structlearn.feedback.coupling import orientation_target
-from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.dataset import CouplingDataset, concatenated
 from structlearn.params import Parameters
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
@@ -232,8 +232,7 @@ def coupling_dataset(
                 {"setting_deg": setting, "demonstration": number, "name": run.name}
                 | _checks(corrected, _raw(run, cut), primitive.orientation, axis)
             )
-    columns = {name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
-    return CouplingDataset(**columns), pd.DataFrame(checks)
+    return concatenated(parts), pd.DataFrame(checks)
 
 
 def _samples(

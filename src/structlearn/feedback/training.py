@@ -112,7 +112,7 @@ def train(
         description: what the progress bar says; no bar without one.
     """
     optimiser = RootMeanSquarePropagation(network, parameters.learning_rate, parameters.decay)
-    draws = [np.random.default_rng([parameters.seed, fold.number + 1, 1]) for fold in data.folds]
+    draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
     starts = range(0, parameters.steps, parameters.evaluate_every)
     best, kept = np.full(len(data.folds), np.inf), _copy(network)
     done, errors = [], []

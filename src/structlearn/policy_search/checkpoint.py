@@ -43,6 +43,7 @@ class Checkpoint:
             }
             write_tensors(arrays, path / "search.safetensors", "policy search: weights per phase kernel")
             write_table(progress.history, path / "history.parquet")
+            write_table(progress.samples, path / "samples.parquet")
 
     def last(self) -> Progress | None:
         """The last finished iteration, None where there is none."""
@@ -55,6 +56,7 @@ class Checkpoint:
             iteration=int(path.name),
             network=read_networks(path / "network.safetensors")[NETWORK],
             history=read_table(path / "history.parquet"),
+            samples=read_table(path / "samples.parquet"),
             **arrays,
         )
 

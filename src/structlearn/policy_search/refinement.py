@@ -13,74 +13,65 @@ primitives before it run with what they have learned.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.errors import InputError
-from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.dataset import CouplingDataset, concatenated
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import open_loop
 from structlearn.feedback.training import TrainingParameters, train_final
 from structlearn.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
+from structlearn.policy_search.rollouts import (
+    FEEDBACK,
+    IMPROVED,
+    SAMPLE,
+    Environment,
+    Rollout,
+    cost_matrix,
+    history_rows,
+    sample_rows,
+    succeeded,
+)
 from structlearn.primitives.kernels import KERNEL_COUNT
-
-FEEDBACK, SAMPLE, IMPROVED = "feedback", "sample", "improved"
-"""Kinds of rollouts: with the network, with a drawn policy, with the updated policy."""
 
 SMALLEST_SINGULAR_VALUE = 1e-4
 """Relative to the largest; what is smaller is a kernel that the vanishing phase velocity hides."""
 
 
 class RefinementParameters(Parameters):
-    """Parameters of the refinement of one primitive.
+    """Parameters of the refinement.
 
     Attributes:
         iterations: at most so many.
-        threshold_rad: norm of the cost vector over the primitive's ticks, mean over runs, that is enough.
-        exploration: initial standard deviation of the policy's weights.
         search: of PI2-CMA.
         evaluation_runs: executions with the network per iteration.
         added_runs: executions of the improved policy that are added to the data; the text adds one, the
-            author's public code eight.
+            author's public code eight. No two executions feel the same: the more there are, the less the
+            network mistakes how the tool happened to be held for the setting.
         training: of the network.
     """
 
-    iterations: int = Field(default=2, ge=1, le=100)
-    threshold_rad: float = Field(default=0.0, ge=0)
-    exploration: float = Field(default=15.0, gt=0)
+    iterations: int = Field(default=3, ge=1, le=100)
     search: PI2Parameters = PI2Parameters()
     evaluation_runs: int = Field(default=8, ge=1)
-    added_runs: int = Field(default=8, ge=1)
+    added_runs: int = Field(default=24, ge=1)
     training: TrainingParameters = TrainingParameters()
 
 
-@dataclass(frozen=True)
-class Rollout:
-    """One execution of the primitive that is refined.
+class ScaleParameters(Parameters):
+    """What depends on the size of a primitive's coupling terms and costs.
 
     Attributes:
-        cost: (T,) rad per tick; NaN throughout where it failed.
-        samples: what was felt and done, as supervised data; None where it failed.
-        fault: why it failed, or empty.
+        exploration: initial standard deviation of the policy's weights.
+        threshold_rad: norm of the cost vector over the primitive's ticks, mean over runs, that is enough.
     """
 
-    cost: np.ndarray
-    samples: CouplingDataset | None
-    fault: str = ""
-
-
-class Environment(Protocol):
-    """Where the primitive is executed; `seeds` decide what a run meets, and repeat it exactly."""
-
-    def rollouts(
-        self, networks: Sequence[PhaseModulatedNetwork], seeds: Sequence[tuple[int, ...]]
-    ) -> list[Rollout]:
-        """Execute once per network, each with its seed, and report failures instead of raising them."""
+    exploration: float = Field(gt=0)
+    threshold_rad: float = Field(default=0.0, ge=0)
 
 
 @dataclass(frozen=True)
@@ -91,9 +82,9 @@ class Progress:
         iteration: 0 before the first update.
         network: the feedback model.
         covariance: (N, N) of the search.
-        history: one row per rollout so far: `iteration`, `kind`, `number`, `cost_rad` (accumulated; NaN where
-            it failed), `norm_rad` (of the cost vector), `fault`.
+        history: of all rollouts so far, see `rollouts.history_rows`.
         policies: (R, N) weights of the open-loop rollouts in the history's order, for inspection.
+        samples: of all rollouts so far, see `rollouts.sample_rows`; for inspection.
         compressed: what the last executions with the network amount to as a policy, (N,).
     """
 
@@ -102,6 +93,7 @@ class Progress:
     covariance: np.ndarray
     history: pd.DataFrame
     policies: np.ndarray
+    samples: pd.DataFrame
     compressed: np.ndarray
 
     @property
@@ -114,7 +106,10 @@ class Progress:
 
 
 def start(
-    environment: Environment, initial: PhaseModulatedNetwork, parameters: RefinementParameters
+    environment: Environment,
+    initial: PhaseModulatedNetwork,
+    parameters: RefinementParameters,
+    exploration: float,
 ) -> Progress:
     """Execute the initial network (algorithm IV.3, line 2).
 
@@ -122,19 +117,22 @@ def start(
         environment: the new setting.
         initial: trained on demonstrations of other settings.
         parameters: see there.
+        exploration: standard deviation of the policy's weights.
 
     Raises:
         InputError: no execution succeeded.
     """
     count = len(initial.output_weights)
     runs = _execute(environment, [initial] * parameters.evaluation_runs, 0, FEEDBACK)
+    compressed = compress(runs, count)
     return Progress(
         iteration=0,
         network=initial,
-        covariance=parameters.exploration**2 * np.eye(count),
-        history=_rows(runs, 0, FEEDBACK),
+        covariance=exploration**2 * np.eye(count),
+        history=history_rows(runs, 0, FEEDBACK),
         policies=np.empty((0, count)),
-        compressed=compress(runs, count),
+        samples=sample_rows(runs, 0, FEEDBACK, environment.rate_hz),
+        compressed=compressed,
     )
 
 
@@ -167,27 +165,27 @@ def improve(
     distribution = SearchDistribution(progress.compressed, progress.covariance)
     policies = pi2.sample(distribution, parameters.search.samples, rng)
     tried = _execute(environment, [open_loop(policy) for policy in policies], iteration, SAMPLE)
-    _succeeded(tried, f"policies of iteration {iteration}", pi2.FEWEST_ROLLOUTS)
-    update = pi2.update(distribution, policies, _costs(tried), parameters.search)
+    succeeded(tried, f"policies of iteration {iteration}", pi2.FEWEST_ROLLOUTS)
+    update = pi2.update(distribution, policies, cost_matrix(tried), parameters.search)
     mean = update.distribution.mean
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
-    added = _succeeded(improved, f"executions of the improved policy of iteration {iteration}")
+    added = succeeded(improved, f"executions of the improved policy of iteration {iteration}")
     numbered = [
         replace(samples, demonstration=np.full(len(samples.target), -1 - number))
         for number, samples in enumerate(added)
     ]
-    network = train_final(_together([demonstrations, *numbered]), parameters.training, initial=initial)
+    network = train_final(concatenated([demonstrations, *numbered]), parameters.training, initial=initial)
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
-    rows = [
-        _rows(group, iteration, kind)
-        for group, kind in ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
-    ]
+    groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
+    rows = [history_rows(group, iteration, kind) for group, kind in groups]
+    samples = [sample_rows(group, iteration, kind, environment.rate_hz) for group, kind in groups]
     return Progress(
         iteration=iteration,
         network=network,
         covariance=update.distribution.covariance,
         history=pd.concat([progress.history, *rows], ignore_index=True),
         policies=np.vstack([progress.policies, policies, np.tile(mean, (len(improved), 1))]),
+        samples=pd.concat([progress.samples, *samples], ignore_index=True),
         compressed=compress(runs, len(mean)),
     )
 
@@ -197,6 +195,7 @@ def refine(
     initial: PhaseModulatedNetwork,
     demonstrations: CouplingDataset,
     parameters: RefinementParameters,
+    scale: ScaleParameters,
     seed: int,
     resume: Progress | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
@@ -208,6 +207,7 @@ def refine(
         initial: trained on demonstrations of other settings.
         demonstrations: these demonstrations.
         parameters: see there.
+        scale: of this primitive.
         seed: of the exploration.
         resume: state to go on from, of a run that was cut off.
         report: called with the state after every iteration, the 0th included.
@@ -217,9 +217,9 @@ def refine(
     """
     progress = resume
     if progress is None:
-        progress = start(environment, initial, parameters)
+        progress = start(environment, initial, parameters, scale.exploration)
         report(progress)
-    while progress.iteration < parameters.iterations and progress.norm_rad > parameters.threshold_rad:
+    while progress.iteration < parameters.iterations and progress.norm_rad > scale.threshold_rad:
         progress = improve(environment, progress, initial, demonstrations, parameters, seed)
         report(progress)
     return progress
@@ -238,49 +238,16 @@ def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.nd
     Raises:
         InputError: all executions failed.
     """
-    done = _succeeded(runs, "executions with the network")
+    done = succeeded(runs, "executions with the network")
     features = np.vstack([samples.modulation(kernel_count) for samples in done])
     target = np.concatenate([samples.target for samples in done])
     return np.linalg.lstsq(features, target, rcond=SMALLEST_SINGULAR_VALUE)[0]
 
 
-def _succeeded(runs: Sequence[Rollout], what: str, fewest: int = 1) -> list[CouplingDataset]:
-    """Samples of the runs that did not fail; InputError with the first fault if there are too few."""
-    done = [run.samples for run in runs if run.samples is not None]
-    if len(done) < fewest:
-        fault = next(run.fault for run in runs if run.samples is None)
-        raise InputError(
-            f"{len(done)} of {len(runs)} {what} succeeded, {fewest} must; the first fault: {fault}"
-        )
-    return done
-
-
 def _execute(
     environment: Environment, networks: Sequence[PhaseModulatedNetwork], iteration: int, kind: str
 ) -> list[Rollout]:
+    """Executions; networks meet equal conditions in all iterations, so that these are compared in pairs."""
     place = (FEEDBACK, SAMPLE, IMPROVED).index(kind)
-    return environment.rollouts(networks, [(iteration, place, number) for number in range(len(networks))])
-
-
-def _together(parts: Sequence[CouplingDataset]) -> CouplingDataset:
-    columns = {name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
-    return CouplingDataset(**columns)
-
-
-def _costs(runs: Sequence[Rollout]) -> np.ndarray:
-    """(K, T) costs; failed runs have NaN."""
-    length = min((len(run.cost) for run in runs if not run.fault), default=1)
-    return np.stack([run.cost[:length] if not run.fault else np.full(length, np.nan) for run in runs])
-
-
-def _rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "iteration": iteration,
-            "kind": kind,
-            "number": range(len(runs)),
-            "cost_rad": [float(np.sum(run.cost)) for run in runs],
-            "norm_rad": [float(np.linalg.norm(run.cost)) for run in runs],
-            "fault": [run.fault for run in runs],
-        }
-    )
+    which = 0 if kind == FEEDBACK else iteration
+    return environment.rollouts(networks, [(which, place, number) for number in range(len(networks))])

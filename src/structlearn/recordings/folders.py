@@ -108,7 +108,7 @@ def _write(item: tuple[Recording, Path]) -> None:
 def _map(function: Callable[[Item], Result], items: Sequence[Item], description: str) -> list[Result]:
     if len(items) < MANY_FILES:
         return [function(item) for item in items]
-    return parallel_map(function, items, description)
+    return parallel_map(function, items, description, local=True)
 
 
 def _mcap_files(source: Path) -> list[Path]:

@@ -1,7 +1,8 @@
 """Figures of the executions on the board: figures IV.18 and IV.20, and how flat the tool ends up."""
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -21,7 +22,8 @@ from structlearn.palette import (
     primitive_colour,
 )
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting.board_results import BoardResults, hand_roll_deg, tool_roll_deg
+from structlearn.reporting.board_results import BoardResults
+from structlearn.reporting.execution_results import ExecutionResults, hand_roll_deg, tool_roll_deg
 from structlearn.reporting.feedback_figures import demonstrated_curves
 from structlearn.reporting.feedback_results import SAMPLES, FeedbackResults
 from structlearn.reporting.figures import canvas, legend_above, styled
@@ -146,34 +148,50 @@ def roll_figure(results: FeedbackResults) -> Figure:
     return figure
 
 
-@styled
 def cost_figure(results: FeedbackResults) -> Figure:
-    """Figure IV.20: accumulated cost per setting and model, mean and std over the executions."""
+    """Figure IV.20 without reinforcement learning."""
     board = results.board
+    ticks = [
+        f"{setting:g}" + ("" if setting in (*results.seen_deg, 0.0) else "*")
+        for setting in board.settings_deg
+    ]
+    titles = {name: f"{results.number(name)}. {name}" for name in board.primitives}
+    looks = {model: (MODEL_NAMES[model], MODEL_COLOURS[model]) for model in board.models}
+    return cost_bars(board, titles, looks, ticks, "roll of the board (°); *: not learned from")
+
+
+@styled
+def cost_bars(
+    executed: ExecutionResults,
+    titles: Mapping[str, str],
+    looks: Mapping[str, tuple[str, str]],
+    ticks: Sequence[str],
+    what: str,
+) -> Figure:
+    """Figure IV.20: accumulated cost per setting and model, mean and std over the executions.
+
+    Args:
+        executed: the executions.
+        titles: of the panels, by primitive.
+        looks: name and colour by model.
+        ticks: below the bars, by setting.
+        what: the ticks are.
+    """
     figure = canvas(3.6)
-    panels = figure.subplots(1, len(board.primitives), squeeze=False)[0]
-    width = 0.8 / len(board.models)
-    for panel, primitive in zip(panels, board.primitives, strict=True):
-        for place, model in enumerate(board.models):
-            rows = _costs(board.costs, primitive, model)
-            x = np.arange(len(rows)) + width * (place - 0.5 * (len(board.models) - 1))
+    panels = figure.subplots(1, len(titles), squeeze=False)[0]
+    width = 0.8 / len(looks)
+    costs = executed.costs.set_index(["primitive", "model"])
+    for panel, (primitive, title) in zip(panels, titles.items(), strict=True):
+        for place, (model, (label, colour)) in enumerate(looks.items()):
+            rows = costs.loc[[(primitive, model)]].sort_values("setting_deg")
+            x = np.arange(len(rows)) + width * (place - 0.5 * (len(looks) - 1))
             spread = np.nan_to_num(rows["std"])
-            panel.bar(x, rows["mean"], 0.92 * width, color=MODEL_COLOURS[model], label=MODEL_NAMES[model])
+            panel.bar(x, rows["mean"], 0.92 * width, color=colour, label=label)
             panel.errorbar(x, rows["mean"], spread, color=BLACK, linestyle="none", linewidth=0.9, capsize=2.0)
-        labels = [
-            f"{setting:g}" + ("" if setting in (*results.seen_deg, 0.0) else "*")
-            for setting in board.settings_deg
-        ]
-        panel.set_xticks(range(len(labels)), labels)
+        panel.set_xticks(range(len(ticks)), ticks)
         panel.grid(axis="x", visible=False)
-        title = f"{results.number(primitive)}. {primitive}"
-        panel.set(title=title, xlabel="roll of the board (°); *: not learned from")
+        panel.set(title=title, xlabel=what)
         panel.set_ylim(bottom=0.0)
     panels[0].set_ylabel("accumulated cost (rad)")
     legend_above(figure, panels[0])
     return figure
-
-
-def _costs(costs: pd.DataFrame, primitive: str, model: str) -> pd.DataFrame:
-    chosen = costs[(costs["primitive"] == primitive) & (costs["model"] == model)]
-    return chosen.sort_values("setting_deg")

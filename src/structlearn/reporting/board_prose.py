@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
-from structlearn.feedback.comparison import BETTER, UNDECIDED, WORSE
 from structlearn.feedback.models import POINTWISE, UNROLLED
+from structlearn.metrics import BETTER, UNDECIDED, WORSE
 from structlearn.reporting.board_results import BoardResults
 from structlearn.reporting.feedback_results import FeedbackResults
 from structlearn.reporting.prose import interval, listing

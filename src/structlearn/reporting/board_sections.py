@@ -1,5 +1,7 @@
 """Sections on the executions on the board, without and with feedback."""
 
+from collections.abc import Mapping, Sequence
+
 import pandas as pd
 
 from structlearn.feedback.closed_loop import NOMINAL
@@ -8,11 +10,15 @@ from structlearn.reporting import board_prose
 from structlearn.reporting.board_results import (
     LARGEST_FORCE_ERROR_PERCENT,
     PUBLISHED_HAND_DEG,
+    PUBLISHED_HAND_SETTING_DEG,
     BoardResults,
 )
+from structlearn.reporting.execution_results import ExecutionResults
 from structlearn.reporting.feedback_results import FeedbackResults
 from structlearn.reporting.page import Block, Link, Links, Prose, Section, Sizes, Table, beside
-from structlearn.reporting.prose import counted, interval, listing
+from structlearn.reporting.prose import counted, listing, rounded, with_interval, with_spread
+
+PUBLISHED_WORDS = {NOMINAL: "no feedback", POINTWISE: "with feedback"}
 
 
 def testbed(results: FeedbackResults, sizes: Sizes) -> Section:
@@ -88,7 +94,9 @@ def closed_loop(results: FeedbackResults, sizes: Sizes) -> Section:
                 f"closed_loop_{name}",
                 sizes,
                 f"As figure IV.18, primitive {results.number(name)} (“{name}”): coupling term (top) and the "
-                f"deviation of {results.channel_name(channel)} (bottom) in demonstrations and executions.",
+                f"deviation of {results.channel_name(channel)} (bottom) in demonstrations and executions. "
+                "The coupling terms of executions follow from the recorded deviations, before the "
+                "controller's bounds.",
                 "One column per setting; demonstrations, executions without and with feedback.",
             )
         )
@@ -142,7 +150,7 @@ def closed_loop(results: FeedbackResults, sizes: Sizes) -> Section:
             source="tables/path_errors.csv",
         ),
         Table(
-            _hand(results),
+            hand_roll_table(board, results.primitives, PUBLISHED_WORDS),
             f"Figure IV.17: roll of the hand at {board.example_deg:g}° board roll, in degrees; published: "
             f"one reading of a protractor, here: mean ± std over {counted(board.runs, 'run')}. Zero is where "
             "the tool is flat on the level board; the simulated person starts with a tilted tool.",
@@ -165,7 +173,7 @@ def _nominal(results: FeedbackResults) -> pd.DataFrame:
         ):
             for name in board.primitives:
                 values = board.nominal.loc[(setting, name)]
-                cell = " ± ".join(_rounded(values[column], number_format) for column in columns)
+                cell = " ± ".join(rounded(values[column], number_format) for column in columns)
                 row[f"{name}: {heading}"] = cell
         rows.append(row)
     return pd.DataFrame(rows)
@@ -179,15 +187,14 @@ def _ratios(board: BoardResults) -> pd.DataFrame:
         row = {"setting_deg": setting}
         for model, table in ((POINTWISE, pointwise), (UNROLLED, unrolled)):
             found = table.loc[setting]
-            row |= {model: found["ratio"], f"{model}_lower": _gain(found["lower_rad"], found["half_width"])}
+            row |= {
+                model: found["ratio"],
+                f"{model}_lower": with_interval(found["lower_rad"], found["half_width"]),
+            }
         found = between.loc[setting]
-        gain = _gain(found["lower_rad"], found["half_width"])
+        gain = with_interval(found["lower_rad"], found["half_width"])
         rows.append(row | {"gain": f"{gain}: {found['verdict']}"})
     return pd.DataFrame(rows)
-
-
-def _gain(mean: float, half_width: float, number_format: str = ".1f") -> str:
-    return f"{_rounded(mean, number_format)} {interval(mean - half_width, mean + half_width, number_format)}"
 
 
 def _paths(results: FeedbackResults) -> pd.DataFrame:
@@ -202,29 +209,32 @@ def _paths(results: FeedbackResults) -> pd.DataFrame:
             "settings": "learned from" if row.seen else "never learned from",
             "demonstrations": row.count,
         }
-        gain = _gain(row.lower_deg, row.half_width, ".3f")
+        gain = with_interval(row.lower_deg, row.half_width, ".3f")
         rows.append(keys | cells | {"gain": gain, "verdict": row.verdict})
     return pd.DataFrame(rows)
 
 
-def _hand(results: FeedbackResults) -> pd.DataFrame:
-    board = results.board
-    moments = ["start", *(f"end of {name}" for name in results.primitives)]
+def hand_roll_table(
+    executed: ExecutionResults,
+    primitives: Sequence[str],
+    words: Mapping[str, str],
+) -> pd.DataFrame:
+    """Rolls of the hand in degrees over the primitives, beside the protractor's of figure IV.17.
+
+    Args:
+        executed: the executions; published readings are shown if they are in the same setting.
+        primitives: names of all, in order of time.
+        words: for our models, by name.
+    """
+    columns = ["start", *(f"end of {name}" for name in primitives)]
     rows = []
-    for model, words in ((NOMINAL, "no feedback"), (POINTWISE, "with feedback")):
-        published = [f"{reading:.1f}" for reading in PUBLISHED_HAND_DEG[model]]
-        if len(published) == len(moments):
-            rows.append({"what": f"{words}, published"} | dict(zip(moments, published, strict=True)))
-        found = board.hand_roll[board.hand_roll["model"] == model]
-        cells = [
-            f"{_rounded(mean, '.1f')} ± {std:.1f}"
-            for mean, std in zip(found["mean_deg"], found["std_deg"], strict=True)
-        ]
-        rows.append({"what": f"{words}, here"} | dict(zip(moments, cells, strict=True)))
+    if executed.example_deg == PUBLISHED_HAND_SETTING_DEG:
+        for model, own in PUBLISHED_WORDS.items():
+            readings = [f"{reading:.1f}" for reading in PUBLISHED_HAND_DEG[model]]
+            if len(readings) == len(columns):
+                rows.append({"what": f"{own}, published"} | dict(zip(columns, readings, strict=True)))
+    for model, own in words.items():
+        found = executed.hand_roll[executed.hand_roll["model"] == model]
+        cells = [with_spread(*reading) for reading in zip(found["mean_deg"], found["std_deg"], strict=True)]
+        rows.append({"what": f"{own}, here"} | dict(zip(columns, cells, strict=True)))
     return pd.DataFrame(rows)
-
-
-def _rounded(value: float, number_format: str) -> str:
-    """With a true minus sign, and none before a zero."""
-    text = f"{value:{number_format}}"
-    return text.lstrip("-") if float(text) == 0.0 else text.replace("-", "\N{MINUS SIGN}")

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 
-from structlearn.feedback.comparison import BETTER, REPRESENTATIONS, UNDECIDED, WORSE
+from structlearn.feedback.comparison import REPRESENTATIONS
 from structlearn.feedback.models import POINTWISE
+from structlearn.metrics import BETTER, UNDECIDED, WORSE
 from structlearn.reporting.board_results import LARGEST_FORCE_ERROR_PERCENT, BoardResults
+from structlearn.reporting.execution_results import weakest
 from structlearn.reporting.feedback_figures import plain_name
 from structlearn.reporting.feedback_results import MODEL_CLAIMS, FeedbackResults
 from structlearn.reporting.prose import listing
@@ -56,8 +58,7 @@ def _board_claims(board: BoardResults) -> list[Row]:
     verdicts, found = {}, []
     for name in board.primitives:
         rows = board.ratio(POINTWISE, primitive=name).loc[board.tilted_deg]
-        each = set(rows["verdict"])
-        verdicts[name] = WORSE if WORSE in each else UNDECIDED if UNDECIDED in each else BETTER
+        verdicts[name] = weakest(rows["verdict"])
         open_at = [f"{setting:g}°" for setting in rows.index if rows["verdict"][setting] != BETTER]
         found.append(
             f"“{name}”: {rows['ratio'].min():.2f} to {rows['ratio'].max():.2f} of the cost without"

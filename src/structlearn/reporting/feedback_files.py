@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.artefacts import read_table
-from structlearn.feedback.closed_loop import NOMINAL
+from structlearn.feedback.closed_loop import AFTER, BEFORE, NOMINAL
 from structlearn.feedback.models import POINTWISE
 from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.storage import CHECKS, read_datasets, read_expected
@@ -14,6 +14,7 @@ from structlearn.params import Parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.reporting.board_results import BoardResults
 from structlearn.reporting.feedback_results import FeedbackResults
+from structlearn.reporting.refinement_results import RefinementResults
 from structlearn.segmentation.executions import execution_cuts
 
 
@@ -49,6 +50,37 @@ def read_feedback(
         orderings=_table(feedback / "comparison" / "orderings.parquet"),
         seen_deg=parameters["coupling_dataset"].settings_deg,
         board=_board(raw, feedback, parameters),
+        refinement=read_refinement(raw, feedback, parameters),
+    )
+
+
+def read_refinement(
+    raw: Path, feedback: Path, parameters: Mapping[str, Parameters]
+) -> RefinementResults | None:
+    """What the stages of the refinement wrote; for arguments see `read_feedback`.
+
+    Returns:
+        The results; None where the task is not the simulated one, or no primitive was refined.
+    """
+    history = _table(feedback / "refinement" / "history.parquet")
+    scores = _table(feedback / "refined" / "scores.parquet")
+    if history.empty or scores.empty:
+        return None
+    setting = parameters["refine"].setting_deg
+    folders = {model: raw / "refined" / model / f"{setting:g}" for model in (NOMINAL, BEFORE, AFTER)}
+    clock = parameters["clock"].model_dump()
+    return RefinementResults(
+        scores=scores,
+        examples={
+            model: read_demonstrations(folder, **clock)
+            for model, folder in folders.items()
+            if folder.exists()
+        },
+        example_deg=setting,
+        axis=parameters["coupling_dataset"].unit_axis,
+        history=history,
+        search=_table(feedback / "search" / "trials.parquet"),
+        parameters=parameters["refine"],
     )
 
 

@@ -9,20 +9,24 @@ import pandas as pd
 
 from structlearn import signals
 from structlearn.artefacts import Metrics
-from structlearn.feedback.comparison import BETTER, REPRESENTATIONS, STOPPINGS, UNDECIDED, WORSE
+from structlearn.feedback.comparison import REPRESENTATIONS, STOPPINGS
 from structlearn.feedback.cost import nominal_orientation
 from structlearn.feedback.dataset import CouplingDataset
 from structlearn.feedback.evaluation import execution_scores
 from structlearn.feedback.folds import PARTS
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervision import Cuts
+from structlearn.metrics import UNDECIDED
 from structlearn.primitives import sensor_traces
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting import board_results
+from structlearn.reporting import board_results, refinement_results
 from structlearn.reporting.board_results import BoardResults
-from structlearn.segmentation.executions import execution_cuts
-from structlearn.simulation.trials import FINGERS
+from structlearn.reporting.execution_results import weakest
+from structlearn.reporting.refinement_results import RefinementResults
+from structlearn.segmentation.executions import commanded_cuts
+from structlearn.simulation.fingers import ELECTRODES_MM
+from structlearn.simulation.recorder import FINGERS
 
 PUBLISHED_NMSE: Mapping[int, Mapping[str, tuple[float, float]]] = {
     2: {
@@ -91,6 +95,7 @@ class FeedbackResults:
         orderings: of `comparison.paired_orderings`, with `primitive`.
         seen_deg: settings that are learned from.
         board: what was executed with the models; None where there is no simulation.
+        refinement: what came of refining the models by trial; None where nothing was refined.
     """
 
     primitives: Sequence[str]
@@ -104,6 +109,7 @@ class FeedbackResults:
     orderings: pd.DataFrame
     seen_deg: Sequence[float]
     board: BoardResults | None
+    refinement: RefinementResults | None
 
     @cached_property
     def simulated(self) -> bool:
@@ -137,9 +143,9 @@ class FeedbackResults:
     def channel_name(self, channel: int) -> str:
         """`channel 25`, and in the simulation whose electrode it is."""
         name = f"channel {channel + 1}"
-        for finger, channels in FINGERS if self.simulated else ():
-            if channels.start <= channel < channels.stop:
-                name += f" ({finger} finger, electrode {channel - channels.start + 1})"
+        if self.simulated:
+            finger, electrode = divmod(channel, len(ELECTRODES_MM))
+            name += f" ({FINGERS[finger]} finger, electrode {electrode + 1})"
         return name
 
     @cached_property
@@ -186,7 +192,7 @@ class FeedbackResults:
     def demonstrated_costs(self) -> pd.DataFrame:
         """Scores of the corrected demonstrations that `board` holds, as `evaluation.execution_scores`."""
         board = self.board
-        cuts = execution_cuts(board.corrected, self.primitives, None)
+        cuts = commanded_cuts(board.corrected, self.primitives)
         scored = {name: cuts[name] for name in board.primitives}
         return execution_scores(board.corrected, scored, nominal_orientation(self.unrolls), board.axis)
 
@@ -196,8 +202,7 @@ class FeedbackResults:
         found = found.set_index(["primitive", "better", "worse"])["verdict"]
         verdicts = {}
         for name in self.adapted:
-            each = {found.get((name, *pair), UNDECIDED) for pair in pairs}
-            verdicts[name] = WORSE if WORSE in each else UNDECIDED if UNDECIDED in each else BETTER
+            verdicts[name] = weakest(found.get((name, *pair), UNDECIDED) for pair in pairs)
         return verdicts
 
 
@@ -244,6 +249,8 @@ def tables(results: FeedbackResults) -> dict[str, pd.DataFrame]:
         found["model_orderings"] = results.orderings
     if results.board is not None:
         found |= board_results.tables(results.board, results.seen_deg)
+    if results.refinement is not None:
+        found |= refinement_results.tables(results.refinement)
     return found
 
 
@@ -254,7 +261,8 @@ def metrics(results: FeedbackResults) -> Metrics:
     the suffix `_best_step` at the best step for the demonstration that was left out, as in the dissertation.
     `cost_ratio_<model>_over_nominal_<degrees>` is the accumulated cost of both primitives with feedback
     relative to without, `feedback` being the pointwise model. `force_largest_error_percent` is of the mean
-    force of any execution; `roll_torque_monotone` is of executions without feedback.
+    force of any execution; `roll_torque_monotone` is of executions without feedback. Those of the refinement
+    are described in `refinement_results.metrics`.
     """
     values: Metrics = {}
     for name in results.adapted if len(results.comparison) else ():
@@ -264,4 +272,6 @@ def metrics(results: FeedbackResults) -> Metrics:
                 values[f"{key}_prim{results.number(name)}_generalization_nmse{suffix}"] = float(error)
     if results.board is not None:
         values |= board_results.metrics(results.board)
+    if results.refinement is not None:
+        values |= refinement_results.metrics(results.refinement, results.number)
     return values

@@ -2,8 +2,9 @@
 
 import pandas as pd
 
-from structlearn.feedback.comparison import BETTER, WORSE, dominant_features
+from structlearn.feedback.comparison import dominant_features
 from structlearn.feedback.folds import PARTS
+from structlearn.metrics import BETTER, WORSE
 from structlearn.reporting.feedback_figures import plain_name, shared_features
 from structlearn.reporting.feedback_results import (
     PUBLISHED_DIMENSIONS,

@@ -32,3 +32,20 @@ def capitalised(sentence: str) -> str:
 def level_name(level: float) -> str:
     """A noise level or a setting in a key: 0.3 becomes `0p3`."""
     return f"{level:g}".replace(".", "p")
+
+
+def rounded(value: float, number_format: str) -> str:
+    """With a true minus sign, and none before a zero."""
+    text = f"{value:{number_format}}"
+    return text.lstrip("-") if float(text) == 0.0 else text.replace("-", "\N{MINUS SIGN}")
+
+
+def with_interval(mean: float, half_width: float, number_format: str = ".1f") -> str:
+    """`1.2 [0.4, 2.0]`: a mean and its confidence interval."""
+    return f"{rounded(mean, number_format)} {interval(mean - half_width, mean + half_width, number_format)}"
+
+
+def with_spread(mean: float, std: float, number_format: str = ".1f") -> str:
+    """`1.2 ± 0.4`: a mean and its std, which a single sample does not have."""
+    text = rounded(mean, number_format)
+    return f"{text} ± {std:{number_format}}" if math.isfinite(std) else text

@@ -2,12 +2,14 @@
 
 import pandas as pd
 
+from structlearn.metrics import BETTER, UNDECIDED, WORSE
 from structlearn.reporting.feedback_claims import feedback_claims
 from structlearn.reporting.page import Prose, Section, Table
 from structlearn.reporting.prose import interval, listing
+from structlearn.reporting.refinement_claims import refinement_claims
 from structlearn.reporting.scraping_results import ScrapingResults
 from structlearn.reporting.segmentation_figures import METHOD_NAMES
-from structlearn.segmentation.comparison import BETTER, UNDECIDED, WORSE, wins_at_every_noise_level
+from structlearn.segmentation.comparison import wins_at_every_noise_level
 
 SMOOTH_JUMP = 0.01
 """A jump of the acceleration below this fraction of its maximum is what a smooth path does in one sample."""
@@ -60,6 +62,8 @@ def claims(results: ScrapingResults) -> Section:
         rows.append(_sweep_claim(results))
     if results.feedback is not None:
         rows += feedback_claims(results.feedback)
+        if results.feedback.refinement is not None:
+            rows += refinement_claims(results.feedback.refinement)
     frame = pd.DataFrame(rows, columns=["statement", "source", "here", "holds"])
     return Section(
         "Dissertation and reproduction",

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from structlearn.metrics import BETTER, UNDECIDED, WORSE
 from structlearn.reporting.page import Block, Prose, Section, Sizes, Table, beside
 from structlearn.reporting.prose import capitalised, counted, interval, listing
 from structlearn.reporting.scraping_results import ScrapingResults
 from structlearn.reporting.segmentation_figures import METHOD_NAMES
-from structlearn.segmentation.comparison import BETTER, UNDECIDED, WORSE
 from structlearn.segmentation.result import METHODS, RESULT
 
 
@@ -124,8 +124,9 @@ def noise(results: ScrapingResults, sizes: Sizes) -> Section:
     blocks: list[Block] = [
         Prose(
             f"{comparison['seeds'].max()} simulated people per noise level demonstrate the task; the same "
-            "people at every level, only the noise grows. The errors of one person's demonstrations are "
-            f"averaged first. {_left_out_of_sweep(results)}"
+            "people at every level, only the noise grows. These are movements as the person means them, "
+            "without arm and board. The errors of one person's demonstrations are averaged first. "
+            f"{_left_out_of_sweep(results)}"
         ),
         Prose(_ranking(wide)),
         Prose(

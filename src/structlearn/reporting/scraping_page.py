@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure as Picture
 
+from structlearn.feedback.closed_loop import AFTER, BEFORE
 from structlearn.feedback.models import POINTWISE
 from structlearn.params import Parameters
 from structlearn.reporting import (
@@ -13,6 +14,7 @@ from structlearn.reporting import (
     feedback_figures,
     feedback_sections,
     primitive_figures,
+    refinement_sections,
     scraping_cutting,
     scraping_movement,
     segmentation_figures,
@@ -36,6 +38,13 @@ LEAD_WITH_FEEDBACK = (
     "robot executes as one movement. Then the board tilts, people correct the robot, and a network learns "
     "to make the same corrections from what two fingers feel. Dissertation, sections IV.3, IV.5, IV.6 and "
     "IV.9.1 to IV.9.3."
+)
+LEAD_WITH_REFINEMENT = (
+    "A person shows the scraping task several times. The demonstrations are cut into primitives, which a "
+    "robot executes as one movement. Then the board tilts, people correct the robot, and a network learns "
+    "to make the same corrections from what two fingers feel. On a tilt that such a network has not learned "
+    "from, the robot refines it by trial and error. Dissertation, sections IV.3, IV.5 to IV.7 "
+    "and IV.9."
 )
 
 
@@ -88,6 +97,8 @@ def _feedback_pictures(feedback: FeedbackResults) -> dict[str, Picture]:
             made[f"closed_loop_{name}"] = board_figures.closed_loop_figure(feedback, name)
         made["board_roll"] = board_figures.roll_figure(feedback)
         made["board_cost"] = board_figures.cost_figure(feedback)
+    if feedback.refinement is not None:
+        made |= refinement_sections.pictures(feedback)
     return made
 
 
@@ -119,12 +130,18 @@ def scraping_page(
     ]
     return Page(
         title=TITLE if results.feedback is None else TITLE_WITH_FEEDBACK,
-        lead=LEAD if results.feedback is None else LEAD_WITH_FEEDBACK,
+        lead=_lead(results.feedback),
         key_numbers=tuple(_key_numbers(results)),
         sections=tuple(section for section in sections if section is not None),
         simulated=results.simulated,
         back=Link("../index.html", "All testbeds"),
     )
+
+
+def _lead(feedback: FeedbackResults | None) -> str:
+    if feedback is None:
+        return LEAD
+    return LEAD_WITH_FEEDBACK if feedback.refinement is None else LEAD_WITH_REFINEMENT
 
 
 def _key_numbers(results: ScrapingResults) -> list[KeyNumber]:
@@ -165,6 +182,17 @@ def _feedback_numbers(feedback: FeedbackResults) -> list[KeyNumber]:
         numbers.append(
             KeyNumber(f"{100 * ratio:.0f} %", f"of the cost without feedback, with it, board at {largest:g}°")
         )
+    refinement = feedback.refinement
+    if refinement is not None and refinement.evaluated:
+        tilt = refinement.example_deg
+        ratios = [refinement.ratio(AFTER, BEFORE, name).loc[tilt, "ratio"] for name in refinement.refined]
+        which = " | ".join(str(feedback.number(name)) for name in refinement.refined)
+        numbers.append(
+            KeyNumber(
+                " | ".join(f"{100 * ratio:.0f}" for ratio in ratios) + " %",
+                f"of the cost before refinement by trial, after it, board at {tilt:g}°, primitive {which}",
+            )
+        )
     return numbers
 
 
@@ -180,6 +208,8 @@ def _feedback_sections(feedback: FeedbackResults, sizes: Sizes) -> list[Section]
         sections.append(feedback_sections.models(feedback, sizes))
     if feedback.board is not None:
         sections.append(board_sections.closed_loop(feedback, sizes))
+    if feedback.refinement is not None:
+        sections.append(refinement_sections.refinement(feedback, sizes))
     return sections
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from structlearn.metrics import mean_interval
+from structlearn.metrics import mean_interval, verdict
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.evaluation import aligned_spread_mm, distances_to_reference_mm
 from structlearn.segmentation.parameters import PrimitiveParameters
@@ -13,8 +13,6 @@ from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 
 BASELINE = "ls"
 """The method that the text compares weighted least squares with."""
-
-BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
 
 
 def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
@@ -72,7 +70,7 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
             rows.append((level, other, len(at_level), mean, mean - half, mean + half))
     columns = ["noise_mm", "method", "seeds", "difference_ms", "low_ms", "high_ms"]
     table = pd.DataFrame(rows, columns=columns)
-    return table.assign(verdict=_verdict(table["low_ms"], table["high_ms"]))
+    return table.assign(verdict=verdict(table["low_ms"], table["high_ms"]))
 
 
 def wins_at_every_noise_level(by_level: pd.DataFrame) -> bool:
@@ -118,10 +116,5 @@ def alignment_comparison(
             rows.append((primitive.name, method, spread, distances.mean(), mean, mean - half, mean + half))
     columns = ["primitive", "method", "spread_mm", "distance_mm", "gain_mm", "low_mm", "high_mm"]
     table = pd.DataFrame(rows, columns=columns)
-    verdict = np.where(table["method"] == BASELINE, "", _verdict(table["low_mm"], table["high_mm"]))
-    return table.assign(verdict=verdict)
-
-
-def _verdict(low: pd.Series, high: pd.Series) -> np.ndarray:
-    """What a confidence interval of a gain says; an unknown interval is undecided."""
-    return np.select([low > 0, high < 0], [BETTER, WORSE], UNDECIDED)
+    verdicts = np.where(table["method"] == BASELINE, "", verdict(table["low_mm"], table["high_mm"]))
+    return table.assign(verdict=verdicts)

@@ -9,16 +9,35 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 
 
+def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[str, pd.DataFrame]:
+    """Segments of executions that carry what was commanded.
+
+    Args:
+        runs: executions of one task, each with `true_segments` (P, 2).
+        names: of the P primitives in order of time.
+
+    Returns:
+        By primitive: index demonstration, columns `start_s` and `end_s`.
+    """
+    labels = pd.Index([run.name for run in runs], name="demonstration")
+    return {
+        name: pd.DataFrame(
+            [run.true_segments[place] for run in runs], columns=["start_s", "end_s"], index=labels
+        )
+        for place, name in enumerate(names)
+    }
+
+
 def execution_cuts(
-    runs: Sequence[Demonstration], names: Sequence[str], parameters: SegmentParameters | None
+    runs: Sequence[Demonstration], names: Sequence[str], parameters: SegmentParameters
 ) -> dict[str, pd.DataFrame]:
-    """Segments of executions.
+    """Segments of executions: the commanded ones, or where a robot did not tell, what cutting finds.
 
     Args:
         runs: executions of one task.
         names: its primitives in order of time.
-        parameters: with which runs are cut that do not carry their commanded segments; None: all of them do.
-            Their reference is a demonstration, so the first run stands in for it; none may be left out.
+        parameters: of the cutting. Their reference is a demonstration, so the first run stands in for it;
+            none may be left out.
 
     Returns:
         By primitive: index demonstration, columns `start_s` and `end_s`.
@@ -27,14 +46,6 @@ def execution_cuts(
         InputError: a run without commanded segments cannot be cut.
     """
     if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
-        labels = pd.Index([run.name for run in runs], name="demonstration")
-        return {
-            name: pd.DataFrame(
-                [run.true_segments[place] for run in runs], columns=["start_s", "end_s"], index=labels
-            )
-            for place, name in enumerate(names)
-        }
-    if parameters is None:
-        raise ValueError("these runs do not carry their commanded segments")
+        return commanded_cuts(runs, names)
     found = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False}))
     return {name: found.result(name)[["start_s", "end_s"]] for name in names}

@@ -12,12 +12,12 @@ from structlearn.feedback.runtime import Limits
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.supervision import SupervisionParameters, coupling_dataset
 from structlearn.parallel import parallel_map
-from structlearn.policy_search.refinement import Rollout
+from structlearn.policy_search.rollouts import Rollout
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.executions import execution_cuts
+from structlearn.segmentation.executions import commanded_cuts
 from structlearn.simulation.trials import Run, TestbedParameters, execute_run
 
 REFINED = 4
@@ -62,6 +62,11 @@ class Board:
     clock: ClockParameters
 
     @property
+    def rate_hz(self) -> float:
+        """Ticks per second of the costs."""
+        return self.clock.rate_hz
+
+    @property
     def place(self) -> int:
         """Of the primitive in the task."""
         return [primitive.name for primitive in self.primitives].index(self.name)
@@ -71,15 +76,26 @@ class Board:
     ) -> list[Rollout]:
         """Execute once per network, in processes; a run that fails is reported in its rollout."""
         work = [(self, network, seed) for network, seed in zip(networks, seeds, strict=True)]
-        return parallel_map(_rollout, work, f"rollouts of {self.name}")
+        return parallel_map(_rollout, work, f"rollouts of {self.name}", lost=_lost)
 
 
-def _rollout(work: tuple[Board, PhaseModulatedNetwork, tuple[int, ...]]) -> Rollout:
+Work = tuple[Board, PhaseModulatedNetwork, tuple[int, ...]]
+
+
+def _rollout(work: Work) -> Rollout:
     board, network, seed = work
     try:
         return _judged(board, network, seed)
     except FAILURES as error:
-        return Rollout(np.array([np.nan]), None, f"{type(error).__name__}: {error}")
+        return _failed(f"{type(error).__name__}: {error}")
+
+
+def _lost(work: Work) -> Rollout:
+    return _failed("the process died")
+
+
+def _failed(fault: str) -> Rollout:
+    return Rollout(np.array([np.nan]), None, fault)
 
 
 def _judged(board: Board, network: PhaseModulatedNetwork, seed: tuple[int, ...]) -> Rollout:
@@ -96,7 +112,7 @@ def _judged(board: Board, network: PhaseModulatedNetwork, seed: tuple[int, ...])
     run = Run("rollout", board.setting_deg, (REFINED, board.place, *seed), feedback=True)
     recording = execute_run(run, 0, skill, board.testbed, board.limits)
     demonstration = synchronise(recording, board.clock.rate_hz, board.clock.max_gap_s)
-    cuts = execution_cuts([demonstration], [primitive.name for primitive in executed], None)[board.name]
+    cuts = commanded_cuts([demonstration], [primitive.name for primitive in executed])[board.name]
     cost = orientation_cost(demonstration, board.nominal)
     if cost.max() > DIVERGED_RAD:
         raise InputError(f"the tool is off by {np.degrees(cost.max()):.0f} degrees: the run has diverged")

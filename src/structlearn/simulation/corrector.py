@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
+from structlearn import minimum_jerk
 from structlearn.params import Parameters
 from structlearn.simulation.hand_noise import hand_noise
 
@@ -147,6 +148,6 @@ class Corrector:
         roll = rate = 0.0
         for movement in self._submovements:
             s = min(max((now - movement.onset) / movement.duration, 0.0), 1.0)
-            roll += movement.amplitude * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-            rate += movement.amplitude * 30.0 * s**2 * (1.0 - s) ** 2 / movement.duration
+            roll += movement.amplitude * minimum_jerk.progress(s)
+            rate += movement.amplitude * minimum_jerk.rate(s) / movement.duration
         return roll, rate

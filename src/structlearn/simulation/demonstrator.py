@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import structlearn
-from structlearn import quaternion
+from structlearn import minimum_jerk, quaternion
 from structlearn.params import Parameters
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
@@ -225,9 +225,9 @@ class _Movement:
         """Progress of both coordinates, 0 before the onset and 1 after the end: (T,) s -> (2, T)."""
         phase = np.interp(time - self.onset, self.grid, self.phase)
         share, primary, secondary = self.shapes.T[..., None]  # (2, 1) each
-        return share * _minimum_jerk(phase / primary) + (1 - share) * _minimum_jerk(
-            (phase - secondary) / (1 - secondary)
-        )
+        first = np.clip(phase / primary, 0.0, 1.0)
+        second = np.clip((phase - secondary) / (1 - secondary), 0.0, 1.0)
+        return share * minimum_jerk.progress(first) + (1 - share) * minimum_jerk.progress(second)
 
 
 @dataclass(frozen=True)
@@ -315,9 +315,3 @@ def _follow(plan: _Plan, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         turn = plan.tilts[index + 1] - plan.tilts[index]
         tilt += np.hstack([first, second, first]) * turn
     return edge, tilt
-
-
-def _minimum_jerk(phase: np.ndarray) -> np.ndarray:
-    """10 s^3 - 15 s^4 + 6 s^5 on [0, 1], constant outside (Flash & Hogan 1985)."""
-    s = np.clip(phase, 0.0, 1.0)
-    return s**3 * (10 - 15 * s + 6 * s**2)

@@ -6,7 +6,7 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.executions import execution_cuts
+from structlearn.segmentation.executions import commanded_cuts
 from structlearn.simulation.trials import TestbedParameters, evaluation_runs, executions
 
 
@@ -38,5 +38,5 @@ def executed_set(
     for place, setting in enumerate(parameters.settings_deg):
         by_setting[setting] = recordings[place * parameters.runs : (place + 1) * parameters.runs]
         read[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in by_setting[setting]]
-        cuts[setting] = execution_cuts(read[setting], names, None)
+        cuts[setting] = commanded_cuts(read[setting], names)
     return by_setting, ExecutedSet(model, skill.networks, read, cuts)

@@ -16,7 +16,7 @@ from structlearn import quaternion
 from structlearn.params import Parameters
 from structlearn.simulation import scraping_robot
 from structlearn.simulation.corrector import Corrector
-from structlearn.simulation.fingers import FingerPair
+from structlearn.simulation.fingers import CHANNELS, FingerPair
 from structlearn.simulation.layout import FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.simulation.operational_space import OperationalSpace
 from structlearn.simulation.scraping_robot import ARM_JOINTS
@@ -181,13 +181,13 @@ def execute(
             height = -force_control.step(conditions.force[k] + felt[2])
             if corrector is not None:
                 lacking = conditions.board_roll - roll_of(world.tool_rotation)
-                nominal = (roll_of(_matrix(motion.orientation)), float(motion.angular_velocity[1]))
+                nominal = (roll_of(quaternion.matrix(motion.orientation)), float(motion.angular_velocity[1]))
                 person = corrector.torque(k, lacking, nominal, (roll_of(arm.rotation), arm.twist[4]))
                 hold = np.array([0.0, 0.0, 0.0, 0.0, person, 0.0])
                 roll = roll_control.step(person - felt[4])
         position = motion.position.copy()
         position[2] += height
-        rotation = _about_y(roll) @ _matrix(motion.orientation)
+        rotation = _about_y(roll) @ quaternion.matrix(motion.orientation)
         torques = arm.torques(
             position,
             rotation,
@@ -237,7 +237,7 @@ def _empty_log(ticks: int) -> RunLog:
     }
     count_ticks = np.arange(0, ticks, FINGER_TICKS)
     return RunLog(
-        counts=np.empty((len(count_ticks), 38)),
+        counts=np.empty((len(count_ticks), CHANNELS)),
         count_ticks=count_ticks,
         primitive=np.empty(ticks, dtype=int),
         **{name: np.empty((ticks, width)) for name, width in widths.items()},
@@ -247,18 +247,6 @@ def _empty_log(ticks: int) -> RunLog:
 def _about_y(angle: float) -> np.ndarray:
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.array(((cosine, 0.0, sine), (0.0, 1.0, 0.0), (-sine, 0.0, cosine)))
-
-
-def _matrix(q: np.ndarray) -> np.ndarray:
-    """Rotation matrix of one unit quaternion."""
-    w, x, y, z = q
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-    )
 
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:

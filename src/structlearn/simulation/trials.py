@@ -11,14 +11,13 @@ from functools import partial
 import numpy as np
 from pydantic import Field
 
-import structlearn
 from structlearn import quaternion
 from structlearn.feedback.runtime import Controller, Limits
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.parallel import parallel_map
 from structlearn.params import Parameters
 from structlearn.primitives.sequence import default_start
-from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.recording import Recording
 from structlearn.simulation.corrector import Corrector, CorrectorParameters
 from structlearn.simulation.demonstrator import (
     DemonstratorParameters,
@@ -27,37 +26,29 @@ from structlearn.simulation.demonstrator import (
     intended_movements,
     orientation_of,
 )
-from structlearn.simulation.execution import FINGER_TICKS, Conditions, ControlParameters, RunLog, execute
+from structlearn.simulation.execution import FINGER_TICKS, Conditions, ControlParameters, execute
 from structlearn.simulation.fingers import FingerPair, TouchParameters
 from structlearn.simulation.guidance import GuidanceParameters, GuidedMotion, pressure
 from structlearn.simulation.layout import CONTACT_M
+from structlearn.simulation.recorder import RecorderParameters, provenance, recorded
 from structlearn.simulation.scraping_world import ScrapingWorld, WorldParameters
 
 HOLD_S = 0.3
 """s that the robot waits at the end of an execution, so that all streams cover its last sample."""
 
-RECORDED_EVERY = 3
-"""Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz."""
-
-FINGERS = (("left", slice(0, 19)), ("right", slice(19, 38)))
-
 
 class VariationParameters(Parameters):
-    """What differs between runs, and the recorder.
+    """What differs between runs.
 
     Attributes:
         board_roll_deg: std of the tilt stage about its setting; its protractor shows 0.1 degrees.
         friction: std of the log of the friction coefficient: wipes, ink, dust.
         board_stiffness: std of the log of the board's stiffness under the edge, which meets it elsewhere.
-        motion_capture_deg: std per axis of a motion-capture reading of the tool on the board.
-        stamp_jitter_s: std of the stamps of devices with clocks of their own.
     """
 
     board_roll_deg: float = Field(default=0.1, ge=0)
     friction: float = Field(default=0.15, ge=0)
     board_stiffness: float = Field(default=0.1, ge=0)
-    motion_capture_deg: float = Field(default=0.1, ge=0)
-    stamp_jitter_s: float = Field(default=2e-4, ge=0)
 
 
 class TestbedParameters(Parameters):
@@ -70,6 +61,7 @@ class TestbedParameters(Parameters):
         control: of the robot.
         touch: of the fingers.
         variation: between runs.
+        recorder: of the devices that record them.
         guidance: of the person who guides the arm.
         corrector: of the person who corrects roll.
     """
@@ -82,6 +74,7 @@ class TestbedParameters(Parameters):
     control: ControlParameters = ControlParameters()
     touch: TouchParameters = TouchParameters()
     variation: VariationParameters = VariationParameters()
+    recorder: RecorderParameters = RecorderParameters()
     guidance: GuidanceParameters = GuidanceParameters()
     corrector: CorrectorParameters = CorrectorParameters()
 
@@ -194,13 +187,18 @@ def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Record
         )
         motion = GuidedMotion(movement)
         first = orientation_of(movement.tilt[:1] + movement.tilt_noise[:1])[0]
-        start = (movement.edge[0] + movement.edge_noise[0], _rotation(first))
+        start = (movement.edge[0] + movement.edge_noise[0], quaternion.matrix(first))
         fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, _finger_rate(testbed))
         log = execute(world, motion, start, ticks, conditions, testbed.control, fingers, wrist_rng)
-    provenance = _provenance("a person guides the arm", 0.0, str(seed))
-    index = int(movement.name) - 1
-    return _recording(
-        movement.name, first_stamp(index), log, movement.segments, provenance, testbed, clocks_rng
+    return recorded(
+        movement.name,
+        first_stamp(int(movement.name) - 1),
+        log,
+        movement.segments,
+        provenance("a person guides the arm", 0.0, str(seed)),
+        world.dt,
+        testbed.recorder,
+        clocks_rng,
     )
 
 
@@ -230,16 +228,20 @@ def execute_run(
         )
         fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, _finger_rate(testbed))
         corrector = Corrector(testbed.corrector, ticks, world.dt, person_rng) if run.corrected else None
-        pose = (start.position, _rotation(start.orientation))
+        pose = (start.position, quaternion.matrix(start.orientation))
         log = execute(world, controller, pose, ticks, conditions, own, fingers, wrist_rng, corrector)
     what = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
-    provenance = _provenance(
-        f"execution, {what}", run.setting_deg, " ".join(map(str, [testbed.seed, *run.seed]))
-    )
-    return _recording(
-        run.name, first_stamp(index), log, _segments(log.primitive, rate_hz, duration), provenance, testbed,
+    seed = " ".join(map(str, [testbed.seed, *run.seed]))
+    return recorded(
+        run.name,
+        first_stamp(index),
+        log,
+        _segments(log.primitive, rate_hz, duration),
+        provenance(f"execution, {what}", run.setting_deg, seed),
+        world.dt,
+        testbed.recorder,
         clocks_rng,
-    )  # fmt: skip
+    )
 
 
 def _execute(
@@ -276,59 +278,5 @@ def _segments(primitive: np.ndarray, rate_hz: float, duration: float) -> np.ndar
     return np.column_stack([edges[:-1], edges[1:]])
 
 
-def _recording(
-    name: str,
-    start: int,
-    log: RunLog,
-    segments: np.ndarray,
-    provenance: dict[str, str],
-    testbed: TestbedParameters,
-    rng: np.random.Generator,
-) -> Recording:
-    """Streams with the clocks of their devices; pose and wrench at the controller's rate, the rest slower."""
-    own, rate_hz = testbed.variation, testbed.world.control_rate_hz
-    ticks = np.arange(len(log.position))
-    slow = ticks[::RECORDED_EVERY]
-    robot = start + np.round(ticks / rate_hz * 1e9).astype(np.int64)
-
-    def device(sampled: np.ndarray) -> np.ndarray:
-        """Stamps of a device that samples at these ticks and has a clock of its own."""
-        jitter = np.clip(own.stamp_jitter_s * rng.standard_normal(len(sampled)), -1 / rate_hz, 1 / rate_hz)
-        jitter[[0, -1]] = 0.0
-        return robot[sampled] + np.round(jitter * 1e9).astype(np.int64)
-
-    noise = np.radians(own.motion_capture_deg) * rng.standard_normal((len(slow), 3))
-    seen = quaternion.product(quaternion.from_rotation_vector(noise), log.tool_to_board[slow])
-    streams = [
-        Stream("/hand/pose", "pose", robot, np.hstack([log.position, log.orientation])),
-        Stream("/joints/positions", "joint_positions", robot[slow], log.joint_positions[slow]),
-        Stream("/joints/velocities", "joint_velocities", robot[slow], log.joint_velocities[slow]),
-        Stream("/joints/torques", "joint_torques", robot[slow], log.joint_torques[slow]),
-        Stream("/wrist/wrench", "wrench", robot, log.wrench),
-    ]
-    streams += [
-        Stream(f"/fingers/{finger}", "tactile", device(log.count_ticks), log.counts[:, channels])
-        for finger, channels in FINGERS
-    ]
-    streams.append(Stream("/motion_capture/tool_to_board", "tool_to_board", device(slow), seen))
-    return Recording(name, tuple(streams), segments, provenance)
-
-
-def _provenance(what: str, setting_deg: float, seed: str) -> dict[str, str]:
-    return {
-        "origin": "simulated",
-        "generator": "structlearn.simulation.trials",
-        "version": structlearn.__version__,
-        "seed": seed,
-        "setting": f"board roll {setting_deg:g} degrees",
-        "what": what,
-    }
-
-
 def _finger_rate(testbed: TestbedParameters) -> float:
     return testbed.world.control_rate_hz / FINGER_TICKS
-
-
-def _rotation(q: np.ndarray) -> np.ndarray:
-    """Rotation matrix (3, 3) of a unit quaternion."""
-    return quaternion.rotate(q, np.eye(3)).T

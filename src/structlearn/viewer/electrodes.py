@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from structlearn.palette import GREY, ORANGE, SKY
 from structlearn.simulation.fingers import ELECTRODES_MM, SKIN_RADIUS_MM, TouchParameters
-from structlearn.viewer.recording import rgba, time_column
+from structlearn.viewer.recording import blended, rgba, thinning, time_column
 from structlearn.viewer.run import Execution
 
 RESTING = "#565d66"
@@ -18,6 +18,9 @@ FULL_SCALE_QUANTILE = 0.995
 """Share of the deviations within the colour scale: single electrodes would darken all others."""
 
 FINGERS = ("left finger", "right finger")
+
+COLOUR_RATE_HZ = 50.0
+"""Colours per second: smooth to the eye; they are most of a file."""
 
 MAP_WIDTH, MAP_GAP = 24.0, 3.0
 """mm that one finger takes in the flat picture, and between the two."""
@@ -32,10 +35,7 @@ def full_scale(executions: Sequence[Execution]) -> float:
 
 def deviation_colours(deviation: np.ndarray, scale: float) -> np.ndarray:
     """Colours 0xRRGGBBAA of deviations, (...) -> (...): blue below the expected reading, orange above."""
-    ends = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in (SKY, RESTING, ORANGE)])
-    share = np.clip(deviation / scale, -1.0, 1.0)
-    parts = [np.interp(share, [-1.0, 0.0, 1.0], ends[:, part]).astype(np.uint32) for part in range(3)]
-    return (parts[0] << 24) | (parts[1] << 16) | (parts[2] << 8) | 0xFF
+    return blended(0.5 + 0.5 * deviation / scale, (SKY, RESTING, ORANGE))
 
 
 def electrodes() -> np.ndarray:
@@ -90,8 +90,9 @@ def send_colours(
     scale: float,
 ) -> None:
     """Colours of the electrodes over time; until feedback begins all read as expected."""
-    times = np.concatenate([one.run.time[:1], one.time])
-    shown = np.concatenate([np.zeros((1, one.deviation.shape[1])), one.deviation])
+    kept = slice(None, None, thinning(float(np.median(np.diff(one.time))), COLOUR_RATE_HZ))
+    times = np.concatenate([one.run.time[:1], one.time[kept]])
+    shown = np.concatenate([np.zeros((1, one.deviation.shape[1])), one.deviation[kept]])
     colours = deviation_colours(shown, scale)
     columns = points.columns(colors=colours.ravel())
     stream.send_columns(path, [time_column(times)], columns.partition([colours.shape[1]] * len(colours)))

@@ -80,6 +80,14 @@ def rgba(colours: Sequence[str], opacity: float = 1.0) -> np.ndarray:
     return np.array([int(f"{colour[1:]}{alpha}", 16) for colour in colours], dtype=np.uint32)
 
 
+def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
+    """Colours 0xRRGGBBAA (...) of shares (...): evenly spread from the first colour at 0 to the last at 1."""
+    stops = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours])
+    places = np.linspace(0.0, 1.0, len(stops))
+    red, green, blue = (np.interp(share, places, stops[:, part]).astype(np.uint32) for part in range(3))
+    return (red << 24) | (green << 16) | (blue << 8) | 0xFF
+
+
 def origin_label(demonstrations: Sequence[Demonstration]) -> str:
     """What a heading says of the data's origin: nothing when all of it was recorded."""
     simulated = [demonstration.simulated for demonstration in demonstrations]
@@ -88,9 +96,9 @@ def origin_label(demonstrations: Sequence[Demonstration]) -> str:
     return " (simulated)" if all(simulated) else f" ({sum(simulated)} of {len(simulated)} simulated)"
 
 
-def thinning(dt: float) -> int:
+def thinning(dt: float, rate_hz: float = VIEW_RATE_HZ) -> int:
     """Every how many samples one is kept."""
-    return max(1, round(1.0 / (VIEW_RATE_HZ * dt)))
+    return max(1, round(1.0 / (rate_hz * dt)))
 
 
 def time_column(times: np.ndarray) -> rr.TimeColumn:
@@ -232,7 +240,10 @@ def lanes(name: str, contents: Sequence[str]) -> rrb.StateTimelineView:
 
 
 def layout(
-    content: rrb.Container | rrb.View, timeline: str = TIME, steps_per_s: float | None = None
+    content: rrb.Container | rrb.View,
+    timeline: str = TIME,
+    steps_per_s: float | None = None,
+    at_end: bool = False,
 ) -> rrb.Blueprint:
     """Blueprint that leaves the window to the views; the panels at the sides are folded away.
 
@@ -240,10 +251,16 @@ def layout(
         content: the views.
         timeline: on which the viewer starts, paused at its first time.
         steps_per_s: how fast time lines of whole numbers are played.
+        at_end: start at its last time instead.
     """
     return rrb.Blueprint(
         content,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused", fps=steps_per_s),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=timeline,
+            play_state="following" if at_end else "paused",
+            fps=steps_per_s,
+        ),
     )

@@ -1,6 +1,6 @@
 """One execution on the board for recordings: the run, what its feedback saw and did, and its plots."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ HEADINGS = {
     "force": "force on the board (N)",
     "torque": "roll torque of the board (mN m)",
 }
-"""Plotted signals by name."""
+"""Signals of every execution, by name."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Execution:
         time: (S,) s since the start of the run, of the samples below.
         coupling: (S,) coupling term about the roll axis.
         deviation: (S, 38) counts, what the electrodes read minus what they read in nominal runs.
+        cost: (C,) rad, of the first C <= T samples of the run (eq. IV.34); None where it is not shown.
     """
 
     label: str
@@ -45,6 +46,7 @@ class Execution:
     time: np.ndarray
     coupling: np.ndarray
     deviation: np.ndarray
+    cost: np.ndarray | None = None
 
     @property
     def tool_orientation(self) -> np.ndarray:
@@ -79,6 +81,7 @@ def execution(
     board_deg: float,
     primitives: Sequence[str],
     traces: Mapping[str, pd.DataFrame],
+    cost: np.ndarray | None = None,
 ) -> Execution:
     """A run with the traces of its primitives joined on its own clock.
 
@@ -89,6 +92,7 @@ def execution(
         primitives: names in order of time.
         traces: by primitive, columns `time_s` since its start, `coupling` and `channel_00` ...; primitives
             without feedback have none.
+        cost: see `Execution`.
     """
     starts = dict(zip(primitives, run.true_segments[:, 0], strict=True))
     felt = [name for name in primitives if name in traces]
@@ -102,12 +106,22 @@ def execution(
         joined["time_s"].to_numpy(float),
         joined["coupling"].to_numpy(float),
         joined[channels].to_numpy(float),
+        cost,
     )
 
 
-def send_signals(stream: rr.RecordingStream, parent: str, one: Execution, kept: slice, colour: str) -> None:
-    """Log the plotted signals of an execution below a parent."""
-    for kind, (times, values) in _signals(one, kept).items():
+def send_signals(
+    stream: rr.RecordingStream,
+    parent: str,
+    one: Execution,
+    kept: slice,
+    colour: str,
+    kinds: Iterable[str] = HEADINGS,
+) -> None:
+    """Log signals of an execution below a parent; `kinds` as in `HEADINGS`, or "cost" where it is known."""
+    signals = _signals(one, kept)
+    for kind in kinds:
+        times, values = signals[kind]
         curve = entity(parent, kind, one.label)
         send_series(stream, curve, [time_column(times)], values[:, None], [one.label], [colour])
 
@@ -119,19 +133,21 @@ def send_board_roll(stream: rr.RecordingStream, parent: str, one: Execution) -> 
     send_series(stream, entity(parent, "hand roll", "board"), ends, rolls, ["board"], [GREY])
 
 
-def signal_plots(parent: str) -> list[rrb.TimeSeriesView]:
-    """Plots of what `send_signals` and `send_board_roll` log below a parent."""
-    return [plot(heading, [f"{entity(parent, kind)}/**"], legend=False) for kind, heading in HEADINGS.items()]
+def signal_plots(parent: str, headings: Mapping[str, str] = HEADINGS) -> list[rrb.TimeSeriesView]:
+    """Plots of what `send_signals` and `send_board_roll` log below a parent, with headings by kind."""
+    return [plot(heading, [f"{entity(parent, kind)}/**"], legend=False) for kind, heading in headings.items()]
 
 
 def _signals(one: Execution, kept: slice) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Plotted signals by their name in `HEADINGS`: times in s, and values of equal shape (T,)."""
+    """Plotted signals by name: times in s, and values of equal shape (T,)."""
     times, run = one.run.time[kept], one.run
     before = one.run.time[:1]  # without feedback, so that all plots begin together
+    cost = np.empty(0) if one.cost is None else one.cost
     return {
         "roll on board": (times, one.roll_on_board[kept]),
         "hand roll": (times, one.hand_roll[kept]),
         "coupling": (np.append(before, one.time), np.append(0.0, one.coupling)),
+        "cost": (run.time[: len(cost)][kept], cost[kept]),
         "force": (times, -run.wrench[kept, 2]),
         "torque": (times, -1e3 * run.wrench[kept, 3:] @ ROLL_AXIS),
     }

@@ -37,8 +37,14 @@ FINGER_M = 0.045
 AXES_M = 0.02
 """Length of the axes of the hand's frame."""
 
+EYE_M = 0.16
+"""From the camera to what it looks at."""
+
 BOARD, SKIN = "#39424e", "#6b7480"
 """Colours of the board and of the hand."""
+
+SHADOW_OPACITY = 0.3
+"""Of what is drawn pale, in the scene of another execution."""
 
 
 def send_board(stream: rr.RecordingStream, path: str, board_deg: float) -> None:
@@ -56,7 +62,13 @@ def send_board(stream: rr.RecordingStream, path: str, board_deg: float) -> None:
 
 
 def send_hand(
-    stream: rr.RecordingStream, path: str, one: Execution, kept: slice, colour: str, scale: float
+    stream: rr.RecordingStream,
+    path: str,
+    one: Execution,
+    kept: slice,
+    colour: str,
+    scale: float,
+    shadow: bool = False,
 ) -> None:
     """Log the moving hand: its frame, palm, fingers, and electrodes coloured by their deviation.
 
@@ -65,12 +77,14 @@ def send_hand(
         path: of the hand's entity.
         one: the execution.
         kept: samples that are shown.
-        colour: of the point at the frame's origin.
+        colour: of the point at the frame's origin, and of a whole shadow.
         scale: of `full_scale`.
+        shadow: draw it pale and without its electrodes, which would hide those of another hand.
     """
     times = [time_column(one.run.time[kept])]
     position, orientation = one.run.position[kept], one.run.orientation[kept]
     send_moving_frame(stream, path, times, position, orientation, colour, AXES_M)
+    skin, opacity = (colour, SHADOW_OPACITY) if shadow else (SKIN, 1.0)
     touch = TouchParameters()
     outwards = 1e-3 * (touch.pad_distance_mm + SKIN_RADIUS_MM)
     tips = -EDGE_M - 1e-3 * np.array(touch.home_mm)  # where the round tips start, along z
@@ -78,7 +92,7 @@ def send_hand(
         lengths=[FINGER_M] * 2,
         radii=[1e-3 * SKIN_RADIUS_MM] * 2,
         translations=[[outwards, 0.0, tips[0] - FINGER_M], [-outwards, 0.0, tips[1] - FINGER_M]],
-        colors=rgba([SKIN], 0.4),
+        colors=rgba([skin], 0.4 * opacity),
         fill_mode=rr.components.FillMode.Solid,
     )
     stream.log(f"{path}/fingers", fingers, static=True)
@@ -86,17 +100,25 @@ def send_hand(
     palm = rr.Boxes3D(
         sizes=[[0.06, 0.03, bottom - top], [0.04, 0.04, WRIST_M]],
         centers=[[0.0, 0.0, 0.5 * (top + bottom)], [0.0, 0.0, top - 0.5 * WRIST_M]],
-        colors=rgba([SKIN]),
+        colors=rgba([skin], opacity),
         fill_mode=rr.components.FillMode.Solid,
     )
     stream.log(f"{path}/palm", palm, static=True)
+    if shadow:
+        return
     points = rr.Points3D(electrodes().reshape(-1, 3) - [0.0, 0.0, EDGE_M], radii=0.0008)
     stream.log(f"{path}/electrodes", points, static=True)
     send_colours(stream, f"{path}/electrodes", rr.Points3D, one, scale)
 
 
-def send_tool(stream: rr.RecordingStream, path: str, one: Execution, kept: slice, colour: str) -> None:
-    """Log the tool as it turns between the fingers: what they hold of it, its blade, and its edge."""
+def send_tool(
+    stream: rr.RecordingStream, path: str, one: Execution, kept: slice, colour: str, shadow: bool = False
+) -> None:
+    """Log the tool as it turns between the fingers: what they hold of it, its blade, and its edge.
+
+    A shadow is pale and has the colour all over.
+    """
+    opacity = SHADOW_OPACITY if shadow else 1.0
     pose = rr.Transform3D.columns(
         translation=one.grasp[kept], quaternion=quaternion.to_xyzw(one.tool_orientation[kept])
     )
@@ -105,7 +127,7 @@ def send_tool(stream: rr.RecordingStream, path: str, one: Execution, kept: slice
     boxes = rr.Boxes3D(
         sizes=[GRIP_M, [EDGE_WIDTH_M, BLADE_M, EDGE_M - reached]],
         centers=[[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + EDGE_M)]],
-        colors=rgba([LIGHT_GREY, colour]),
+        colors=rgba([colour if shadow else LIGHT_GREY, colour], opacity),
         fill_mode=rr.components.FillMode.Solid,
     )
     stream.log(f"{path}/body", boxes, static=True)
@@ -119,12 +141,12 @@ def send_path(stream: rr.RecordingStream, path: str, one: Execution, kept: slice
     stream.log(path, strip, static=True)
 
 
-def close_view(name: str, contents: Sequence[str]) -> rrb.Spatial3DView:
+def close_view(name: str, contents: Sequence[str], distance_m: float = EYE_M) -> rrb.Spatial3DView:
     """3-D view along the scraping direction, close to where the tool meets the board, that shows roll."""
     target = CONTACT_M + np.array([0.0, 0.02, 0.028])
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=target + 0.16 * np.array([0.15, -0.93, 0.33]),
+        position=target + distance_m * np.array([0.15, -0.93, 0.33]),
         look_target=target,
         eye_up=[0.0, 0.0, 1.0],
     )

@@ -1,0 +1,111 @@
+"""Flat diagrams in recordings: axes for curves over anything but the time lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.palette import GREY
+from structlearn.viewer.recording import rgba
+
+GRID = "#262b31"
+"""Colour of the grid: just visible on the viewer's dark ground."""
+
+LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2
+"""Room around the axes for their numbers and names."""
+
+TICKS = 6
+"""About so many intervals per axis."""
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A flat picture of a range of values; drawn with x to the right and y upwards.
+
+    Attributes:
+        x_range: smallest and largest x.
+        y_range: smallest and largest y.
+        width: of the picture, in units of the drawing.
+        height: likewise.
+    """
+
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+    width: float
+    height: float
+
+    def points(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Places in the drawing, (..., 2), of values x and y (...)."""
+        (left, right), (bottom, top) = self.x_range, self.y_range
+        across = self.width * (np.asarray(x, float) - left) / (right - left)
+        down = self.height * (top - np.asarray(y, float)) / (top - bottom)
+        return np.stack(np.broadcast_arrays(across, down), axis=-1)
+
+
+def rounded_range(values: np.ndarray, least: float | None = None) -> tuple[float, float]:
+    """Range of whole ticks around all values (...); it starts at `least` if that is given."""
+    low, high = float(np.min(values)), float(np.max(values))
+    low = low if least is None else least
+    step = tick_step(low, high)
+    return (step * np.floor(low / step), step * np.ceil(high / step)) if high > low else (low, low + 1.0)
+
+
+def tick_step(low: float, high: float) -> float:
+    """Distance of ticks: 1, 2 or 5 times a power of ten."""
+    rough = max(high - low, np.finfo(float).tiny) / TICKS
+    power = 10.0 ** np.floor(np.log10(rough))
+    return float(next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= 0.999 * rough))
+
+
+def send_axes(
+    stream: rr.RecordingStream,
+    path: str,
+    diagram: Diagram,
+    x_name: str,
+    x_ticks: Sequence[float] | None = None,
+) -> None:
+    """Log the grid of a diagram with its numbers.
+
+    Args:
+        stream: of the recording.
+        path: of the axes' entity.
+        diagram: to which they belong.
+        x_name: below the axis; what y is belongs into the view's heading.
+        x_ticks: by default as `tick_step` says.
+    """
+    (left, right), (bottom, top) = diagram.x_range, diagram.y_range
+    xs = _ticks(left, right) if x_ticks is None else np.asarray(x_ticks, float)
+    ys = _ticks(bottom, top)
+    upright = diagram.points(xs[:, None], np.array([bottom, top]))  # (X, 2, 2)
+    level = diagram.points(np.array([left, right]), ys[:, None])  # (Y, 2, 2)
+    zero = np.isclose(ys, 0.0, atol=1e-9 * (top - bottom))
+    colours = rgba([GRID] * len(xs) + [GREY if at_zero else GRID for at_zero in zero])
+    grid = rr.LineStrips2D(np.concatenate([upright, level]), colors=colours, radii=-0.6, draw_order=-9.0)
+    stream.log(path, grid, static=True)
+    below = diagram.points(xs, bottom) + np.array([0.0, 0.1])
+    beside = diagram.points(left, ys) - np.array([0.45 * LEFT, 0.5])  # a label hangs below its point
+    name = diagram.points(0.5 * (left + right), bottom) + np.array([0.0, 0.5 * BELOW])
+    labels = [*(f"{value:g}" for value in [*xs, *ys]), x_name]
+    stream.log(f"{path}/numbers", texts([*below, *beside, name], labels, [GREY]), static=True)
+
+
+def texts(places: Sequence[np.ndarray], labels: Sequence[str], colours: Sequence[str]) -> rr.Points2D:
+    """Labels that hang below N places (2,) of a drawing, with N colours or one for all."""
+    points = np.reshape(places, (-1, 2))
+    return rr.Points2D(points, labels=list(labels), colors=rgba(colours), radii=0.0, show_labels=True)
+
+
+def diagram_view(name: str, path: str, diagram: Diagram) -> rrb.Spatial2DView:
+    """View of a diagram and everything that is drawn in it below a path."""
+    bounds = rrb.VisualBounds2D(
+        x_range=[-LEFT, diagram.width + RIGHT], y_range=[-ABOVE, diagram.height + BELOW]
+    )
+    return rrb.Spatial2DView(name=name, origin="/", contents=[f"{path}/**"], visual_bounds=bounds)
+
+
+def _ticks(low: float, high: float) -> np.ndarray:
+    step = tick_step(low, high)
+    count = np.arange(np.ceil(low / step - 1e-6), np.floor(high / step + 1e-6) + 1)
+    return np.round(step * count, 12) + 0.0  # no minus before a zero

@@ -1,0 +1,56 @@
+"""Search the open-loop policy by PI2-CMA and by CMA-ES with the same budget of rollouts (IV.7.2)."""
+
+from dataclasses import replace
+
+import pandas as pd
+
+from structlearn.artefacts import publish, write_table
+from structlearn.feedback.closed_loop import AFTER, BEFORE
+from structlearn.feedback.pmnn import read_networks
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.policy_search import refinement
+from structlearn.policy_search.comparison import ComparisonParameters, compare
+from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.simulation.board_files import read_board
+from structlearn.simulation.board_refinement import BoardRefinementParameters
+from structlearn.simulation.board_rollouts import Board
+from structlearn.simulation.trials import TestbedParameters
+from structlearn.stage import run, stage_parameters
+
+DATA = "data/feedback/scraping"
+
+
+def main() -> None:
+    parameters = stage_parameters("compare_search", ComparisonParameters)
+    refined = stage_parameters("refine", BoardRefinementParameters)
+    supervision = stage_parameters("coupling_dataset", SupervisionParameters)
+    testbed = stage_parameters("testbed", TestbedParameters)
+    clock = stage_parameters("clock", ClockParameters)
+    simulated = stage_parameters("record", SourceParameters).simulated
+    settings = (refined.settings_deg, refined.setting_deg)
+    with publish(f"{DATA}/search") as folder:
+        folder.mkdir()
+        found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
+        if found is not None and refined.scales:
+            board, _ = found
+            write_table(searches(board, refined, parameters), folder / "trials.parquet")
+
+
+def searches(
+    board: Board, refined: BoardRefinementParameters, parameters: ComparisonParameters
+) -> pd.DataFrame:
+    """Both searches for every primitive that is refined, from what its model before refinement does."""
+    before, after = (read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER))
+    names = [primitive.name for primitive in board.primitives if primitive.name in before]
+    tables = []
+    for place, name in enumerate(names):
+        if name in refined.scales:
+            own = replace(board, name=name, preceding={one: after[one] for one in names[:place]})
+            exploration = refined.scales[name].exploration
+            start = refinement.start(own, before[name], refined, exploration).compressed
+            tables.append(compare(own, start, exploration, refined.search, parameters).assign(primitive=name))
+    return pd.concat(tables, ignore_index=True)
+
+
+if __name__ == "__main__":
+    run(main)

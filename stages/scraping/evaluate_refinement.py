@@ -1,0 +1,54 @@
+"""Execute the primitives without feedback, and with it before and after refinement (IV.9.4.2)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.feedback import closed_loop
+from structlearn.feedback.pmnn import read_networks
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.recordings import write_recordings
+from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.simulation.board_files import read_board
+from structlearn.simulation.board_refinement import BoardRefinementParameters
+from structlearn.simulation.evaluation import executed_set
+from structlearn.simulation.trials import TestbedParameters
+from structlearn.stage import run, stage_parameters
+
+DATA = "data/feedback/scraping"
+
+
+def main() -> None:
+    parameters = stage_parameters("evaluate_refinement", closed_loop.EvaluationParameters)
+    refinement = stage_parameters("refine", BoardRefinementParameters)
+    supervision = stage_parameters("coupling_dataset", SupervisionParameters)
+    testbed = stage_parameters("testbed", TestbedParameters)
+    clock = stage_parameters("clock", ClockParameters)
+    simulated = stage_parameters("record", SourceParameters).simulated
+    settings = (refinement.settings_deg, refinement.setting_deg)
+    found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
+
+    sets = []
+    with publish("data/raw/scraping/refined") as folder:
+        folder.mkdir()
+        if found is not None:
+            board, _ = found
+            networks = {closed_loop.NOMINAL: {}}
+            networks |= {
+                model: read_networks(f"{DATA}/refinement/{model}.safetensors")
+                for model in (closed_loop.BEFORE, closed_loop.AFTER)
+            }
+            for model, own in networks.items():
+                skill = ReactiveSkill(board.primitives, board.expected, own, supervision.unit_axis)
+                recordings, executed = executed_set(model, skill, parameters, testbed, board.limits, clock)
+                for setting, runs in recordings.items():
+                    write_recordings(runs, folder / model / f"{setting:g}")
+                sets.append(executed)
+    with publish(f"{DATA}/refined") as folder:
+        folder.mkdir()
+        if sets:
+            scores = closed_loop.scores(sets, board.nominal, supervision)
+            write_table(scores, folder / "scores.parquet")
+            write_table(closed_loop.traces(sets, board.expected, supervision), folder / "traces.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

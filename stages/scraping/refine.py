@@ -1,0 +1,54 @@
+"""Refine the feedback models by trial on a tilt of the board that they have not seen (IV.7, IV.9.4)."""
+
+from pathlib import Path
+from shutil import rmtree
+
+from structlearn.artefacts import publish, write_table
+from structlearn.feedback.pmnn import write_networks
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.policy_search.refinement import Progress
+from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.simulation.board_files import read_board
+from structlearn.simulation.board_refinement import BoardRefinementParameters, refine_on_board
+from structlearn.simulation.trials import TestbedParameters
+from structlearn.stage import run, stage_parameters
+
+UNFINISHED = Path("data/unfinished")
+"""Finished iterations of a refinement that was killed; no out of a stage, so DVC leaves it alone."""
+
+
+def main() -> None:
+    parameters = stage_parameters("refine", BoardRefinementParameters)
+    supervision = stage_parameters("coupling_dataset", SupervisionParameters)
+    testbed = stage_parameters("testbed", TestbedParameters)
+    clock = stage_parameters("clock", ClockParameters)
+    simulated = stage_parameters("record", SourceParameters).simulated
+    settings = (parameters.settings_deg, parameters.setting_deg)
+    with publish("data/feedback/scraping/refinement") as folder:
+        folder.mkdir()
+        found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
+        if found is not None:
+            board, datasets = found
+            refined = refine_on_board(board, datasets, parameters, UNFINISHED, tell)
+            write_networks(list(refined.before.items()), folder / "before.safetensors")
+            write_networks(list(refined.after.items()), folder / "after.safetensors")
+            write_table(refined.history, folder / "history.parquet")
+            write_table(refined.samples, folder / "rollouts.parquet")
+            write_table(refined.policies, folder / "policies.parquet")
+    rmtree(UNFINISHED, ignore_errors=True)
+
+
+def tell(name: str, progress: Progress) -> None:
+    """One line per iteration."""
+    now = progress.history[progress.history["iteration"] == progress.iteration]
+    costs = ", ".join(f"{kind} {rows['cost_rad'].mean():.1f}" for kind, rows in now.groupby("kind"))
+    failed = int((now["fault"] != "").sum())
+    print(
+        f"{name}, iteration {progress.iteration}: mean cost {costs} rad, {failed} of {len(now)} failed; "
+        f"norm with the network {progress.norm_rad:.2f} rad",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    run(main)

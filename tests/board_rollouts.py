@@ -1,0 +1,44 @@
+"""A small board of the scraping task, on which rollouts take a fraction of a second each."""
+
+import numpy as np
+from scraping_motions import NAMES, scraping_skill
+
+from structlearn.feedback.cost import nominal_orientation
+from structlearn.feedback.runtime import Limits
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.recordings.clock import synchronise
+from structlearn.recordings.source import ClockParameters
+from structlearn.simulation.board_rollouts import Board
+from structlearn.simulation.trials import TestbedParameters, execute_run, nominal_runs
+
+RATE_HZ = 300.0
+TESTBED = TestbedParameters()
+LIMITS = Limits(largest_coupling=60.0)
+POLICY = np.linspace(-10.0, -5.0, 25)
+SEED = (1, 0, 2)
+
+
+def small_board():
+    """The second of three primitives on a board of 5 degrees."""
+    skill = scraping_skill()
+    (run,) = nominal_runs(1)
+    nominal = synchronise(execute_run(run, 0, skill, TESTBED), RATE_HZ)
+    return Board(
+        primitives=skill.primitives,
+        expected=skill.expected,
+        preceding={},
+        name="turn",
+        setting_deg=5.0,
+        nominal=nominal_orientation([nominal]),
+        supervision=SupervisionParameters(primitives=NAMES[1:], settings_deg=(5.0,)),
+        testbed=TESTBED,
+        limits=LIMITS,
+        clock=ClockParameters(rate_hz=RATE_HZ),
+    )
+
+
+def same(one, other):
+    """Whether two rollouts are equal to the last bit."""
+    return np.array_equal(one.cost, other.cost) and all(
+        np.array_equal(values, vars(other.samples)[name]) for name, values in vars(one.samples).items()
+    )

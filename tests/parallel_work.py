@@ -1,0 +1,56 @@
+"""Work for processes that start quickly: little is imported here."""
+
+import os
+import time
+
+import numpy as np
+
+
+def noisy_mean(seed):
+    return np.random.default_rng(seed).normal(size=1000).mean()
+
+
+def noisy_matrix(seed):
+    """Large enough for BLAS to take several threads, and with them another order of sums."""
+    rng = np.random.default_rng(seed)
+    return np.linalg.solve(rng.normal(size=(300, 300)), rng.normal(size=(300, 300))).tobytes()
+
+
+def square(item, deadly=()):
+    """A number's square, or the end of the process."""
+    if item in deadly:
+        os._exit(1)
+    return item**2
+
+
+def square_at_the_second_try(item, marker):
+    if item == 3 and not marker.exists():
+        marker.touch()
+        os._exit(1)
+    return item**2
+
+
+def process_alone(item, door):
+    """The process, which must not meet another one."""
+    door.mkdir()
+    time.sleep(0.02)
+    door.rmdir()
+    return os.getpid()
+
+
+def missing(item):
+    return "lost", item
+
+
+def process_of(item):
+    return os.getpid()
+
+
+class Deadly:
+    """Ends the process that it is sent to."""
+
+    def __getstate__(self):
+        return True
+
+    def __setstate__(self, state):
+        os._exit(1)

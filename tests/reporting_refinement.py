@@ -1,0 +1,131 @@
+"""A small refinement in memory, for the tests of the report."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from reporting_feedback import ADAPTED, AXIS, execution
+
+from structlearn.feedback.closed_loop import AFTER, BEFORE, NOMINAL
+from structlearn.policy_search.comparison import CMA_ES, PI2
+from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.reporting.refinement_results import RefinementResults
+from structlearn.simulation.board_refinement import BoardRefinementParameters
+from structlearn.simulation.layout import CONTACT_M
+
+REFINED_DEG = 10.0
+LEARNED = (5.0, 7.5)
+UNSEEN = 8.8
+SETTINGS = (0.0, 5.0, 7.5, 8.8, 10.0)
+RUNS = 4
+SAMPLES = 6
+CORRECTED = {NOMINAL: 0.0, BEFORE: 6.0, AFTER: 9.0}
+"""Degrees by which the hand turns at 10 degrees."""
+
+COSTS = {
+    NOMINAL: dict(zip(SETTINGS, (2.0, 90.0, 140.0, 165.0, 190.0), strict=True)),
+    BEFORE: dict(zip(SETTINGS, (9.0, 30.0, 40.0, 60.0, 80.0), strict=True)),
+    AFTER: dict(zip(SETTINGS, (8.0, 29.0, 35.0, 38.0, 42.0), strict=True)),
+}
+"""Accumulated cost in rad by model and setting."""
+
+CURVES = {"turn": (80.0, 50.0, 42.0, 42.0), "scrape": (80.0, 60.0, 42.0, 42.0)}
+"""Mean cost with the network in rad after every iteration."""
+
+
+def parameters(primitives: Sequence[str] = ADAPTED, **changes: object) -> BoardRefinementParameters:
+    values = {
+        "settings_deg": LEARNED,
+        "setting_deg": REFINED_DEG,
+        "scales": {name: {"exploration": 15.0, "threshold_rad": 0.5} for name in primitives},
+        "iterations": 3,
+        "evaluation_runs": RUNS,
+    }
+    return BoardRefinementParameters.model_validate(values | changes)
+
+
+def history(
+    curves: Mapping[str, Sequence[float]] = CURVES, faults: Mapping[int, str] = {}, runs: int = RUNS
+) -> pd.DataFrame:
+    """Runs with the network as the curves, samples above, improved policies below; faults by sample."""
+    rng = np.random.default_rng(5)
+    rows = []
+    for primitive, costs in curves.items():
+        person = 3.0 * rng.normal(size=runs)  # of the conditions: equal in all iterations
+        for iteration, cost in enumerate(costs):
+            groups = {}
+            if iteration:
+                groups = {SAMPLE: cost + 20.0 * rng.random(SAMPLES), IMPROVED: cost - 2.0 - rng.random(2)}
+            groups[FEEDBACK] = cost + person + 0.3 * rng.normal(size=runs)
+            for kind, values in groups.items():
+                for number, value in enumerate(values):
+                    fault = faults.get(number, "") if kind == SAMPLE else ""
+                    known = np.nan if fault else value
+                    rows.append((primitive, iteration, kind, number, known, known / 20.0, fault))
+    columns = ["primitive", "iteration", "kind", "number", "cost_rad", "norm_rad", "fault"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def scores(
+    costs: Mapping[str, Mapping[float, float]] = COSTS,
+    settings: Sequence[float] = SETTINGS,
+    runs: int = RUNS,
+    primitives: Sequence[str] = ADAPTED,
+) -> pd.DataFrame:
+    """Executions whose costs differ between runs by more than between models, so that pairs matter."""
+    rng = np.random.default_rng(6)
+    conditions = {setting: rng.normal(size=runs) for setting in SETTINGS}
+    rows = [
+        {
+            "run": f"{run + 1:02d}",
+            "primitive": primitive,
+            "cost_rad": costs[model][setting] + conditions[setting][run] + 0.05 * rng.normal(),
+            "model": model,
+            "setting_deg": setting,
+        }
+        for model in (NOMINAL, BEFORE, AFTER)
+        for setting in settings
+        for run in range(runs)
+        for primitive in primitives
+    ]
+    return pd.DataFrame(rows)
+
+
+def search(ends: Mapping[str, float], seeds: int = 3, spread: float = 1.0) -> pd.DataFrame:
+    """Searches that go from 80 rad to `ends` by method; seeds differ by `spread` at the end."""
+    rows = []
+    for primitive in ADAPTED:
+        for method, per_update in ((PI2, 38), (CMA_ES, 13)):
+            updates = 114 // per_update
+            for seed in range(seeds):
+                for update in range(updates + 1):
+                    cost = 80.0 + (ends[method] + spread * seed - 80.0) * update / updates
+                    best = cost - 5.0 if update else np.nan
+                    keys = (primitive, method, seed, update, update * per_update)
+                    rows.append((*keys, cost, best, int(update > 1)))
+    columns = ["primitive", "method", "seed", "update", "rollouts", "cost_rad", "best_rad", "failed"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def examples(runs: int = RUNS) -> dict[str, list]:
+    """Executions at 10 degrees whose tool turns with the hand, the edge where it meets the board."""
+    made = {}
+    for model, turned in CORRECTED.items():
+        own = [execution(seed, REFINED_DEG, corrected=turned) for seed in range(1, runs + 1)]
+        made[model] = [replace(run, position=run.position + CONTACT_M) for run in own]
+    return made
+
+
+def refinement_results(**changes: object) -> RefinementResults:
+    """A refinement in which everything is as the dissertation says."""
+    values = {
+        "scores": scores(),
+        "examples": examples(),
+        "example_deg": REFINED_DEG,
+        "axis": AXIS,
+        "history": history(),
+        "search": search({PI2: 45.0, CMA_ES: 55.0}),
+        "parameters": parameters(),
+    }
+    return RefinementResults(**(values | changes))

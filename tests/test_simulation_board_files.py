@@ -1,0 +1,70 @@
+"""The board as the files of the stages describe it."""
+
+import numpy as np
+import pytest
+from board_rollouts import RATE_HZ, small_board
+from feedback_toy import toy_dataset
+from scraping_motions import scraping_skill
+
+from structlearn.artefacts import write_table
+from structlearn.errors import InputError
+from structlearn.feedback.cost import nominal_orientation
+from structlearn.feedback.dataset import to_table
+from structlearn.feedback.runtime import largest_coupling
+from structlearn.primitives.storage import write_primitives, write_vector_primitive
+from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.recordings.source import ClockParameters
+from structlearn.simulation.board_files import read_board
+from structlearn.simulation.trials import execute_run, nominal_runs
+
+CLOCK = ClockParameters(rate_hz=RATE_HZ)
+
+
+@pytest.fixture(scope="module")
+def board():
+    return small_board()
+
+
+@pytest.fixture
+def data(board, tmp_path):
+    """What the stages before have written, with toy demonstrations of 0, 5 and 10 degrees."""
+    write_primitives(board.primitives, tmp_path / "primitives/scraping/primitives.safetensors")
+    for name, expected in board.expected.items():
+        write_vector_primitive(
+            expected, tmp_path / f"feedback/scraping/expected/{name}.safetensors", "traces"
+        )
+    runs = [execute_run(run, 0, scraping_skill(), board.testbed) for run in nominal_runs(1)]
+    write_recordings(runs, tmp_path / "raw/scraping/unrolls")
+    write_table(to_table(toy_dataset()), tmp_path / "feedback/scraping/dataset/turn.parquet")
+    return tmp_path
+
+
+def read(data, board, settings=(5.0, 10.0)):
+    return read_board(data, settings, 20.0, board.supervision, board.testbed, CLOCK)
+
+
+def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(data, board):
+    found, datasets = read(data, board)
+    assert (found.name, found.setting_deg, found.preceding) == ("turn", 20.0, {})
+    assert [one.name for one in found.primitives] == [one.name for one in board.primitives]
+    assert found.expected.keys() == board.expected.keys()
+    assert set(datasets["turn"].setting) == {5.0, 10.0}
+    unrolls = read_demonstrations(data / "raw/scraping/unrolls", **CLOCK.model_dump())
+    np.testing.assert_array_equal(found.nominal, nominal_orientation(unrolls))
+
+
+def test_what_is_not_learned_from_does_not_bound_the_feedback(data, board):
+    """The largest coupling of the new setting is not known there."""
+    for settings in ((0.0,), (0.0, 5.0, 10.0)):
+        found, datasets = read(data, board, settings)
+        assert found.limits.largest_coupling == largest_coupling([datasets["turn"].target])
+
+
+def test_where_nobody_corrected_there_is_no_board(data, board):
+    (data / "feedback/scraping/dataset/turn.parquet").unlink()
+    assert read(data, board) is None
+
+
+def test_a_setting_without_corrections_is_named(data, board):
+    with pytest.raises(InputError, match=r"turn\.parquet: has no corrections in the settings 6\.3"):
+        read(data, board, (5.0, 6.3))

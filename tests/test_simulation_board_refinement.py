@@ -1,0 +1,168 @@
+"""Refinement of both primitives, on a board whose executions are made up."""
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+import pytest
+from board_rollouts import small_board
+from feedback_toy import toy_dataset
+from scraping_motions import NAMES
+
+from structlearn.errors import InputError
+from structlearn.feedback.training import TrainingParameters
+from structlearn.policy_search.pi2 import PI2Parameters
+from structlearn.policy_search.refinement import ScaleParameters
+from structlearn.policy_search.rollouts import FEEDBACK, Rollout
+from structlearn.simulation.board_refinement import BoardRefinementParameters, refine_on_board
+from structlearn.simulation.board_rollouts import Board
+
+TURN, SCRAPE = NAMES[1:]
+DATASETS = {TURN: toy_dataset(seed=0), SCRAPE: toy_dataset(seed=1)}
+PARAMETERS = BoardRefinementParameters(
+    settings_deg=(0.0, 5.0, 10.0),
+    setting_deg=20.0,
+    scales={TURN: ScaleParameters(exploration=5.0), SCRAPE: ScaleParameters(exploration=3.0)},
+    hidden=(5,),
+    iterations=2,
+    search=PI2Parameters(samples=3),
+    evaluation_runs=2,
+    added_runs=2,
+    training=TrainingParameters(steps=20, evaluate_every=10),
+)
+PER_ITERATION = 3 + 2 + 2
+ASKED = []
+"""Name, setting and preceding networks of every call of a board."""
+
+
+@dataclass(frozen=True)
+class MadeUpBoard(Board):
+    """Executions are demonstrations with the coupling term of the network."""
+
+    @property
+    def rate_hz(self):
+        return 100.0
+
+    def rollouts(self, networks, seeds):
+        ASKED.append((self.name, self.setting_deg, dict(self.preceding)))
+        return [self._rollout(network, seed) for network, seed in zip(networks, seeds, strict=True)]
+
+    def _rollout(self, network, seed):
+        data = DATASETS[self.name]
+        one = data.where((data.setting == 10.0) & (data.demonstration == seed[2] % 4))
+        one = replace(one, time=np.arange(len(one.time)) / 100.0)
+        coupling = network.coupling(one.deviation[:, : len(network.input_mean)], one.modulation())
+        return Rollout(np.abs(coupling - one.target), replace(one, target=coupling))
+
+
+@pytest.fixture(scope="module")
+def board():
+    real = small_board()
+    return MadeUpBoard(**{**vars(real), "setting_deg": PARAMETERS.setting_deg})
+
+
+@pytest.fixture(scope="module")
+def refined(board, tmp_path_factory):
+    return refine_on_board(board, DATASETS, PARAMETERS, tmp_path_factory.mktemp("unfinished"))
+
+
+def arrays(network):
+    return [
+        network.phase_weights,
+        network.output_weights,
+        *(array for pair in network.hidden for array in pair),
+    ]
+
+
+def same_network(one, other):
+    return all(map(np.array_equal, arrays(one), arrays(other)))
+
+
+def assert_same(one, other):
+    for name in NAMES[1:]:
+        assert same_network(one.before[name], other.before[name])
+        assert same_network(one.after[name], other.after[name])
+    for table in ("history", "samples", "policies"):
+        pd.testing.assert_frame_equal(getattr(one, table), getattr(other, table), check_exact=True)
+
+
+def test_a_primitive_is_refined_while_those_before_it_run_refined(board, tmp_path):
+    ASKED.clear()
+    refined = refine_on_board(board, DATASETS, PARAMETERS, tmp_path)
+    assert list(dict.fromkeys(name for name, _, _ in ASKED)) == [TURN, SCRAPE]
+    for name, setting, preceding in ASKED:
+        assert setting == PARAMETERS.setting_deg
+        assert list(preceding) == ([] if name == TURN else [TURN])
+        if name == SCRAPE:
+            assert same_network(preceding[TURN], refined.after[TURN])
+    assert not same_network(refined.after[TURN], refined.before[TURN])
+
+
+def test_every_rollout_is_in_the_tables(refined):
+    for name in NAMES[1:]:
+        history, policies = (
+            table[table["primitive"] == name] for table in (refined.history, refined.policies)
+        )
+        assert len(history) == 2 + 2 * PER_ITERATION
+        keys = ["iteration", "kind", "number"]
+        searched = history[history["kind"] != FEEDBACK]
+        pd.testing.assert_frame_equal(
+            searched[keys].reset_index(drop=True), policies[keys].reset_index(drop=True)
+        )
+        kept = refined.samples[refined.samples["primitive"] == name].groupby(keys).ngroups
+        assert kept == len(history)
+    weights = refined.policies.filter(like="weight_")
+    assert weights.shape[1] == 25
+    assert np.isfinite(weights.to_numpy()).all()
+
+
+def test_a_primitive_without_a_scale_keeps_its_model(board, tmp_path):
+    only = PARAMETERS.model_copy(update={"scales": {SCRAPE: PARAMETERS.scales[SCRAPE]}})
+    refined = refine_on_board(board, DATASETS, only, tmp_path)
+    assert same_network(refined.after[TURN], refined.before[TURN])
+    assert set(refined.history["primitive"]) == {SCRAPE}
+
+
+def test_nothing_to_refine_leaves_the_models_as_they_are(board, tmp_path):
+    refined = refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"scales": {}}), tmp_path)
+    assert all(same_network(refined.after[name], refined.before[name]) for name in NAMES[1:])
+    assert refined.history.empty
+
+
+@pytest.mark.parametrize("last", [(TURN, 1), (SCRAPE, 0)])
+def test_a_killed_refinement_goes_on_where_it_was(last, board, refined, tmp_path):
+    def die(name, progress):
+        if (name, progress.iteration) == last:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        refine_on_board(board, DATASETS, PARAMETERS, tmp_path, die)
+    told = []
+    resumed = refine_on_board(
+        board, DATASETS, PARAMETERS, tmp_path, lambda name, progress: told.append((name, progress.iteration))
+    )
+    assert_same(resumed, refined)
+    everything = [(name, iteration) for name in NAMES[1:] for iteration in range(3)]
+    assert told == everything[everything.index(last) + 1 :]
+
+
+def test_other_parameters_data_or_boards_do_not_go_on_with_these_iterations(board, tmp_path):
+    refine_on_board(board, DATASETS, PARAMETERS, tmp_path)
+    finished = set(tmp_path.iterdir())
+    assert len(finished) == 2
+    others = (
+        (replace(board, setting_deg=21.0), DATASETS, PARAMETERS),
+        (board, DATASETS | {SCRAPE: toy_dataset(seed=2)}, PARAMETERS),
+        (board, DATASETS, PARAMETERS.model_copy(update={"seed": 1})),
+    )
+    for other_board, datasets, parameters in others:
+        before = set(tmp_path.iterdir())
+        refine_on_board(other_board, MappingProxyType(datasets), parameters, tmp_path)
+        assert set(tmp_path.iterdir()) - before
+
+
+def test_a_primitive_without_corrections_is_named(board, tmp_path):
+    unknown = PARAMETERS.model_copy(update={"scales": {"slide": ScaleParameters(exploration=1.0)}})
+    with pytest.raises(InputError, match=r"refine\.scales names slide: no primitive with corrections"):
+        refine_on_board(board, DATASETS, unknown, tmp_path)
