@@ -29,7 +29,7 @@ bench: $(INSTALLED) .venv/installed-bench
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/controller.py
 
-# The refinement with one parameter changed at a time, as experiments of DVC (about an hour on 2 cores).
+# The refinement with one parameter changed at a time, as experiments of DVC (half an hour on 2 cores).
 ablations: $(INSTALLED)
 	$(IN_ENVIRONMENT) python benchmarks/ablations.py
 	@echo "reports/ablations/index.html is up to date"

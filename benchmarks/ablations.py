@@ -42,7 +42,7 @@ DATA = "data/feedback/scraping"
 def main() -> None:
     """Run what is missing, and report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=2, help="seeds of the exploration per variant")
+    parser.add_argument("--seeds", type=int, default=1, help="seeds of the exploration per variant")
     seeds = range(parser.parse_args().seeds)
     parameters = read_parameters("params.yaml", "refine", BoardRefinementParameters)
     protocol = Protocol(parameters.setting_deg, parameters.settings_deg)
@@ -64,7 +64,8 @@ def experiment(variant: Variant, seed: int) -> Experiment:
     name = f"refine-{variant.name}-seed-{seed}"
     changes = [f"refine.seed={seed}", *([variant.option] if variant.option else [])]
     options = [word for change in changes for word in ("--set-param", change)]
-    command = ["dvc", "exp", "run", "--temp", "--force", "--name", name, *options, "evaluate_refinement"]
+    subprocess.run(["dvc", "exp", "remove", name], capture_output=True, check=False)  # of an earlier run
+    command = ["dvc", "exp", "run", "--temp", "--name", name, *options, "evaluate_refinement"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"{' '.join(command)}\n{done.stdout}{done.stderr}")

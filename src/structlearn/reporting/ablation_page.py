@@ -113,14 +113,13 @@ def ablation_page(table: pd.DataFrame, protocol: Protocol, variants: Sequence[Va
     """
     names = [column.removesuffix("_iterations") for column in table if column.endswith("_iterations")]
     shown = _described(table, names, {one.name: one for one in variants})
-    headings = {"variant": "", "option": "-S", "executed": "of policies"} | {
+    headings = {"variant": "", "option": "-S"} | {
         f"{name}_{what}": f"{name}: {words}"
         for name in names
-        for what, words in (("iterations", "iterations"), ("ratio", "cost"))
+        for what, words in (("iterations", "iter."), ("ratio", "cost"))
     }
-    headings["seen_ratio"] = "seen: largest cost"
-    counts = ["rollouts", "executed", "failed", *(f"{name}_iterations" for name in names)]
-    seeds = counted(int(table["seed"].nunique()), "seed")
+    headings["seen_ratio"] = "seen: cost"
+    counts = ["rollouts", "failed", *(f"{name}_iterations" for name in names)]
     return Page(
         title="Ablations: refinement of the feedback models by trial",
         lead=(
@@ -136,14 +135,13 @@ def ablation_page(table: pd.DataFrame, protocol: Protocol, variants: Sequence[Va
                         f"settings. Cost: mean accumulated cost at {protocol.refined_deg:g}° after "
                         "refinement over that before, of executions that are not part of it. Seen: the "
                         "largest such ratio over the settings that the models were learned from, both "
-                        f"primitives summed. Means over {seeds} of the exploration, in brackets the lowest "
-                        "and the highest: what seeds differ by is the yardstick for what variants differ by."
+                        f"primitives summed. {_spread(table)}"
                     ),
                     Table(
                         shown,
-                        "Refinement with one parameter changed. Rollouts: all executions of the refinement; "
-                        "of policies: without those that only judge the network.",
-                        formats=dict.fromkeys(counts, ".1f"),
+                        "Refinement with one parameter changed. Rollouts: all executions of the refinement, "
+                        "those that only judge the network included.",
+                        formats=dict.fromkeys(counts, "g"),
                         headings=headings,
                         source="tables/refinement.csv",
                     ),
@@ -163,6 +161,16 @@ def ablation_page(table: pd.DataFrame, protocol: Protocol, variants: Sequence[Va
     )
 
 
+def _spread(table: pd.DataFrame) -> str:
+    seeds = int(table["seed"].nunique())
+    if seeds == 1:
+        return "One seed of the exploration: small differences between variants mean nothing."
+    return (
+        f"Means over {counted(seeds, 'seed')} of the exploration, in brackets the lowest and the highest: "
+        "what seeds differ by is the yardstick for what variants differ by."
+    )
+
+
 def _described(table: pd.DataFrame, names: Sequence[str], variants: Mapping[str, Variant]) -> pd.DataFrame:
     """The summary in words, with the range over the seeds."""
     shown = summary(table)
@@ -170,8 +178,8 @@ def _described(table: pd.DataFrame, names: Sequence[str], variants: Mapping[str,
         column = f"{name}_ratio"
         grouped = table.groupby("variant", sort=False)[column]
         shown[column] = [
-            f"{mean:.2f} ({least:.2f} to {most:.2f})"
+            f"{mean:.2f}" + (f" ({least:.2f} to {most:.2f})" if least < most else "")
             for mean, least, most in zip(shown[column], grouped.min(), grouped.max(), strict=True)
         ]
     shown.insert(1, "option", [variants[name].option or MISSING for name in shown["variant"]])
-    return shown.assign(variant=[variants[name].words for name in shown["variant"]])
+    return shown.assign(variant=[variants[name].words for name in shown["variant"]]).drop(columns="executed")
