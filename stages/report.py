@@ -1,13 +1,19 @@
 """The overview of all testbeds: one card each, from the metrics that their reports wrote."""
 
+from pathlib import Path
+
 from structlearn.artefacts import publish, read_metrics
-from structlearn.reporting.overview import SCRAPING, overview_page
+from structlearn.reporting.overview import OBSTACLES, SCRAPING, overview_page
 from structlearn.reporting.page import render
 from structlearn.stage import run
 
+CARDS = (SCRAPING, OBSTACLES)
+
 
 def main() -> None:
-    cards = [(card, read_metrics(f"reports/{card.folder}/metrics.json")) for card in (SCRAPING,)]
+    files = {card: Path(f"reports/{card.folder}/metrics.json") for card in CARDS}
+    # of testbeds run one by one, some have no report yet
+    cards = [(card, read_metrics(file)) for card, file in files.items() if file.exists()]
     with publish("reports/index.html") as path:
         path.write_text(render(overview_page(cards)), encoding="utf-8")
 

@@ -4,19 +4,19 @@ import ast
 from pathlib import Path
 
 FLOORS = (
-    ("recordings", "primitives"),
+    ("recordings", "primitives", "rigid_body", "tactile"),
     ("segmentation", "feedback"),
-    ("policy_search"),
+    ("policy_search", "obstacles"),
     ("simulation", "recorded"),
     ("reporting", "viewer"),
 )
 ROOMS = {
-    "rerun": "viewer",
-    "matplotlib": "reporting",
-    "pybullet": "simulation",
-    "pinocchio": "simulation",
-    "torch": "feedback",
-    "mcap": "recordings",
+    "rerun": ("viewer",),
+    "matplotlib": ("reporting",),
+    "pybullet": ("simulation",),
+    "pinocchio": ("simulation", "rigid_body"),
+    "torch": ("feedback", "rigid_body", "tactile", "tensors.py"),
+    "mcap": ("recordings",),
 }
 
 
@@ -49,11 +49,11 @@ def test_imports_run_downwards(root):
                 assert same or floor(parts[1]) < floor(room), f"{path} imports {name}"
 
 
-def test_big_libraries_are_imported_in_one_package_only(root):
+def test_big_libraries_stay_in_their_rooms(root):
     for path, names in modules(root).items():
-        for library, room in ROOMS.items():
+        for library, rooms in ROOMS.items():
             if any(name.split(".")[0] == library for name in names):
-                assert path.parts[0] == room, f"{path} imports {library}"
+                assert path.parts[0] in rooms, f"{path} imports {library}"
 
 
 def test_nothing_is_pickled(root):

@@ -14,7 +14,6 @@ from structlearn.feedback.training import (
     LearningCurves,
     StackedData,
     TrainingParameters,
-    as_tensor,
     evaluate,
     predict,
     standardisation,
@@ -23,6 +22,7 @@ from structlearn.feedback.training import (
     train_final,
 )
 from structlearn.metrics import nmse
+from structlearn.tensors import as_tensor
 
 QUICK = TrainingParameters(steps=60, evaluate_every=20, batch_size=16)
 

@@ -32,8 +32,24 @@ REDUCED = {
     },
     "evaluate_refinement": {"settings_deg": [0, 5, 10], "runs": 1},
     "compare_search": {"budget": 14, "seeds": 1, "evaluation_runs": 1},
+    "obstacle_scene": {"settings": 3},
+    "obstacle_demonstrator": {"baseline_count": 3, "count": 3},
+    "obstacle_training": {
+        "per_setting": {"training": {"iterations": 3}},
+        "per_shape": {"members": 2, "training": {"iterations": 3}},
+        "all_shapes": {"training": {"iterations": 2}},
+        "phase_modulated": {"steps": 40, "evaluate_every": 20, "chunk_samples": 20},
+        "phase_modulated_hidden": [8],
+    },
+    "obstacle_evaluation": {"speeds_m_s": [0.1], "pairs": 4},
+    "inspect_obstacles": {"scenarios": ["sphere/01", "cylinder/02"]},
     "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
     "recorded_corrections": {"splits": 2},
+    "recorded_avoidance": {
+        "folds": 2,
+        "network": {"hidden": [6], "members": 2, "training": {"iterations": 5}},
+        "pmnn": {"steps": 60, "evaluate_every": 30},
+    },
 }
 
 
@@ -100,7 +116,11 @@ def test_everything_is_there(project):
         "data/feedback/scraping/refinement/rollouts.parquet",
         "data/raw/scraping/refined/after/10/01.mcap",
         "data/feedback/scraping/search/trials.parquet",
+        "data/raw/obstacles/cylinder/03/03.mcap",
+        "data/obstacles/evaluation/scores.parquet",
         "reports/index.html",
+        "reports/obstacles/index.html",
+        "reports/obstacles/metrics.json",
         "reports/scraping/index.html",
         "reports/scraping/metrics.json",
     ):
@@ -174,7 +194,15 @@ def test_a_killed_refinement_keeps_its_iterations(project):
 def test_recorded_data_have_a_pipeline_of_their_own(project, recorded_data):
     ran = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
     stages = {stage.split(":")[-1] for stage in ran}
-    assert {"import_recordings", "reaches", "corrected_reaches", "unscrewing", "scraping", "slides"} <= stages
+    assert {
+        "import_recordings",
+        "reaches",
+        "corrected_reaches",
+        "unscrewing",
+        "scraping",
+        "slides",
+        "avoidance",
+    } <= stages
     assert {"inspect", "report"} <= stages
     values = json.loads((project / "reports/recorded/metrics.json").read_text())
     assert values["reach_cut_error_ms_2mm"] <= 40.0

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from structlearn.params import Parameters
-from structlearn.reporting.overview import SCRAPING, overview_page
+from structlearn.reporting.overview import DYNAMICS, OBSTACLES, SCRAPING, SERVOING, overview_page
 from structlearn.reporting.page import (
     Figure,
     KeyNumber,
@@ -94,8 +94,22 @@ def test_parameters_are_named_as_for_an_experiment():
 
 
 def test_overview_shows_what_is_known_and_links_to_every_report():
-    html = render(overview_page([(SCRAPING, {"demonstrations": 11, "simulated": True})]))
+    cards = [
+        (SCRAPING, {"demonstrations": 11, "simulated": True}),
+        (OBSTACLES, {"hits_unseen_baseline": 37, "goal_distance_max_m": 0.0372, "simulated": True}),
+        (DYNAMICS, {"epochs_cov": 2.0, "ee_velocity_nmse_mlp": 5.54, "simulated": True}),
+        (SERVOING, {"servo_success_rate": 0.957, "mds_nmse_test": 0.00545, "simulated": True}),
+    ]
+    html = render(overview_page(cards))
     assert 'href="scraping/index.html"' in html
+    assert 'href="obstacles/index.html"' in html
+    assert "<dd>37</dd>" in html
+    assert "<dd>3.7 cm</dd>" in html
+    assert 'href="servoing/index.html"' in html
+    assert "<dd>96 %</dd>" in html
+    assert 'href="dynamics/index.html"' in html
+    assert "<dd>5.54</dd>" in html
+    assert html.count("simulated</span>") == 4
     assert 'href="recorded/index.html"' in html
     assert "<dd>11</dd>" in html
     assert "cut point</dt>" not in html  # true cut points are not known here

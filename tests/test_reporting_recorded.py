@@ -1,15 +1,17 @@
 """The page of the recorded data, made from a few real recordings where they are at hand."""
 
+import numpy as np
+import pandas as pd
 import pytest
 from scipy import stats
 
 from structlearn.params import read_parameters
 from structlearn.primitives.sequence import sequence_table
-from structlearn.recorded import correction_splits, reaches, scraping, slides, unscrewing
+from structlearn.recorded import avoidance, correction_splits, reaches, scraping, slides, unscrewing
 from structlearn.recorded.corrected_reaches import complete, corrected_reaches
 from structlearn.recordings import clmc, slide, synchronise
-from structlearn.reporting import recorded_corrections
-from structlearn.reporting.page import render
+from structlearn.reporting import recorded_avoidance, recorded_corrections
+from structlearn.reporting.page import Page, render
 from structlearn.reporting.recorded_page import pictures, recorded_page
 from structlearn.reporting.recorded_results import RecordedResults, metrics, tables
 from structlearn.segmentation.learning import FitParameters, segment_paths, whole
@@ -20,6 +22,7 @@ MODELS = {
     "recorded_unscrewing": FitParameters,
     "recorded_scraping": scraping.ExecutionParameters,
     "recorded_slides": slides.SlideParameters,
+    "recorded_avoidance": avoidance.RecordedAvoidanceParameters,
 }
 
 
@@ -31,6 +34,23 @@ def parameters(root):
         "recorded_reaches": read["recorded_reaches"].model_copy(update=few),
         "recorded_corrections": read["recorded_corrections"].model_copy(update={"splits": 3}),
     }
+
+
+def avoidance_results(best=0.2, gain=0.1):
+    """Made-up errors in which the ensemble that sees the phase is best, by `gain` with `gain` +- 0.01."""
+    keys = ["representation", "inputs", "axis"]
+    spread = np.array([-0.01, 0.0, 0.01, 0.0])
+    rows = []
+    for name, inputs in avoidance.REPRESENTATIONS:
+        for place, axis in enumerate("xyz"):
+            error = best + 0.1 * place + (0.0 if inputs == "phase" else gain)
+            error += 0.0 if name == avoidance.ENSEMBLE else 0.5
+            rows += [(name, inputs, axis, fold, error + part) for fold, part in enumerate(spread)]
+    folds = pd.DataFrame(rows, columns=[*keys, "fold", "nmse"])
+    scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
+    worth = scores[scores["inputs"] != "features"].query("representation != 'pmnn'")[keys].copy()
+    worth["gain"] = np.where(worth["inputs"] == "phase", gain, 0.0)
+    return avoidance.RecordedAvoidanceResults(scores, folds, worth.assign(half_width=0.02))
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +91,7 @@ def results(recorded_data, parameters):
         clock_errors=slides.clock_errors(raw),
         slide_deviations=deviations,
         slide_statistics=statistics,
+        avoidance=avoidance_results(),
     )
 
 
@@ -88,6 +109,9 @@ def test_metrics_have_the_agreed_names(results):
         "unscrewing_mean_deg_joint",
         "unscrewing_end_deg_single",
         "unscrewing_end_deg_joint",
+        "obstacle_nmse_x",
+        "obstacle_nmse_y",
+        "obstacle_nmse_z",
     } <= set(metrics(results))
 
 
@@ -119,3 +143,41 @@ def test_differences_are_taken_reach_by_reach(results):
     assert mean == pytest.approx(differences.mean())
     low, high = stats.ttest_1samp(differences, 0.0).confidence_interval()
     assert (mean - half, mean + half) == pytest.approx((low, high))
+
+
+def avoidance_page(made_up):
+    return render(Page("Avoidance", "", (recorded_avoidance.section(made_up, {}),)))
+
+
+def test_obstacle_metrics_are_those_of_one_best_model():
+    values = recorded_avoidance.metrics(avoidance_results())
+    assert [values[f"obstacle_nmse_{axis}"] for axis in "xyz"] == pytest.approx([0.2, 0.3, 0.4])
+    assert values["obstacle_phase_gain_y"] == pytest.approx(0.1)
+    table = recorded_avoidance.score_table(avoidance_results())
+    assert len(table) == len(avoidance.REPRESENTATIONS)
+    best = table.iloc[recorded_avoidance.best_row(avoidance_results())]
+    assert (best["model"], best["sees"]) == ("ensemble of networks", "features, phase and its velocity")
+
+
+def test_obstacle_section_says_what_it_tests_and_whether_the_aims_are_met():
+    page = avoidance_page(avoidance_results())
+    assert "not of new demonstrations" in page
+    assert "best: 0.20, 0.30, 0.40 along x, y and z" in page
+    assert "The aim of 0.25, 0.27, 0.42 is missed along y." in page
+    assert "is met on every axis" in avoidance_page(avoidance_results(best=0.1))
+    assert "tables/avoidance_phase.csv" in page
+
+
+def test_the_worth_of_the_phase_comes_with_its_interval():
+    assert "0.10 [0.08, 0.12] along x" in avoidance_page(avoidance_results())
+    assert "interval above zero along x, y and z;" in avoidance_page(avoidance_results())
+    assert "interval above zero along no axis;" in avoidance_page(avoidance_results(gain=0.01))
+    table = recorded_avoidance.worth_table(avoidance_results())
+    assert list(table["model"].unique()) == ["ridge regression", "network", "ensemble of networks"]
+
+
+def test_the_figure_of_avoidance_has_a_panel_per_axis():
+    figure = recorded_avoidance.errors_figure(avoidance_results())
+    assert [panel.get_title(loc="left") for panel in figure.axes] == ["Local x", "Local y", "Local z"]
+    rows = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert len(rows) == len(avoidance.REPRESENTATIONS)

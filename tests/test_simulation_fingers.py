@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.simulation.fingers import CHANNELS, ELECTRODES_MM, FingerPair, TouchParameters
+from structlearn.simulation.fingers import CHANNELS, FingerPair, TouchParameters
+from structlearn.tactile.electrodes import ELECTRODES_MM
 
 RATE_HZ = 100.0
 STILL = {"noise_counts": 0.0, "slip_mm": 0.0, "grip_spread": 0.0}

@@ -12,8 +12,8 @@ from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.source import ClockParameters
 from structlearn.simulation import scraping_robot
-from structlearn.simulation.fingers import SKIN_RADIUS_MM
 from structlearn.simulation.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
+from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.viewer import read_shown_runs, write_executions, write_robot
 from structlearn.viewer.electrodes import RESTING, deviation_colours, electrodes
 from structlearn.viewer.run import execution

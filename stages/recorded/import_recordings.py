@@ -1,6 +1,8 @@
-"""Bring the public recordings into the pipeline: text logs to MCAP, provenance kept."""
+"""Bring the public recordings into the pipeline: text logs to MCAP, samples to a table, provenance kept."""
 
-from structlearn.artefacts import publish
+from structlearn.artefacts import publish, write_metrics, write_table
+from structlearn.obstacles.dataset import to_table
+from structlearn.recorded.avoidance_samples import avoidance_provenance, read_avoidance_samples
 from structlearn.recordings import clmc, slide, write_recordings
 from structlearn.recordings.source import PublicSourceParameters
 from structlearn.stage import run, stage_parameters
@@ -16,9 +18,14 @@ def main() -> None:
         "scraping": clmc.read_scraping_execution(folder / "clmc"),
         "slides": slide.read_slides(folder / "slide", parameters.slide_trials),
     }
+    samples = read_avoidance_samples(folder / "clmc")
     for name, recordings in sets.items():
         with publish(f"data/raw/recorded/{name}") as target:
             write_recordings(recordings, target)
+    with publish("data/raw/recorded/avoidance") as target:
+        target.mkdir()
+        write_table(to_table(samples), target / "samples.parquet")
+        write_metrics(avoidance_provenance(folder / "clmc"), target / "provenance.json")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from dataclasses import fields
 
 from structlearn.artefacts import read_metrics, read_table
 from structlearn.primitives.storage import read_primitives
+from structlearn.recorded.avoidance import RecordedAvoidanceParameters, RecordedAvoidanceResults
 from structlearn.recorded.correction_splits import CorrectionParameters, CorrectionResults
 from structlearn.recorded.reaches import ReachParameters
 from structlearn.recorded.scraping import ExecutionParameters
@@ -22,6 +23,7 @@ PARAMETERS = {
     "recorded_unscrewing": FitParameters,
     "recorded_scraping": ExecutionParameters,
     "recorded_slides": SlideParameters,
+    "recorded_avoidance": RecordedAvoidanceParameters,
 }
 RECORDINGS = tuple(
     Link(f"../recordings/recorded/{name}.rrd", f"{name}.rrd", note)
@@ -71,6 +73,12 @@ def main() -> None:
         clock_errors=read_table(f"{data}/slides/clock_errors.parquet"),
         slide_deviations=read_table(f"{data}/slides/deviations.parquet"),
         slide_statistics=read_table(f"{data}/slides/statistics.parquet"),
+        avoidance=RecordedAvoidanceResults(
+            **{
+                field.name: read_table(f"{data}/avoidance/{field.name}.parquet")
+                for field in fields(RecordedAvoidanceResults)
+            }
+        ),
     )
     publish_report(
         "reports/recorded",

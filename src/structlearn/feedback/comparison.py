@@ -18,13 +18,13 @@ from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.training import (
     StackedData,
     TrainingParameters,
-    as_tensor,
     standardisation,
     target_scale,
     train,
 )
 from structlearn.metrics import mean_interval, verdict
 from structlearn.parallel import parallel_map
+from structlearn.tensors import as_tensor
 
 REPRESENTATIONS = ("pmnn_100", "pmnn_6", "pmnn_0", "ffnn_phase", "ffnn", "pca", "autoencoder")
 HIDDEN = {

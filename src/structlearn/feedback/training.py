@@ -8,7 +8,6 @@ lowest error on the left-out demonstration itself, which is what the dissertatio
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +23,7 @@ from structlearn.feedback.networks import StackedPhaseModulatedNetworks
 from structlearn.feedback.optimiser import RootMeanSquarePropagation
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.params import Parameters
+from structlearn.tensors import as_tensor, one_thread, seeded
 
 EVALUATED_AT_ONCE = 128
 """Samples per model; a stack's activations then stay in a core's cache."""
@@ -154,7 +154,7 @@ def train_final(
         InputError: too few samples, or the target is constant.
     """
     fold = without_generalization(dataset, parameters.fractions, parameters.chunk_samples, parameters.seed)
-    generator = torch.Generator().manual_seed(parameters.seed)
+    generator = seeded(parameters.seed)
     scale = target_scale(dataset.target, fold)
     if initial is None:
         mean, spread = standardisation(dataset.deviation, fold)
@@ -223,22 +223,6 @@ def target_scale(target: np.ndarray, fold: Fold) -> float:
     if not scale > 0.0:
         raise InputError("the coupling target is constant: there is nothing to learn")
     return scale
-
-
-def as_tensor(values: np.ndarray) -> Tensor:
-    """An array in single precision, which suffices for training."""
-    return torch.tensor(values, dtype=torch.float32)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Let torch use one thread in the body."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _batches(

@@ -31,9 +31,9 @@ from structlearn.feedback.dataset import CouplingDataset
 from structlearn.feedback.differentiable import responses
 from structlearn.feedback.networks import StackedPhaseModulatedNetworks
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training import as_tensor, one_thread
 from structlearn.params import Parameters
 from structlearn.primitives import canonical, kernels, transformation
+from structlearn.tensors import as_tensor, one_thread
 
 PHASE_TOLERANCE = 0.02
 """A demonstration's phase may differ so much from that of one uniform movement from start to end."""

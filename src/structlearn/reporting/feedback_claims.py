@@ -4,17 +4,13 @@ from collections.abc import Mapping
 
 from structlearn.feedback.comparison import REPRESENTATIONS
 from structlearn.feedback.models import POINTWISE
-from structlearn.metrics import BETTER, UNDECIDED, WORSE
+from structlearn.metrics import BETTER, WORSE
 from structlearn.reporting.board_results import LARGEST_FORCE_ERROR_PERCENT, BoardResults
+from structlearn.reporting.claim_rows import HOLDS, Row
 from structlearn.reporting.execution_results import weakest
 from structlearn.reporting.feedback_figures import plain_name
 from structlearn.reporting.feedback_results import MODEL_CLAIMS, FeedbackResults
 from structlearn.reporting.prose import listing
-
-Row = tuple[str, str, str, str]
-"""Statement, source, what is found here, whether it holds."""
-
-HOLDS = {BETTER: "yes", WORSE: "no", UNDECIDED: UNDECIDED}
 
 
 def feedback_claims(results: FeedbackResults) -> list[Row]:

@@ -25,8 +25,8 @@ from structlearn.reporting.board_results import BoardResults
 from structlearn.reporting.execution_results import weakest
 from structlearn.reporting.refinement_results import RefinementResults
 from structlearn.segmentation.executions import commanded_cuts
-from structlearn.simulation.fingers import ELECTRODES_MM
 from structlearn.simulation.recorder import FINGERS
+from structlearn.tactile.electrodes import ELECTRODES_MM
 
 PUBLISHED_NMSE: Mapping[int, Mapping[str, tuple[float, float]]] = {
     2: {

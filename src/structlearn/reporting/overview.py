@@ -85,6 +85,74 @@ SCRAPING = Card(
     ),
 )
 
+OBSTACLES = Card(
+    folder="obstacles",
+    title="Obstacle avoidance: coupling terms from demonstrations",
+    text=(
+        "A reach learns how people avoid spheres, cubes and cylinders: a network turns what is near the hand "
+        "into a coupling term of its primitive, past obstacles that it knows and others that it has never "
+        "seen. Dissertation, section IV.8."
+    ),
+    picture="example",
+    caption="Past the nearest obstacle of each shape: demonstrations, the reach alone, learned models.",
+    numbers=(
+        Number("demonstrations", "demonstrations past obstacles", "d"),
+        Number("hits_per_setting", "trained scenarios hit, a network each", "d"),
+        Number(
+            "hits_unseen_sphere", "of 63 unseen spheres hit by the network that learned from spheres", "d"
+        ),
+        Number("hits_unseen_baseline", "hit without avoidance", "d"),
+        Number("nmse_test_sphere", "held-out NMSE of this network, worse of y and z", ".2f"),
+        Number(
+            "goal_distance_max_m", "largest distance from a goal at the prescribed time", ".1f", " cm", 100.0
+        ),
+    ),
+)
+
+DYNAMICS = Card(
+    folder="dynamics",
+    title="Dynamics: learning with physical structure",
+    text=(
+        "An arm learns its own dynamics from motion: masses, centres of mass and inertias of bodies that can "
+        "exist, beside networks that know less of physics. Then the models control it, on a stand-in for a "
+        "real robot too, with friction that is learned as well. Dissertation, chapter III."
+    ),
+    picture="tracking",
+    caption="Error of the tool's velocity in reaches that were not learned from, by model.",
+    numbers=(
+        Number("epochs_cov", "epochs until the model of consistent bodies is good enough", ".1f"),
+        Number("ee_velocity_nmse_cov", "velocity NMSE with it in unseen reaches", ".3f"),
+        Number("ee_velocity_nmse_mlp", "with a network", ".2f"),
+        Number("robot_nmse_cov_coulomb", "NMSE on the stand-in's log, with Coulomb friction", ".3f"),
+        Number("robot_nmse_default", "of the default model", ".2f"),
+    ),
+)
+
+SERVOING = Card(
+    folder="servoing",
+    title="Tactile servoing in a learned latent space",
+    text=(
+        "A finger brings a contact to where it is wanted on its skin. Demonstrations of touch teach a flat "
+        "map of the skin and a model of how its movement changes the contact; inverted, the model acts. "
+        "Dissertation, chapter II."
+    ),
+    picture="map",
+    caption="The latent map beside the skin; every touch by its most active electrode.",
+    numbers=(
+        Number("samples", "samples of touch", "d"),
+        Number("reconstruction_nmse_test", "reconstruction NMSE, test contacts", ".3f"),
+        Number("mds_nmse_test", "NMSE of map distances, test contacts", ".4f"),
+        Number("cosine_distance_nj", "cosine distance of actions by the network's Jacobian", ".2f"),
+        Number(
+            "servo_success_rate",
+            "of closed loops end within 1 mm and 10 % pressure",
+            ".0f",
+            " %",
+            100.0,
+        ),
+    ),
+)
+
 
 def overview_page(cards: Sequence[tuple[Card, Metrics]]) -> Page:
     """The overview.

@@ -5,7 +5,12 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure as Picture
 
 from structlearn.params import Parameters
-from structlearn.reporting import recorded_corrections, recorded_figures, segmentation_figures
+from structlearn.reporting import (
+    recorded_avoidance,
+    recorded_corrections,
+    recorded_figures,
+    segmentation_figures,
+)
 from structlearn.reporting.page import (
     HOW_TO_OPEN,
     Block,
@@ -54,6 +59,7 @@ def pictures(results: RecordedResults) -> dict[str, Picture]:
         "execution": recorded_figures.execution_figure(results.execution, results.execution_path),
         "electrodes": recorded_figures.electrodes_figure(results.electrode_traces, results.electrode_scores),
         "slides": recorded_figures.slides_figure(results.slide_statistics, results.slide_deviations),
+        **recorded_avoidance.pictures(results.avoidance),
     }
 
 
@@ -66,7 +72,8 @@ def recorded_page(
         title="Recorded data: the same code on people and robots",
         lead=(
             "Public recordings of human reaches, of a robot that unscrews and scrapes with tactile "
-            "fingers, and of a tactile finger that slides over two materials. Nothing on this page is "
+            "fingers, of a tactile finger that slides over two materials, and of people who "
+            "reach past obstacles. Nothing on this page is "
             "simulated but the rests and the noise that are added to the reaches to know where they begin "
             "and end."
         ),
@@ -95,6 +102,7 @@ def recorded_page(
             _unscrewing(results, sizes),
             _execution(results, sizes),
             _slides(results, sizes),
+            recorded_avoidance.section(results.avoidance, sizes),
             _files(parameters, recordings),
         ),
         back=Link("../index.html", "All testbeds"),

@@ -7,9 +7,10 @@ import pandas as pd
 
 from structlearn.artefacts import Metrics
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.recorded.avoidance import RecordedAvoidanceResults
 from structlearn.recorded.correction_splits import CorrectionResults
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting import recorded_corrections
+from structlearn.reporting import recorded_avoidance, recorded_corrections
 from structlearn.segmentation.comparison import errors_by_level, errors_by_seed, paired_comparison
 from structlearn.segmentation.learning import Segment
 from structlearn.segmentation.result import RESULT
@@ -39,6 +40,7 @@ class RecordedResults:
     clock_errors: pd.DataFrame
     slide_deviations: pd.DataFrame
     slide_statistics: pd.DataFrame
+    avoidance: RecordedAvoidanceResults
 
     @cached_property
     def by_seed(self) -> pd.DataFrame:
@@ -126,7 +128,7 @@ def metrics(results: RecordedResults) -> Metrics:
         values[f"slides_{row.group.replace(' ', '_')}_median_rms_counts"] = row.median_rms
     pose = results.clock_errors.set_index("kind").loc["pose"]
     values["slides_clock_pose_rms_mm"] = 1e3 * pose["rms_error"]
-    return values
+    return values | recorded_avoidance.metrics(results.avoidance)
 
 
 def tables(results: RecordedResults) -> dict[str, pd.DataFrame]:
@@ -141,4 +143,5 @@ def tables(results: RecordedResults) -> dict[str, pd.DataFrame]:
         "electrodes": results.electrode_scores,
         "slide_clock": results.clock_errors,
         "slide_deviations": results.slide_deviations,
+        **recorded_avoidance.tables(results.avoidance),
     }

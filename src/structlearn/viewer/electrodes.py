@@ -7,7 +7,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import GREY, ORANGE, SKY
-from structlearn.simulation.fingers import ELECTRODES_MM, SKIN_RADIUS_MM, TouchParameters
+from structlearn.simulation.fingers import TouchParameters
+from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 from structlearn.viewer.recording import blended, rgba, thinning, time_column
 from structlearn.viewer.run import Execution
 

@@ -13,8 +13,9 @@ import rerun.blueprint as rrb
 
 from structlearn import quaternion
 from structlearn.palette import LIGHT_GREY
-from structlearn.simulation.fingers import SKIN_RADIUS_MM, TouchParameters
+from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M, ROLL_AXIS
+from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.viewer.electrodes import electrodes, send_colours
 from structlearn.viewer.recording import rgba, send_moving_frame, time_column
 from structlearn.viewer.run import Execution

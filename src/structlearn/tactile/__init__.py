@@ -1,0 +1,1 @@
+"""Touch on a skin with electrodes: samples, contact points, geodesics, latent space and its dynamics."""

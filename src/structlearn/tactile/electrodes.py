@@ -1,0 +1,192 @@
+"""Skins with electrodes: where the electrodes are, and the surface that is touched.
+
+Every skin here is a core inflated by a radius: the core is a segment (BioTac), a rectangle (flat pad) or a
+point (sphere), in general an axis-parallel box. Nothing downstream asks which skin it has.
+
+Frame of a finger: origin where the round tip begins, x towards the tip, z into the finger; objects touch from
+-z. Two surface coordinates name a point of a skin: arc lengths along the finger (x) and across it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+# Electrodes 1-19 of the BioTac in mm (published driver code of the sensor; origin: its product manual).
+_SIDE = [
+    (0.993, -4.855, -1.116),
+    (-2.7, -3.513, -3.67),
+    (-6.2, -3.513, -3.67),
+    (-8.0, -4.956, -1.116),
+    (-10.5, -3.513, -3.67),
+    (-13.4, -4.956, -1.116),
+]
+ELECTRODES_MM = np.array(
+    _SIDE
+    + [(4.763, 0, -2.33), (3.031, -1.95, -3.33), (3.031, 1.95, -3.33), (1.299, 0, -4.33)]
+    + [(x, -y, z) for x, y, z in _SIDE]
+    + [(-2.8, 0, -5.08), (-9.8, 0, -5.08), (-13.6, 0, -5.08)]
+)
+_SIDE_NORMALS = [
+    (0.196, -0.956, -0.220),
+    (0, -0.692, -0.722),
+    (0, -0.692, -0.722),
+    (0, -0.976, -0.220),
+    (0, -0.692, -0.722),
+    (0, -0.976, -0.220),
+]
+NORMALS = np.array(
+    _SIDE_NORMALS + [(0.5, 0, -0.866)] * 4 + [(x, -y, z) for x, y, z in _SIDE_NORMALS] + [(0, 0, -1)] * 3,
+    dtype=float,
+)
+NORMALS /= np.linalg.norm(NORMALS, axis=1, keepdims=True)
+
+SKIN_RADIUS_MM = 7.0
+"""Of the outer skin: half cylinder behind the tip (x <= 0), quarter sphere at the tip."""
+
+SKIN_LENGTH_MM = 15.0
+"""Of the cylinder that has electrodes under it."""
+
+DEPTH = 1.92e-3
+"""m from the surface to the electrodes: fluid and skin of the BioTac, whose core has a radius of 5.08 mm."""
+
+
+@dataclass(frozen=True)
+class Skin:
+    """A touched surface with E electrodes under it, in the frame of the finger.
+
+    Attributes:
+        name: of the skin.
+        electrodes: (E, 3) m.
+        normals: (E, 3) unit, outwards.
+        core_low: (3,) m, lower corner of the core.
+        core_high: (3,) m, upper corner of the core.
+        radius: m from the core to the surface.
+        along: (2,) m, range of the surface coordinate along the finger.
+        across: (2,) m, range of the surface coordinate across it.
+    """
+
+    name: str
+    electrodes: np.ndarray
+    normals: np.ndarray
+    core_low: np.ndarray
+    core_high: np.ndarray
+    radius: float
+    along: tuple[float, float]
+    across: tuple[float, float]
+
+    def core(self, points: np.ndarray) -> np.ndarray:
+        """Nearest points of the core. Shape (..., 3) -> (..., 3), m."""
+        return np.clip(points, self.core_low, self.core_high)
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Nearest points of the surface, seen from the core.
+
+        Args:
+            points: (..., 3) m, not on the core itself.
+
+        Returns:
+            (..., 3) m; a point on the core, from which no direction leads out, gives NaN.
+        """
+        core = self.core(points)
+        outwards = points - core
+        with np.errstate(invalid="ignore"):
+            return core + self.radius * outwards / np.linalg.norm(outwards, axis=-1, keepdims=True)
+
+    def normal(self, points: np.ndarray) -> np.ndarray:
+        """Outward unit normals at points of the surface. Shape (..., 3) -> (..., 3)."""
+        return (points - self.core(points)) / self.radius
+
+    def surface(self, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+        """Points of the surface at two surface coordinates.
+
+        Args:
+            along: (...) m, arc length along the finger from its origin.
+            across: (...) m, arc length across it at the flat of the skin.
+
+        Returns:
+            (..., 3) m.
+        """
+        along, across = np.broadcast_arrays(np.asarray(along, dtype=float), across)
+        core = np.stack([along, across, np.zeros_like(along)], axis=-1)
+        core = self.core(core)
+        over = (along - core[..., 0]) / self.radius
+        around = (across - core[..., 1]) / self.radius
+        normal = np.stack(
+            [np.sin(over), np.cos(over) * np.sin(around), -np.cos(over) * np.cos(around)], axis=-1
+        )
+        return core + self.radius * normal
+
+    def coordinates(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Surface coordinates along and across, (...) m each, of points (..., 3) m of the surface."""
+        core = self.core(points)
+        normal = self.normal(points)
+        along = core[..., 0] + self.radius * np.arcsin(np.clip(normal[..., 0], -1, 1))
+        across = core[..., 1] + self.radius * np.arctan2(normal[..., 1], -normal[..., 2])
+        return along, across
+
+    def holds(self, points: np.ndarray) -> np.ndarray:
+        """Whether points (..., 3) m of the surface are within the ranges of the skin. Shape (...)."""
+        along, across = self.coordinates(points)
+        inside = (self.along[0] <= along) & (along <= self.along[1])
+        return inside & (self.across[0] <= across) & (across <= self.across[1])
+
+
+def biotac() -> Skin:
+    """The skin of the BioTac: half cylinder with a quarter sphere at the tip, 19 electrodes."""
+    radius = 1e-3 * SKIN_RADIUS_MM
+    return Skin(
+        name="biotac",
+        electrodes=1e-3 * ELECTRODES_MM,
+        normals=NORMALS,
+        core_low=np.array([-1e-3 * SKIN_LENGTH_MM, 0.0, 0.0]),
+        core_high=np.zeros(3),
+        radius=radius,
+        along=(-1e-3 * SKIN_LENGTH_MM, 0.5 * np.pi * radius),
+        across=(-0.5 * np.pi * radius, 0.5 * np.pi * radius),
+    )
+
+
+def flat_pad() -> Skin:
+    """A flat pad of 20 x 14 mm with a grid of 5 x 4 electrodes, as deep under the skin as the BioTac's."""
+    along, across = np.meshgrid(np.linspace(-0.018, 0.0, 5), np.linspace(-0.006, 0.006, 4), indexing="ij")
+    return _over_core("flat_pad", (-0.019, -0.007, 0.0), (0.001, 0.007, 0.0), 2e-3, along, across, 0.0)
+
+
+def sphere() -> Skin:
+    """Half a sphere of 10 mm radius; electrodes on a grid of its surface coordinates."""
+    radius = 10e-3
+    along, across = np.meshgrid(
+        radius * np.linspace(-1.0, 1.0, 5), radius * np.linspace(-1.0, 1.0, 4), indexing="ij"
+    )
+    return _over_core("sphere", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), radius, along, across, 0.5 * np.pi * radius)
+
+
+def _over_core(
+    name: str,
+    low: tuple[float, float, float],
+    high: tuple[float, float, float],
+    radius: float,
+    along: np.ndarray,
+    across: np.ndarray,
+    beyond: float,
+) -> Skin:
+    """A skin whose electrodes lie `DEPTH` under these surface coordinates; it ends `beyond` past the core."""
+    bare = Skin(
+        name=name,
+        electrodes=np.empty((0, 3)),
+        normals=np.empty((0, 3)),
+        core_low=np.array(low),
+        core_high=np.array(high),
+        radius=radius,
+        along=(low[0] - beyond, high[0] + beyond),
+        across=(low[1] - beyond, high[1] + beyond),
+    )
+    points = bare.surface(along.ravel(), across.ravel())
+    normals = bare.normal(points)
+    fields = vars(bare) | {"electrodes": points - DEPTH * normals, "normals": normals}
+    return Skin(**fields)
+
+
+SKINS: Mapping[str, Skin] = {skin.name: skin for skin in (biotac(), flat_pad(), sphere())}
+"""All skins by name."""

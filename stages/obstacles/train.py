@@ -1,0 +1,23 @@
+"""Train avoidance models per setting, per shape and for all shapes (IV.8.5, IV.8.6)."""
+
+from structlearn.artefacts import publish, read_table, write_table
+from structlearn.obstacles.dataset import from_table
+from structlearn.obstacles.learned_models import write_models
+from structlearn.obstacles.learning import AvoidanceTrainingParameters, learn
+from structlearn.obstacles.scenarios import SceneParameters, scenarios
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("obstacle_training", AvoidanceTrainingParameters)
+    places = scenarios(stage_parameters("obstacle_scene", SceneParameters))
+    dataset = from_table(read_table("data/obstacles/dataset/samples.parquet"))
+    models, errors = learn(dataset, places, parameters)
+    with publish("data/obstacles/models") as folder:
+        folder.mkdir()
+        write_models(models, folder)
+        write_table(errors, folder / "errors.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

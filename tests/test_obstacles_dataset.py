@@ -1,0 +1,140 @@
+import numpy as np
+import pytest
+
+from structlearn.artefacts import read_table, write_table
+from structlearn.errors import InputError
+from structlearn.obstacles.dataset import (
+    AvoidanceDataParameters,
+    avoidance_dataset,
+    baseline_axes,
+    fit_baseline,
+    from_table,
+    local_path,
+    samples,
+    smooth_path,
+    to_local,
+    to_table,
+)
+from structlearn.obstacles.demonstrator import AvoiderParameters, reaches
+from structlearn.obstacles.scenarios import SceneParameters, scenarios
+from structlearn.primitives import canonical
+from structlearn.recordings.demonstration import Demonstration
+
+SCENE = SceneParameters()
+PERSON = AvoiderParameters(count=3, baseline_count=8)
+PARAMETERS = AvoidanceDataParameters()
+
+
+def demonstrations(scenario, scene=SCENE, person=PERSON):
+    paths = reaches(scenario, scene, person)
+    return [Demonstration(f"{number}", *path) for number, path in enumerate(paths)]
+
+
+@pytest.fixture(scope="module")
+def baseline():
+    return fit_baseline(demonstrations(None), PARAMETERS)
+
+
+@pytest.fixture(scope="module")
+def sets():
+    return [(scenario, demonstrations(scenario)) for scenario in (scenarios(SCENE)[3], scenarios(SCENE)[30])]
+
+
+@pytest.fixture(scope="module")
+def dataset(sets, baseline):
+    return avoidance_dataset(sets, baseline, PARAMETERS)
+
+
+def test_smooth_path_has_the_derivatives_of_a_known_movement():
+    time = np.arange(41) / 25
+    position = np.outer(np.sin(np.pi * time), [1.0, 0.5, 0.0])
+    path = smooth_path(Demonstration("sine", time, position), AvoidanceDataParameters(smoothing_hz=50))
+    inside = slice(10, -10)
+    expected = -(np.pi**2) * np.outer(np.sin(np.pi * path.time), [1.0, 0.5, 0.0])
+    np.testing.assert_allclose(path.acceleration[inside], expected[inside], atol=0.01 * np.pi**2)
+    assert path.dt == pytest.approx(0.01)
+    assert path.duration == pytest.approx(1.6)
+
+
+def test_everything_is_in_the_frame_of_the_baseline(baseline, dataset, sets):
+    np.testing.assert_allclose(to_local(baseline.start, baseline), 0.0, atol=1e-15)
+    length = np.linalg.norm(baseline.goal - baseline.start)
+    np.testing.assert_allclose(to_local(baseline.goal, baseline), [length, 0, 0], atol=1e-12)
+    scenario, (first, *_) = sets[0]
+    one = dataset.where((dataset.scenario == 0) & (dataset.demonstration == 0))
+    centre = to_local(scenario.obstacle.centre, baseline)
+    positions = (centre - one.features[:, :3]) @ baseline_axes(baseline).T + baseline.start
+    np.testing.assert_allclose(positions[0], first.position[0], atol=5e-3)  # smoothed; cloud's mean
+    np.testing.assert_allclose(positions[-1], first.position[-1], atol=0.02)  # thinned
+
+
+def test_unrolled_with_its_target_the_baseline_is_the_demonstration(baseline, sets):
+    scenario, (demonstration, *_) = sets[0]
+    own = AvoidanceDataParameters(rate_hz=1000, keep_every=1)  # the coupling is held over a step
+    path = local_path(smooth_path(demonstration, own), baseline)
+    one = samples(demonstration, scenario.obstacle.cloud(), baseline, own)
+    unrolled = baseline.local.unroll(
+        path.dt,
+        start=path.position[0],
+        goal=path.position[-1],
+        duration=path.duration,
+        velocity=path.velocity[0],
+        acceleration=path.acceleration[0],
+        coupling=lambda step, x, v: one.target[step],
+    )
+    np.testing.assert_allclose(unrolled.position, path.position, atol=6e-4)
+    assert np.abs(path.position[:, 2]).max() > 0.1  # where the baseline alone is not
+
+
+def test_unhindered_reaches_ask_for_little(baseline, dataset):
+    near, far = (dataset.where(dataset.scenario == place) for place in (0, 1))
+    assert far.target[:, 1:].std() < 0.25 * near.target[:, 1:].std()
+
+
+def test_keys_and_phase(dataset):
+    assert len(dataset) == len(dataset.features) == len(dataset.target)
+    assert sorted(zip(dataset.scenario, dataset.demonstration, strict=True)) == list(
+        zip(dataset.scenario, dataset.demonstration, strict=True)
+    )
+    assert set(dataset.scenario) == {0, 1}
+    assert set(dataset.demonstration) == {0, 1, 2}
+    one = dataset.where((dataset.scenario == 1) & (dataset.demonstration == 2))
+    assert one.phase[0] == 1.0
+    np.testing.assert_allclose(np.diff(one.time), 0.08, atol=2e-3)
+    ends = canonical.phase(1.0, canonical.time_constant(1.0))[0]
+    assert one.phase[-1] == pytest.approx(ends, abs=0.01)
+    assert (np.diff(one.phase) < 0).all()
+    assert (one.phase_velocity[1:] < 0).all()
+
+
+def test_a_table_gives_the_dataset_back(dataset, tmp_path):
+    write_table(to_table(dataset), tmp_path / "samples.parquet")
+    read = from_table(read_table(tmp_path / "samples.parquet"))
+    for name, values in vars(dataset).items():
+        np.testing.assert_array_equal(getattr(read, name), values)
+        assert getattr(read, name).dtype == values.dtype
+
+
+def test_a_reach_along_gravity_has_a_frame_of_its_own():
+    scene = SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
+    vertical = fit_baseline(demonstrations(None, scene), PARAMETERS)
+    assert vertical.frame == "side"
+    (scenario,) = scenarios(SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, 0.7), settings=1), ("cube",))
+    found = avoidance_dataset([(scenario, demonstrations(scenario, scene))], vertical, PARAMETERS)
+    assert np.isfinite(found.features).all()
+    assert found.features[0, 12] == pytest.approx(0.0, abs=0.3)
+    assert found.features[:, 12].max() > 1.0  # x is along the reach
+
+
+def test_bad_demonstrations_and_clouds_are_refused(baseline, sets):
+    (scenario, (demonstration, *_)), _ = sets
+    still = [Demonstration("still", np.arange(41) / 25, np.zeros((41, 3)))]
+    with pytest.raises(InputError, match="the baseline's reach of 0 m is too short to have a direction"):
+        fit_baseline(still, PARAMETERS)
+    short = Demonstration("short", np.arange(4) / 25, np.zeros((4, 3)))
+    with pytest.raises(InputError, match="short: 4 samples are too few for a reach"):
+        samples(short, scenario.obstacle.cloud(), baseline, PARAMETERS)
+    with pytest.raises(InputError, match="has no points"):
+        samples(demonstration, np.empty((0, 3)), baseline, PARAMETERS)
+    with pytest.raises(InputError, match="there are no demonstrations"):
+        avoidance_dataset([], baseline, PARAMETERS)

@@ -1,0 +1,168 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from structlearn.errors import InputError
+from structlearn.obstacles.demonstrator import (
+    FIXED_POINTS,
+    AvoiderParameters,
+    demonstrate,
+    jerk_metric,
+    reaches,
+)
+from structlearn.obstacles.scenarios import Scenario, SceneParameters, reach_frame, scenarios
+from structlearn.obstacles.shapes import SHAPES, obstacle
+from structlearn.recordings import read_demonstrations, write_recordings
+
+SCENE = SceneParameters()
+AXES = reach_frame(SCENE.start, SCENE.goal)
+MIDDLE = 0.5 * (SCENE.start + SCENE.goal)
+
+
+def closest(scenario, paths):
+    return min(scenario.obstacle.signed_distance(position).min() for _, position in paths)
+
+
+@pytest.fixture(scope="module")
+def baseline():
+    return reaches(None, SCENE, AvoiderParameters())
+
+
+def test_nobody_touches_an_obstacle_in_any_of_the_scenarios():
+    person = AvoiderParameters(count=2)
+    for scenario in scenarios(SCENE):
+        assert closest(scenario, reaches(scenario, SCENE, person)) > 0.05
+
+
+def test_baseline_goes_from_start_to_goal_by_a_lifted_minimum_jerk_path(baseline):
+    assert len(baseline) == 21
+    paths = np.stack([position[[0, -1]] for _, position in baseline])
+    np.testing.assert_allclose(paths.mean(axis=0), [SCENE.start, SCENE.goal], atol=4e-3)
+    heights = [((position - SCENE.start) @ AXES)[:, 2].max() for _, position in baseline]
+    assert 0.02 < np.mean(heights) < 0.045
+    duration = np.mean([time[-1] for time, _ in baseline])
+    assert abs(duration - 1.609) < 0.1
+    np.testing.assert_allclose(np.diff(baseline[0][0]), 1 / 25)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_hand_keeps_its_clearance_when_nothing_varies(shape):
+    still = AvoiderParameters(
+        count=1, movement_cv=0, bow_spread_m=(0, 0), end_spread_m=0, clearance_spread=0, perception_m=0,
+        indecision_m=0, motor_noise_m=0, marker_noise_m=0, rate_hz=500,
+    )  # fmt: skip
+    scenario = Scenario(1, obstacle(shape, MIDDLE + np.array([0, 0.01, 0.02])))
+    ((time, position),) = reaches(scenario, SCENE, still)
+    kept = scenario.obstacle.signed_distance(position).min() - still.clearance_m
+    assert -1e-3 < kept < 5e-3  # the path by the via point is not drawn back where it gives more room
+    np.testing.assert_allclose(position[[0, -1]], [SCENE.start, SCENE.goal], atol=1e-9)
+    acceleration = np.gradient(np.gradient(position, time, axis=0), time, axis=0)
+    assert np.abs(acceleration[[2, -3]]).max() < 0.02 * np.abs(acceleration).max()  # rest at both ends
+
+
+def test_a_far_obstacle_changes_nothing():
+    still = AvoiderParameters(count=3, motor_noise_m=0, marker_noise_m=0, perception_m=0)
+    near, far, farther = (
+        reaches(Scenario(1, obstacle("cylinder", MIDDLE + y * AXES[:, 1])), SCENE, still)
+        for y in (0.1, 0.6, 0.7)
+    )
+    for (_, hindered), (_, position), (_, same) in zip(near, far, farther, strict=True):
+        np.testing.assert_allclose(position, same, atol=1e-12)
+        assert np.abs(hindered - same).max() > 0.02
+
+
+def side(place, **person):
+    """Mean displacement across the reach halfway, left and up, in m."""
+    scenario = Scenario(1, obstacle("sphere", MIDDLE + AXES @ [0, *place]))
+    paths = reaches(scenario, SCENE, AvoiderParameters(count=10, **person))
+    local = [((position - SCENE.start) @ AXES)[len(position) // 2, 1:] for _, position in paths]
+    return np.array(local)
+
+
+def test_the_shorter_detour_is_taken_unless_preferred_otherwise():
+    assert (side((0.08, 0.03), preference_m=0)[:, 0] < -0.05).all()  # obstacle to the left: pass on the right
+    assert (side((-0.08, 0.03), preference_m=0)[:, 0] > 0.05).all()
+    assert (side((0.0, 0.03), preference_m=0.05)[:, 1] > 0.1).all()  # upwards where both are as short
+    undecided = side((0.0, 0.03), preference_m=0, indecision_m=0.05)
+    assert np.std(undecided[:, 0]) > 0.03
+
+
+def test_each_demonstration_can_be_repeated_alone():
+    scenario = scenarios(SCENE)[0]
+    many = reaches(scenario, SCENE, AvoiderParameters(count=5))
+    for (time, position), (same_time, same) in zip(
+        many[:2], reaches(scenario, SCENE, AvoiderParameters(count=2)), strict=True
+    ):
+        np.testing.assert_array_equal(time, same_time)
+        np.testing.assert_array_equal(position, same)
+
+
+def test_demonstrations_differ_between_trials_scenarios_and_seeds():
+    first, second = scenarios(SCENE)[38:40]
+    person = AvoiderParameters(count=2)
+    starts = [
+        reaches(scenario, SCENE, person)[number][1][0] for scenario in (first, second) for number in (0, 1)
+    ]
+    starts.append(reaches(first, SCENE, AvoiderParameters(count=2, seed=2))[0][1][0])
+    assert len({tuple(start) for start in starts}) == 5
+
+
+def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
+    quiet = AvoiderParameters(marker_noise_m=0, motor_noise_m=0)
+    marker = AvoiderParameters(motor_noise_m=0)
+    plain = reaches(None, SCENE, quiet)
+    noisy = [a - b for (_, a), (_, b) in zip(reaches(None, SCENE, marker), plain, strict=True)]
+    assert np.std(np.concatenate(noisy)) == pytest.approx(3e-4, rel=0.1)
+    moved = [a - b for (_, a), (_, b) in zip(baseline, plain, strict=True)]
+    assert 5e-4 < np.std(np.concatenate(moved)) < 2e-3
+    assert np.std([path[[0, -1]] for path in moved]) < 5e-4  # a hand at rest is still
+
+
+def test_recordings_carry_their_provenance_and_survive_a_file(tmp_path):
+    person = AvoiderParameters(count=3, baseline_count=2)
+    scenario = scenarios(SCENE)[45]
+    nominal, avoiding = demonstrate([None, scenario], SCENE, person)
+    assert [recording.name for recording in nominal] == ["01", "02"]
+    assert [recording.provenance["setting"] for recording in avoiding] == ["cube/06"] * 3
+    assert avoiding[0].provenance["origin"] == "simulated"
+    write_recordings(avoiding, tmp_path)
+    for read, (time, position) in zip(
+        read_demonstrations(tmp_path), reaches(scenario, SCENE, person), strict=True
+    ):
+        np.testing.assert_allclose(read.time, time, atol=1e-9)
+        np.testing.assert_allclose(read.position, position, atol=1e-9)
+        assert read.orientation is None
+        assert read.simulated
+    content = [path.read_bytes() for path in sorted(tmp_path.glob("*.mcap"))]
+    write_recordings(demonstrate([scenario], SCENE, person)[0], tmp_path)
+    assert [path.read_bytes() for path in sorted(tmp_path.glob("*.mcap"))] == content
+
+
+def test_least_jerk_metric_is_the_inverse_of_the_jerk_form():
+    metric = jerk_metric(21)
+    free = slice(FIXED_POINTS, -FIXED_POINTS)
+    third = np.diff(np.eye(21), n=3, axis=0)[:, free]
+    product = metric[free, free] @ (third.T @ third)
+    np.testing.assert_allclose(product / product[0, 0], np.eye(21 - 2 * FIXED_POINTS), atol=1e-6)
+    assert not metric[:FIXED_POINTS].any()
+    assert not metric[:, -FIXED_POINTS:].any()
+
+
+def test_a_reach_along_gravity_is_demonstrated_too():
+    scene = SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
+    scenario = Scenario(1, obstacle("sphere", np.array([0.01, 0.0, 0.35])))
+    paths = reaches(scenario, scene, AvoiderParameters(count=3))
+    assert closest(scenario, paths) > 0.05
+    np.testing.assert_allclose(
+        np.mean([position[-1] for _, position in paths], axis=0), [0, 0, 0.7], atol=0.02
+    )
+
+
+def test_bad_scenes_and_people_are_refused():
+    blocked = Scenario(1, obstacle("cube", SCENE.goal))
+    with pytest.raises(InputError, match=r"the cube at .* contains the goal of the reach"):
+        demonstrate([blocked], SCENE, AvoiderParameters())
+    with pytest.raises(InputError, match="has no direction"):
+        reaches(None, SceneParameters(goal_m=SCENE.start_m), AvoiderParameters())
+    with pytest.raises(ValidationError, match="low <= high"):
+        AvoiderParameters(rest_s=(0.4, 0.1))

@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from primitives_movements import quick, random_orientations, rngs
+
+from structlearn import quaternion
+from structlearn.errors import InputError
+from structlearn.obstacles import features as module
+from structlearn.obstacles.features import NAMES, closest_distance, features
+
+RECORDED = "clmc/obs_avoid/pmnn_unroll_test_dataset/subsampled_test_unroll_prim_1_X_raw_obs_avoid.txt"
+
+
+def random_states(rng, batch=5, points=12):
+    position, velocity, centre = rng.normal(size=(3, batch, 3))
+    return position, velocity, rng.normal(size=(batch, points, 3)), centre
+
+
+def one_by_one(position, velocity, tau, cloud, centre):
+    """The definition, point by point."""
+    rows = []
+    for x, v, points, c in zip(position, velocity, cloud, centre, strict=True):
+        nearest = sorted(points - x, key=np.linalg.norm)[:3]
+        stacked = [nearest[point][axis] for axis in range(3) for point in range(3)]
+        cosine = v @ nearest[0] / (np.linalg.norm(v) * np.linalg.norm(nearest[0]))
+        rows.append([*(c - x), *stacked, *(tau * v), np.linalg.norm(c - x), cosine])
+    return np.array(rows)
+
+
+@given(rngs)
+@quick
+def test_features_are_their_definition(rng):
+    position, velocity, cloud, centre = random_states(rng)
+    values = features(position, velocity, 3.2, cloud, centre)
+    np.testing.assert_allclose(values, one_by_one(position, velocity, 3.2, cloud, centre), atol=1e-12)
+    assert len(NAMES) == len(set(NAMES)) == values.shape[-1]
+
+
+@given(rngs)
+@quick
+def test_distance_and_cosine_do_not_depend_on_the_frame(rng):
+    position, velocity, cloud, centre = random_states(rng)
+    turn, shift = quaternion.matrix(random_orientations(rng)), rng.normal(size=3)
+    here = features(position, velocity, 2.0, cloud, centre)
+    there = features(
+        position @ turn + shift, velocity @ turn, 2.0, cloud @ turn + shift, centre @ turn + shift
+    )
+    np.testing.assert_allclose(here[:, [15, 16]], there[:, [15, 16]], atol=1e-10)
+    np.testing.assert_allclose(here[:, module.TO_CENTRE] @ turn, there[:, module.TO_CENTRE], atol=1e-10)
+
+
+@given(rngs)
+@quick
+def test_the_same_movement_at_another_speed_has_the_same_features(rng):
+    position, velocity, cloud, centre = random_states(rng)
+    slow = features(position, velocity, 4.0, cloud, centre)
+    np.testing.assert_allclose(features(position, 2 * velocity, 2.0, cloud, centre), slow, atol=1e-12)
+
+
+def test_many_states_share_a_cloud():
+    position, velocity, cloud, centre = random_states(np.random.default_rng(1), batch=6)
+    shared = features(position, velocity, 1.0, cloud[0], centre[0])
+    repeated = features(position, velocity, 1.0, np.stack([cloud[0]] * 6), np.stack([centre[0]] * 6))
+    np.testing.assert_array_equal(shared, repeated)
+    table = features(position.reshape(2, 3, 3), velocity.reshape(2, 3, 3), 1.0, cloud[0], centre[0])
+    np.testing.assert_array_equal(table.reshape(6, 17), shared)
+    assert features(position[0], velocity[0], 1.0, cloud[0], centre[0]).shape == (17,)
+
+
+def test_the_cosine_is_minus_one_where_it_is_undefined_and_one_straight_ahead():
+    cloud = np.array([[1.0, 0, 0], [2, 0, 0], [3, 0, 0]])
+    ahead = np.array([1.0, 0, 0])
+    for velocity, position, cosine in [(0 * ahead, 0 * ahead, -1), (ahead, ahead, -1), (ahead, 0 * ahead, 1)]:
+        assert features(position, velocity, 1.0, cloud, cloud.mean(axis=0))[16] == cosine
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_not_finite_is_refused_by_name(place, bad):
+    inputs = [array.copy() for array in random_states(np.random.default_rng(2))]
+    inputs[place][1, ..., -1] = bad
+    position, velocity, cloud, centre = inputs
+    with pytest.raises(InputError, match=("position", "velocity", "cloud", "centre")[place]):
+        features(position, velocity, 1.0, cloud, centre)
+
+
+def test_a_single_bad_point_far_down_the_cloud_is_found():
+    position, velocity, cloud, centre = random_states(np.random.default_rng(3))
+    cloud[2, 7, 1] = np.nan
+    with pytest.raises(InputError, match="not finite: cloud"):
+        features(position, velocity, 1.0, cloud, centre)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "message"),
+    [
+        (((2, 3), (2, 3), (2, 0, 3), (2, 3)), "0 points"),
+        (((2, 3), (2, 3), (2, 2, 3), (2, 3)), "2 points"),
+        (((2, 2), (2, 3), (2, 9, 3), (2, 3)), "position must be"),
+        (((2, 3), (3,), (3,), (2, 3)), "cloud must be"),
+        (((2, 3), (2, 3), (2, 9, 3), (4, 3)), "do not fit"),
+    ],
+)
+def test_wrong_shapes_are_refused(shapes, message):
+    position, velocity, cloud, centre = (np.zeros(shape) for shape in shapes)
+    with pytest.raises(InputError, match=message):
+        features(position, velocity, 1.0, cloud, centre)
+
+
+@pytest.mark.parametrize("tau", [0.0, -1.0, np.nan, np.inf])
+def test_a_time_constant_that_is_none_is_refused(tau):
+    position, velocity, cloud, centre = random_states(np.random.default_rng(4))
+    with pytest.raises(InputError, match="tau"):
+        features(position, velocity, tau, cloud, centre)
+
+
+def test_closest_distance_is_that_of_the_closest_point():
+    rng = np.random.default_rng(5)
+    position, cloud = rng.normal(size=(4, 1, 3)), rng.normal(size=(4, 9, 3))
+    expected = np.linalg.norm(cloud - position, axis=-1).min(axis=1)
+    np.testing.assert_allclose(closest_distance(position[:, 0], cloud), expected)
+
+
+def test_recorded_features_have_the_same_columns(recorded_data):
+    path = recorded_data / RECORDED
+    if not path.is_file():
+        pytest.skip(f"no {path.name} among the recorded data")
+    recorded = np.loadtxt(path)
+    assert recorded.shape == (823, 17)
+    # put the hand at the origin: the recorded vectors are then the obstacle itself, as far as they are known
+    cloud = recorded[:, module.TO_POINTS].reshape(-1, 3, 3).swapaxes(1, 2)
+    velocity, centre = recorded[:, module.SCALED_VELOCITY], recorded[:, module.TO_CENTRE]
+    shuffled = cloud[:, [2, 0, 1]]
+    ours = features(np.zeros((823, 3)), velocity, 1.0, shuffled, centre)
+    np.testing.assert_allclose(ours, recorded, atol=1e-9)

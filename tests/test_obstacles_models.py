@@ -1,0 +1,152 @@
+import numpy as np
+import pytest
+
+from structlearn import parallel
+from structlearn.errors import InputError
+from structlearn.feedback.pmnn import write_networks
+from structlearn.feedback.training import TrainingParameters
+from structlearn.obstacles import models
+from structlearn.obstacles.dataset import AvoidanceDataset
+from structlearn.obstacles.models import NetworkParameters, SplitParameters
+from structlearn.obstacles.phase_modulated import (
+    read_phase_modulated,
+    train_phase_modulated,
+    write_phase_modulated,
+)
+from structlearn.primitives import canonical
+
+QUICK = {"iterations": 6}
+
+
+@pytest.fixture(autouse=True)
+def _here(monkeypatch):
+    monkeypatch.setenv(parallel.BACKEND, "sequential")  # starting processes would take most of the time
+
+
+def toy_dataset(scenarios=2, demonstrations=5, samples=25, noise=0.05, size=(0.0, 2.0, 0.2), seed=0):
+    """Coupling of the features, fading with the phase; `size` is that of the common course per axis."""
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0.0, 1.0, samples)
+    p, u = canonical.phase(time, canonical.TAU_PER_DURATION)
+    count = scenarios * demonstrations
+    features = rng.uniform(-1.0, 1.0, (count, samples, 17))
+    target = np.array(size) * (np.sin(2.0 * np.pi * time) * np.abs(u))[:, None]
+    target = target + 0.3 * features[..., :3] * u[:, None] + noise * rng.normal(size=(count, samples, 3))
+    number = np.arange(count).repeat(samples)
+    return AvoidanceDataset(
+        features=features.reshape(-1, 17),
+        target=target.reshape(-1, 3),
+        phase=np.tile(p, count),
+        phase_velocity=np.tile(u, count),
+        scenario=number // demonstrations,
+        demonstration=number % demonstrations,
+        time=np.tile(time, count),
+    )
+
+
+def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
+    dataset = toy_dataset(scenarios=3, demonstrations=10)
+    mask = models.held_out_rows(dataset, SplitParameters(test_share=0.2))
+    chosen = []
+    for one, its in zip(models.by_scenario(dataset), np.split(mask, 3), strict=True):
+        tested = {int(number) for number in np.unique(one.demonstration[its])}
+        assert len(tested) == 2
+        assert not tested & set(one.demonstration[~its].tolist())  # no demonstration is on both sides
+        chosen.append(tested)
+    assert len({tuple(sorted(one)) for one in chosen}) > 1  # scenarios draw on their own
+    alone = models.held_out_rows(models.by_scenario(dataset)[1], SplitParameters(test_share=0.2))
+    np.testing.assert_array_equal(alone, np.split(mask, 3)[1])
+    assert not np.array_equal(mask, models.held_out_rows(dataset, SplitParameters(test_share=0.2, seed=1)))
+
+
+def test_one_demonstration_cannot_be_split():
+    dataset = toy_dataset(demonstrations=1)
+    with pytest.raises(InputError, match="scenario 0 has one demonstration only"):
+        models.held_out_rows(dataset, SplitParameters())
+    parameters = NetworkParameters(training={"rule": "validation"})
+    with pytest.raises(InputError, match="none would be left to validate"):
+        models.train_member(models.by_scenario(dataset)[0], parameters, (0, 0))
+
+
+@pytest.mark.parametrize("rule", ["validation", "evidence"])
+def test_a_network_learns_the_same_alone_and_among_others(rule):
+    sets = models.by_scenario(toy_dataset())
+    parameters = NetworkParameters(hidden=(6, 4), training={"rule": rule} | QUICK)
+    stack = models.fit_networks(sets, parameters, "test")
+    again = models.fit_networks(sets[:1], parameters, "test")
+    for layer, alone in zip(stack.layers, again.layers, strict=True):
+        np.testing.assert_array_equal(layer[0], alone[0])
+    assert not np.array_equal(stack.layers[0][0], stack.layers[0][1])
+
+
+def test_members_are_averaged():
+    sets = models.by_scenario(toy_dataset(scenarios=1))
+    parameters = NetworkParameters(hidden=(6, 4), members=3, inputs="phase", training=QUICK)
+    stack = models.fit_networks(sets, parameters, "test")
+    its = sets[0]
+    alone = [
+        models.stacked([models.train_member(its, parameters, (0, member))], sets, parameters)
+        for member in range(3)
+    ]
+    states = its.features, its.phase, its.phase_velocity
+    mean = np.mean([one.coupling(one.inputs(*states)[None])[0] for one in alone], axis=0)
+    inside = (mean > its.target.min(axis=0)) & (mean < its.target.max(axis=0))  # a mean is cut later
+    np.testing.assert_allclose(stack(*states)[inside], mean[inside], atol=0.05)
+
+
+def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
+    dataset = toy_dataset(scenarios=1, demonstrations=15)
+    mask = models.held_out_rows(dataset, SplitParameters())
+    errors = {}
+    for inputs in ("features", "phase"):
+        parameters = NetworkParameters(hidden=(10, 6), inputs=inputs, training={"iterations": 20})
+        stack = models.fit_networks([dataset.where(~mask)], parameters, "test")
+        errors[inputs] = models.fit_errors([dataset], [mask], [stack])
+    for table in errors.values():
+        train, test = (table[table["part"] == part].iloc[0] for part in ("train", "test"))
+        assert train["nmse"] == pytest.approx(np.mean([train[f"nmse_{axis}"] for axis in "xyz"]))
+        assert train["nmse"] < test["nmse"]
+        assert test["dominant"] == "y"
+        assert test["nmse_dominant"] == test["nmse_y"]
+    seen, blind = errors["phase"].iloc[1], errors["features"].iloc[1]
+    assert seen["nmse_y"] < 0.1 < blind["nmse_y"]
+
+
+@pytest.mark.parametrize(
+    ("size", "axis"),
+    [
+        ((0.0, 2.0, 0.2), "y"),
+        ((0.0, 0.2, 2.0), "z"),
+        ((5.0, 2.0, 1.8), None),  # along both
+        ((5.0, 0.0, 0.0), None),  # along the reach only
+    ],
+)
+def test_dominant_axis(size, axis):
+    assert models.dominant_axis(toy_dataset(scenarios=1, size=size)) == axis
+
+
+def test_human_inspired_models_stack():
+    sets = models.by_scenario(toy_dataset(scenarios=3))
+    stack = models.fit_human_inspired_models(sets, "test")
+    assert len(stack) == 3
+    alone = models.fit_human_inspired_models(sets[2:], "test")
+    np.testing.assert_array_equal(stack.weights[2], alone.weights[0])
+
+
+def test_phase_modulated_avoidance_rests_with_the_phase(tmp_path):
+    dataset = toy_dataset(demonstrations=8)
+    parameters = TrainingParameters(steps=800, dropout=0.0, evaluate_every=200)
+    model = train_phase_modulated(dataset, parameters, hidden=(20,))
+    found = model(dataset.features, dataset.phase, dataset.phase_velocity)
+    assert found.shape == dataset.target.shape
+    assert np.mean((found - dataset.target)[:, 1] ** 2) < 0.1 * dataset.target[:, 1].var()
+    at_rest = model(dataset.features, np.ones(len(dataset)), np.zeros(len(dataset)))
+    np.testing.assert_array_equal(at_rest, 0.0)
+    write_phase_modulated({"sphere": model, "all": model}, tmp_path / "models.safetensors")
+    back = read_phase_modulated(tmp_path / "models.safetensors")
+    assert list(back) == ["all", "sphere"]
+    states = dataset.features, dataset.phase, dataset.phase_velocity
+    np.testing.assert_allclose(back["sphere"](*states), found, rtol=1e-9)
+    write_networks([("sphere.x", model.networks[0])], tmp_path / "part.safetensors")
+    with pytest.raises(InputError, match="one network for each of x, y and z"):
+        read_phase_modulated(tmp_path / "part.safetensors")

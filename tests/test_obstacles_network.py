@@ -1,0 +1,127 @@
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from structlearn import artefacts
+from structlearn.errors import InputError
+from structlearn.obstacles import network
+
+SIZES = (4, 3)
+
+
+def random_networks(count=3, columns=network.FEATURES, seed=0):
+    rng = np.random.default_rng(seed)
+    widths = (len(columns), *SIZES, 3)
+    low = rng.normal(size=(count, len(columns)))
+    middle = rng.normal(size=(count, 3))
+    return network.AvoidanceNetworks(
+        columns=np.array(columns),
+        input_low=low,
+        input_high=low + rng.uniform(0.5, 2.0, low.shape),
+        layers=tuple(rng.normal(size=(count, before + 1, after)) for before, after in pairwise(widths)),
+        output_mean=middle,
+        output_scale=rng.uniform(0.5, 2.0, (count, 3)),
+        output_low=middle - 1e9,
+        output_high=middle + 1e9,
+    )
+
+
+def states(count, seed=1):
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(count, 17)), rng.uniform(0.0, 1.0, count), rng.uniform(-4.6, 0.0, count)
+
+
+def by_hand(networks, index, features, p, u):
+    """The module's equations for one sample, node by node."""
+    seen = np.append(features, [p, u])[networks.columns]
+    low, high = networks.input_low[index], networks.input_high[index]
+    values = [2.0 * (s - a) / (b - a) - 1.0 for s, a, b in zip(seen, low, high, strict=True)]
+    for place, layer in enumerate(networks.layers):
+        weights, biases = layer[index][:-1], layer[index][-1]
+        values = [
+            sum(v * w for v, w in zip(values, weights[:, node], strict=True)) + biases[node]
+            for node in range(len(biases))
+        ]
+        if place < len(networks.layers) - 1:
+            values = [max(0.0, value) for value in values]
+    return networks.output_mean[index] + networks.output_scale[index] * np.array(values)
+
+
+@pytest.mark.parametrize(
+    "columns", [network.FEATURES, network.FEATURES_AND_PHASE, network.FEATURES_AND_PHASE_VELOCITY]
+)
+def test_network_of_each_sample_node_by_node(columns):
+    networks, (features, p, u) = random_networks(columns=columns), states(3)
+    found = networks(features, p, u)
+    for b in range(3):
+        np.testing.assert_allclose(found[b], by_hand(networks, b, features[b], p[b], u[b]))
+
+
+def test_one_network_serves_all_samples_and_many_must_match():
+    networks, (features, p, u) = random_networks(), states(5)
+    alone = networks.take([1])
+    np.testing.assert_allclose(
+        alone(features, p, u), networks.take([1] * 5)(features, p, u), rtol=1e-12, atol=1e-12
+    )
+    with pytest.raises(ValueError, match="5 samples for 3 networks"):
+        networks(features, p, u)
+
+
+def test_outputs_stay_in_the_range_of_the_training_targets():
+    bounded = replace(random_networks(), output_low=np.full((3, 3), -0.1), output_high=np.full((3, 3), 0.2))
+    features, p, u = states(3)
+    found = bounded(1e6 * features, p, u)
+    assert (found.min(), found.max()) == (-0.1, 0.2)
+
+
+def test_mean_of_networks_is_one_network():
+    members = [[layer[index] for layer in random_networks(seed=5).layers] for index in range(3)]
+    inputs = np.random.default_rng(0).normal(size=(7, 17))
+    mean = np.mean([network.forward(layers, inputs) for layers in members], axis=0)
+    np.testing.assert_allclose(network.forward(network.averaged(members), inputs), mean, atol=1e-12)
+
+
+def test_scaling_takes_training_data_to_the_unit_range():
+    rng = np.random.default_rng(0)
+    inputs = [rng.normal(size=(20, 17)), rng.normal(size=(30, 17))]
+    inputs[0][:, 4] = 7.0  # constant: no range to divide by
+    targets = [rng.normal(size=(20, 3)), 5.0 + rng.normal(size=(30, 3))]
+    layers = [np.zeros((18, 2)), np.zeros((3, 3))]
+    stack = network.scaled_networks([layers, layers], inputs, targets, network.FEATURES)
+    assert len(stack) == 2
+    np.testing.assert_allclose(stack.input_low[1], inputs[1].min(axis=0))
+    assert (stack.input_high > stack.input_low).all()
+    found = stack.take([1])(inputs[1], np.zeros(30), np.zeros(30))
+    np.testing.assert_allclose(found, np.broadcast_to(targets[1].mean(axis=0), (30, 3)))
+
+
+def test_constant_target_is_an_error():
+    with pytest.raises(InputError, match="constant"):
+        network.output_scale(np.ones((5, 3)))
+
+
+def test_files_hold_the_networks(tmp_path):
+    stacks = {"sphere": random_networks(1), "cube": random_networks(2, network.FEATURES_AND_PHASE, seed=3)}
+    path = tmp_path / "networks.safetensors"
+    network.write_avoidance_networks(stacks, path)
+    first = path.read_bytes()
+    found = network.read_avoidance_networks(path)
+    for name, stack in stacks.items():
+        features, p, u = states(len(stack))
+        np.testing.assert_array_equal(found[name](features, p, u), stack(features, p, u))
+    network.write_avoidance_networks(found, path)
+    assert path.read_bytes() == first
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "other.safetensors"
+    artefacts.write_tensors({"a": np.zeros(2)}, path, "{}")
+    with pytest.raises(InputError, match="holds no avoidance networks"):
+        network.read_avoidance_networks(path)
+    broken = random_networks(1)
+    broken.layers[0][0, 0, 0] = np.nan
+    network.write_avoidance_networks({"sphere": broken}, path)
+    with pytest.raises(InputError, match=r"sphere\.layers\.0 holds a value that is not finite"):
+        network.read_avoidance_networks(path)

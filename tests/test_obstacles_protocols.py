@@ -1,0 +1,141 @@
+import numpy as np
+import pytest
+from obstacles_unrolls import GOAL, START, baseline, random_network
+from pydantic import ValidationError
+
+from structlearn.obstacles import protocols
+from structlearn.obstacles.evaluation import closest_approaches
+from structlearn.obstacles.human_inspired import HumanInspiredModels
+from structlearn.obstacles.learned_models import AvoidanceModels
+from structlearn.obstacles.postprocessing import PostprocessingParameters
+from structlearn.obstacles.protocols import AvoidanceEvaluationParameters
+from structlearn.obstacles.scenarios import Scenario
+from structlearn.obstacles.shapes import SHAPES, obstacle
+from structlearn.recordings.demonstration import Demonstration
+
+PARAMETERS = AvoidanceEvaluationParameters(rate_hz=50.0, kept_every=2, speeds_m_s=(0.1, 0.3), pairs=12)
+SETTINGS = ([0.4, -0.15, 0.25], [0.4, -0.45, 0.3])
+SCENARIOS = [
+    Scenario(number, obstacle(shape, np.array(centre)))
+    for shape in SHAPES
+    for number, centre in enumerate(SETTINGS, start=1)
+]
+
+
+def steering(count, size=5.0):
+    """Models that turn away from the obstacle, each a little more than the one before."""
+    return HumanInspiredModels(size * np.linspace(1.0, 1.2, count)[:, None, None] * np.ones((1, 3, 50)))
+
+
+MODELS = AvoidanceModels(
+    networks={},
+    phase_modulated={},
+    human_inspired={"setting": steering(6), "all": steering(1, 3.0)} | {name: steering(1) for name in SHAPES},
+)
+
+
+def closest(situation):
+    primitive = baseline()
+    path = protocols.unrolled(situation, protocols.no_coupling, primitive, PARAMETERS, None)
+    until = path.path.time <= primitive.duration
+    return closest_approaches(path.path.time[until], path.path.position[:, until], situation.obstacles)[0]
+
+
+def test_moving_spheres_are_where_the_unseen_ones_are_when_the_hand_is_there():
+    unseen, moving = protocols.unseen(baseline()), protocols.moving(baseline(), PARAMETERS)
+    assert len(moving.numbers) == 2 * len(unseen.numbers)
+    resting = np.tile(closest(unseen), 2)
+    assert (closest(moving) <= resting + 1e-3).all()  # they get nearer still before or after
+    assert (closest(moving) <= 0.0).sum() >= 2 * (closest(unseen) <= 0.0).sum() > 0
+    velocity = moving.obstacles[0].displacement(1.0)
+    np.testing.assert_allclose(np.linalg.norm(velocity, axis=1), moving.speed)
+    assert {1.0, -1.0} == set(np.sign(velocity[:, 1]))
+
+
+def test_pairs_are_of_unseen_spheres_apart_from_each_other():
+    found = protocols.pairs(baseline(), PARAMETERS)
+    first, second = (one.centre for one in found.obstacles)
+    assert len(found.numbers) == 12
+    assert (second[:, 0] - first[:, 0] >= protocols.PAIR_SPACING_M - 1e-9).all()
+    assert len(np.unique(np.hstack([first, second]), axis=0)) == 12
+    grid = protocols.unseen(baseline()).obstacles[0].centre
+    for centres in (first, second):
+        assert (np.linalg.norm(grid[:, None] - centres, axis=-1).min(axis=0) < 1e-12).all()
+
+
+def test_the_goal_shifts_in_the_frame_of_the_reach():
+    shift = protocols.goal_change(baseline(), PARAMETERS).goal_change.goals - GOAL
+    along = (GOAL - START) / np.linalg.norm(GOAL - START)
+    assert np.linalg.norm(shift) == pytest.approx(np.hypot(0.1, 0.05))
+    assert shift @ along == pytest.approx(0.0, abs=1e-3)  # the fitted goal is a hair off
+
+
+def test_models_meet_what_they_are_for():
+    known = protocols.trained(SCENARIOS, "cube", baseline())
+    named = [(one.model, one.learned_from) for one in protocols.contenders(MODELS, known)]
+    sources = ("setting", "cube", "all")
+    assert named == [("none", ""), *(("human_inspired", source) for source in sources)]
+    own = next(one for one in protocols.contenders(MODELS, known) if one.learned_from == "setting").coupling
+    np.testing.assert_array_equal(own.weights, MODELS.human_inspired["setting"].weights[2:4])  # the cubes
+    unknown = protocols.contenders(MODELS, protocols.unseen(baseline()))
+    assert [one.learned_from for one in unknown] == ["", *SHAPES, "all"]
+
+
+def test_every_contender_is_scored_in_every_situation_with_its_rules():
+    primitive = baseline()
+    for situation in protocols.situations(SCENARIOS, primitive, PARAMETERS):
+        scores, paths = protocols.evaluate(situation, MODELS, primitive, PARAMETERS)
+        contenders, count = len(list(protocols.contenders(MODELS, situation))), len(situation.numbers)
+        both = situation.protocol in ("trained", "unseen")
+        assert len(scores) == contenders * count * (1 + both)
+        assert not scores.isna().any().any()
+        keys = ["model", "learned_from", "scenario", "speed_m_s"]
+        assert (scores.groupby([*keys, "rules"]).size() == 1).all()
+        limited = scores[scores["rules"] == "limited"]
+        samples = paths.groupby(keys, sort=False)
+        assert samples.ngroups == len(limited)
+        assert samples["time_s"].max().min() == pytest.approx(1.5 * primitive.duration, abs=0.05)
+        assert (paths["coupling_x"] == 0.0).all()
+        if situation.protocol == "unseen":  # the table's distances are those of the written paths
+            centre = primitive.start + situation.obstacles[0].centre @ protocols.baseline_axes(primitive).T
+            own = paths[(paths["learned_from"] == "sphere") & (paths["scenario"] == 30)]
+            own = own[own["time_s"] <= primitive.duration]
+            away = np.linalg.norm(own[["x_m", "y_m", "z_m"]] - centre[29], axis=1).min()
+            row = limited[(limited["learned_from"] == "sphere") & (limited["scenario"] == 30)]
+            assert away / 0.05 - 1 == pytest.approx(row["obstacle_distance"].item(), abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_goals_are_reached_whatever_a_model_asks_for(seed):
+    primitive, rng = baseline(), np.random.default_rng(seed)
+    wild = random_network(rng, 80.0)
+    for situation in protocols.situations(SCENARIOS, primitive, PARAMETERS):
+        limits = PARAMETERS.postprocessing
+        bare, coupled = (
+            protocols.evaluation.scores(
+                protocols.unrolled(situation, model, primitive, PARAMETERS, limits), situation.obstacles
+            )
+            for model in (protocols.no_coupling, wild)
+        )
+        for column, limit in (
+            ("goal_distance_m", limits.end_limit_m),
+            ("late_goal_distance_m", limits.late_limit_m),
+        ):
+            assert (coupled[column] <= bare[column] + limit + 1e-9).all()
+
+
+def test_demonstrations_are_scored_one_by_one():
+    primitive = baseline()
+    path = primitive.unroll(0.02)
+    through = Demonstration("a", path.time, path.position)
+    beside = Demonstration("b", path.time, path.position + 0.3)
+    found = protocols.demonstration_scores([[through, beside]] * 6, SCENARIOS, primitive)
+    assert found[["obstacle", "scenario", "demonstration"]].drop_duplicates().shape == (12, 3)
+    first = found[(found["obstacle"] == "sphere") & (found["scenario"] == 1)]
+    assert first["hit"].tolist() == [True, False]
+    assert first["goal_distance_m"].tolist() == pytest.approx([0.0, 0.3 * np.sqrt(3)], abs=1e-3)
+
+
+def test_a_late_goal_beyond_the_last_look_is_refused():
+    with pytest.raises(ValidationError, match="late_factor must be at most"):
+        AvoidanceEvaluationParameters(postprocessing=PostprocessingParameters(late_factor=2.0))

@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+
+from structlearn.errors import InputError
+from structlearn.obstacles.scenarios import (
+    END_CLEARANCE_M,
+    FAR_CLEARANCE_M,
+    UNSEEN_RADIUS_M,
+    SceneParameters,
+    check_clear,
+    reach_frame,
+    scenarios,
+    unseen_centres,
+    unseen_clouds,
+)
+from structlearn.obstacles.shapes import SHAPES, obstacle
+
+SCENE = SceneParameters()
+
+
+def distance_to_line(points):
+    axes = reach_frame(SCENE.start, SCENE.goal)
+    local = (points - SCENE.start) @ axes
+    length = np.linalg.norm(SCENE.goal - SCENE.start)
+    along = local[:, 0] - np.clip(local[:, 0], 0, length)
+    return np.sqrt(along**2 + local[:, 1] ** 2 + local[:, 2] ** 2)
+
+
+def test_forty_settings_with_each_of_three_shapes():
+    found = scenarios(SCENE)
+    assert len({scenario.name for scenario in found}) == 120
+    assert [scenario.name for scenario in found[::40]] == ["sphere/01", "cube/01", "cylinder/01"]
+    by_shape = [[one.obstacle.centre for one in found if one.shape == shape] for shape in SHAPES]
+    np.testing.assert_array_equal(by_shape[0], by_shape[1])
+    np.testing.assert_array_equal(by_shape[0], by_shape[2])
+
+
+def test_start_and_goal_are_left_free_and_far_obstacles_are_far():
+    found = scenarios(SCENE)
+    ends = np.stack([SCENE.start, SCENE.goal])
+    assert min(one.obstacle.signed_distance(ends).min() for one in found) >= END_CLEARANCE_M
+    distance = distance_to_line(np.stack([one.obstacle.centre for one in found[:40]]))
+    near = round(SCENE.near_share * 40)
+    assert (distance[near:] >= FAR_CLEARANCE_M).all()
+    assert (distance[:near] < FAR_CLEARANCE_M).all()
+
+
+def test_positions_follow_the_seed_only():
+    again = scenarios(SceneParameters())
+    other = scenarios(SceneParameters(seed=99))
+    for one, same, different in zip(scenarios(SCENE), again, other, strict=True):
+        np.testing.assert_array_equal(one.obstacle.centre, same.obstacle.centre)
+        np.testing.assert_array_equal(one.obstacle.rotation, same.obstacle.rotation)
+        assert (one.obstacle.centre != different.obstacle.centre).any()
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_all_settings_may_be_far_or_near(share):
+    assert len(scenarios(SceneParameters(settings=5, near_share=share), ("cube",))) == 5
+
+
+def test_unseen_grid_lies_along_the_reach_with_its_ends_outside():
+    axes = reach_frame(SCENE.start, SCENE.goal)
+    local = (unseen_centres(SCENE.start, SCENE.goal) - SCENE.start) @ axes
+    length = np.linalg.norm(SCENE.goal - SCENE.start)
+    np.testing.assert_allclose(np.unique((6 * local[:, 0] / length).round(9)), [-1, 1, 2, 3, 4, 5, 7])
+    for axis in (1, 2):
+        np.testing.assert_allclose(np.unique(local[:, axis].round(9)), [-0.025, 0, 0.025])
+    clouds = unseen_clouds(SCENE.start, SCENE.goal)
+    assert clouds.shape == (63, 35, 3)
+    np.testing.assert_allclose(np.linalg.norm(clouds[:, 0] - clouds[:, -1], axis=-1), UNSEEN_RADIUS_M)
+
+
+def test_unseen_spheres_leave_start_and_goal_free():
+    for centre in unseen_centres(SCENE.start, SCENE.goal):
+        for end in (SCENE.start, SCENE.goal):
+            assert np.linalg.norm(centre - end) > UNSEEN_RADIUS_M
+
+
+@pytest.mark.parametrize(("end", "point"), [("start", SCENE.start), ("goal", SCENE.goal)])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_obstacle_on_start_or_goal_is_refused(shape, end, point):
+    with pytest.raises(InputError, match=f"the {shape} at .* m contains the {end} of the reach"):
+        check_clear(obstacle(shape, point + np.array([0.01, 0, 0])), SCENE.start, SCENE.goal)
+
+
+def test_a_reach_without_length_is_refused():
+    with pytest.raises(InputError, match="a reach of 0 m has no direction"):
+        reach_frame(SCENE.start, SCENE.start)
+    with pytest.raises(InputError, match="has no direction"):
+        scenarios(SceneParameters(goal_m=SCENE.start_m))
+    with pytest.raises(InputError, match=r"no obstacle fits between start and goal of a reach of 0\.1 m"):
+        scenarios(SceneParameters(start_m=(0, 0, 0), goal_m=(0.1, 0, 0)))
+
+
+@pytest.mark.parametrize("height", [0.7, -0.7])
+def test_a_reach_along_gravity_anchors_the_side(height):
+    axes = reach_frame(np.zeros(3), np.array([0, 0, height]))
+    np.testing.assert_allclose(axes[:, 0], [0, 0, np.sign(height)])
+    np.testing.assert_allclose(axes[:, 1], [0, 1, 0])
+    np.testing.assert_allclose(np.linalg.det(axes), 1.0)
+    assert len(scenarios(SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5))) == 15

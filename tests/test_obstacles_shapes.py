@@ -1,0 +1,130 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from structlearn.errors import InputError
+from structlearn.obstacles.shapes import (
+    HALF_SIZE_M,
+    SHAPES,
+    Obstacle,
+    check_cloud,
+    obstacle,
+    ringed_sphere,
+    virtual_radius,
+)
+
+CENTRE = np.array([0.3, -0.2, 0.1])
+places = st.tuples(*[st.floats(-0.3, 0.3)] * 3).map(np.array)
+
+
+@pytest.fixture(params=SHAPES)
+def solid(request):
+    return obstacle(request.param, CENTRE, yaw=0.4)
+
+
+def surface_area(solid):
+    a, b, c = solid.half_size
+    if solid.shape == "sphere":
+        return 4 * np.pi * a**2
+    return 8 * (a * b + b * c + c * a) if solid.shape == "cube" else 2 * np.pi * a * (a + 2 * c)
+
+
+def test_distances_known_by_hand():
+    ball = Obstacle("sphere", np.zeros(3), np.full(3, 0.5))
+    np.testing.assert_allclose(ball.signed_distance([[0, 0, 2], [0, 0, 0], [0.3, 0, 0.4]]), [1.5, -0.5, 0])
+    box = Obstacle("cube", np.zeros(3), np.array([1.0, 2.0, 3.0]))
+    points = [[4, 6, 3], [0, 0, 0], [0, 1.9, 0], [2, 0, 0]]  # over an edge, centre, near a face, outside
+    np.testing.assert_allclose(box.signed_distance(points), [5, -1, -0.1, 1])
+    can = Obstacle("cylinder", np.zeros(3), np.array([1.0, 1.0, 2.0]))
+    points = [[0, 4, 6], [0, 0, 0], [0, 0, 1.9], [3, 0, 1], [0, 0, 5]]
+    np.testing.assert_allclose(can.signed_distance(points), [5, -1, -0.1, 2, 3])
+
+
+def test_distance_agrees_with_a_dense_cloud(solid):
+    rng = np.random.default_rng(0)
+    points = CENTRE + rng.uniform(-0.3, 0.3, (200, 3))
+    nearest = cKDTree(solid.cloud(100_000)).query(points)[0]
+    np.testing.assert_allclose(np.abs(solid.signed_distance(points)), nearest, atol=2e-3)
+    assert solid.contains(CENTRE)
+    assert not solid.contains(CENTRE + 0.2)
+
+
+def test_normal_is_the_gradient_of_the_distance(solid):
+    rng = np.random.default_rng(1)
+    points = CENTRE + rng.uniform(-0.2, 0.2, (500, 3))
+    steps = 1e-6 * np.eye(3)
+    differences = [
+        solid.signed_distance(points + step) - solid.signed_distance(points - step) for step in steps
+    ]
+    distance, normal = solid.distance_and_normal(points)
+    np.testing.assert_allclose(normal, np.stack(differences, axis=-1) / 2e-6, atol=1e-6)
+    np.testing.assert_array_equal(distance, solid.signed_distance(points))
+
+
+def test_batches_keep_their_shape_and_the_centre_has_a_normal(solid):
+    distance, normal = solid.distance_and_normal(np.broadcast_to(CENTRE, (2, 5, 3)))
+    assert distance.shape == (2, 5)
+    assert (distance < 0).all()
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=-1), 1.0)
+
+
+@settings(deadline=None, max_examples=50)
+@given(places, places, st.sampled_from(SHAPES))
+def test_distance_never_changes_faster_than_the_way(first, second, shape):
+    solid = obstacle(shape, np.zeros(3), yaw=0.7)
+    change = abs(solid.signed_distance(first) - solid.signed_distance(second))
+    assert change <= np.linalg.norm(first - second) + 1e-12
+
+
+@pytest.mark.parametrize("count", [30, 100, 400])
+def test_clouds_cover_the_surface_evenly(solid, count):
+    cloud = solid.cloud(count)
+    assert cloud.shape == (count, 3)
+    np.testing.assert_allclose(solid.signed_distance(cloud), 0.0, atol=1e-12)
+    share = np.sqrt(surface_area(solid) / count)  # side of a square with one point's share of the area
+    assert cKDTree(cloud).query(solid.cloud(50_000))[0].max() < 1.5 * share
+    np.testing.assert_allclose(cloud.mean(axis=0), CENTRE, atol=0.1 * share)
+    np.testing.assert_array_equal(cloud, solid.cloud(count))
+
+
+def test_virtual_radius_is_the_sphere_s_own():
+    assert obstacle("sphere", CENTRE).radius == pytest.approx(HALF_SIZE_M["sphere"][0], rel=1e-3)
+    np.testing.assert_allclose(
+        virtual_radius(np.stack([np.eye(3), 2 * np.eye(3)])), np.sqrt(2 / 3) * np.array([1, 2])
+    )
+
+
+def test_sphere_of_rings_has_35_points_and_the_centre_last():
+    centres = np.stack([CENTRE, np.zeros(3)])
+    clouds = ringed_sphere(centres, 0.05)
+    assert clouds.shape == (2, 35, 3)
+    np.testing.assert_array_equal(clouds[:, -1], centres)
+    np.testing.assert_allclose(np.linalg.norm(clouds[:, :-1] - centres[:, None], axis=-1), 0.05)
+    np.testing.assert_allclose(clouds.mean(axis=1), centres, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "message"),
+    [
+        ("cone", (1, 1, 1), "unknown obstacle 'cone'; known are sphere, cube, cylinder"),
+        ("cube", (1, 0, 1), "half_size must be three positive lengths"),
+        ("cylinder", (1, 2, 1), "cylinder: is not round"),
+        ("sphere", (1, 1, 2), "sphere: is not round"),
+    ],
+)
+def test_impossible_solids_are_refused(shape, size, message):
+    with pytest.raises(InputError, match=message):
+        Obstacle(shape, np.zeros(3), np.array(size, dtype=float))
+
+
+def test_bad_clouds_are_refused(solid):
+    with pytest.raises(InputError, match="has no points"):
+        virtual_radius(np.empty((0, 3)))
+    with pytest.raises(InputError, match=r"must be \(\.\.\., points, 3\)"):
+        check_cloud(np.zeros((4, 2)))
+    with pytest.raises(InputError, match="not finite"):
+        check_cloud(np.full((4, 3), np.nan))
+    with pytest.raises(InputError, match="at least 6 points, not 5"):
+        solid.cloud(5)

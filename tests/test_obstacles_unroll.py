@@ -1,0 +1,221 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from obstacles_unrolls import DT, DURATION, GOAL, START, baseline, beside_the_reach, random_network, spheres
+from primitives_movements import few, quick, rngs
+
+from structlearn.errors import InputError
+from structlearn.obstacles.clouds import constant_velocity
+from structlearn.obstacles.features import SCALED_VELOCITY, TO_CENTRE, features
+from structlearn.obstacles.postprocessing import TEXT_ONLY, PostprocessingParameters
+from structlearn.obstacles.unroll import GoalChange, no_coupling, unroll
+from structlearn.primitives import canonical
+
+PRIMITIVE = baseline()
+TAU = canonical.time_constant(PRIMITIVE.duration)
+END, LATE = round(DURATION / DT), round(1.5 * DURATION / DT)
+
+
+def constant(*coupling):
+    return lambda features, phase, phase_velocity: np.broadcast_to(np.array(coupling), (len(features), 3))
+
+
+def recorder(model):
+    """The model, and the list of what it is shown."""
+    shown = []
+
+    def recording(*arguments):
+        shown.append(arguments)
+        return model(*arguments)
+
+    return recording, shown
+
+
+def baseline_path(batch=1, **options):
+    return unroll(PRIMITIVE, no_coupling, [spheres(np.full((batch, 3), 0.3))], DT, **options).path
+
+
+@pytest.mark.parametrize("scaled", [(False,) * 3, (True, True, False)])
+def test_without_coupling_it_is_the_primitive_s_own_movement(scaled):
+    rng, primitive = np.random.default_rng(0), baseline(scaled)
+    starts, goals = START + 0.05 * rng.normal(size=(4, 3)), GOAL + 0.05 * rng.normal(size=(4, 3))
+    clouds = spheres(beside_the_reach(rng, 4))
+    paths = unroll(primitive, no_coupling, [clouds], DT, starts=starts, goals=goals, duration=2.1)
+    ours = paths.in_base_frame
+    for b in range(4):
+        own = primitive.unroll(DT, starts[b], goals[b], 2.1, until=1.5 * 2.1)
+        np.testing.assert_allclose(ours.position[b], own.position, atol=1e-12)
+        np.testing.assert_allclose(ours.velocity[b], own.velocity, atol=1e-11)
+        np.testing.assert_allclose(ours.acceleration[b], own.acceleration, atol=1e-10)
+    np.testing.assert_allclose(paths.path.position[:, 0], 0.0, atol=1e-15)
+    np.testing.assert_allclose(paths.goal[:, 1:], 0.0, atol=1e-15)  # the goal is on the x axis
+
+
+@given(rngs)
+@few
+def test_it_agrees_with_the_primitive_s_own_loop_scenario_by_scenario(rng):
+    clouds, model = spheres(beside_the_reach(rng, 3)), random_network(rng, 30.0)
+    paths = unroll(PRIMITIVE, model, [clouds], DT, TEXT_ONLY)
+    goal_x = np.linalg.norm(GOAL - START)
+    assert np.abs(paths.coupling).max() > 1.0
+    for b in range(3):
+        points, centre = clouds.points[b], clouds.centre[b]
+
+        def coupling(k, x, xd, points=points, centre=centre):
+            p, u = canonical.phase(k * DT, TAU)
+            seen = features(x, xd, TAU, points, centre)
+            c = model(seen[None], np.array([p]), np.array([u]))[0]
+            c = c * np.array([0, 1, 1]) * np.exp(-10 * max(x[0] - points[:, 0].max(), 0.0) ** 2)
+            return np.zeros(3) if k == 0 or goal_x < points[:, 0].min() else c
+
+        own = PRIMITIVE.local.unroll(
+            DT, np.zeros(3), np.array([goal_x, 0, 0]), coupling=coupling, until=1.5 * DURATION
+        )
+        np.testing.assert_allclose(paths.path.position[b], own.position, atol=1e-9)
+        np.testing.assert_allclose(paths.path.acceleration[b], own.acceleration, atol=1e-6)
+
+
+@given(rngs, st.sampled_from([10.0, 90.0, 1e4]), st.booleans())
+@quick
+def test_the_goal_is_reached_whatever_the_model_and_wherever_the_obstacle(rng, size, stubborn):
+    clouds = spheres(beside_the_reach(rng, 8))
+    model = constant(*(size * np.sign(rng.normal(size=3)))) if stubborn else random_network(rng, size)
+    paths, own = unroll(PRIMITIVE, model, [clouds], DT), baseline_path(8)
+    miss = np.linalg.norm(paths.path.position - paths.goal[:, None], axis=-1)
+    assert miss[:, END].max() < 0.04
+    assert miss[:, LATE].max() < 0.005
+    np.testing.assert_allclose(paths.path.position[..., 0], own.position[..., 0], atol=1e-12)
+
+
+def test_the_text_s_rules_alone_do_not_bring_it_to_the_goal():
+    level_with_goal = spheres([[0.64, 0.1, 0.0]])
+    miss = [
+        np.linalg.norm(paths.path.position[0, -1] - paths.goal[0])
+        for paths in (
+            unroll(PRIMITIVE, constant(0, 10.0, 0), [level_with_goal], DT, parameters)
+            for parameters in (TEXT_ONLY, None)
+        )
+    ]
+    assert miss[0] > 0.05  # 10 / (ALPHA BETA) = 64 mm
+    assert miss[1] < 0.005
+
+
+def test_a_model_that_leads_back_in_time_is_not_held_back():
+    def model(features, phase, phase_velocity):
+        beside = np.exp(-0.5 * (features[:, 0] / 0.08) ** 2)
+        return 30.0 * beside[:, None] * np.array([0.0, 1.0, -0.5])
+
+    limits = PostprocessingParameters(end_limit_m=0.035, late_limit_m=0.0035, return_coupling=10.0)
+    paths = unroll(PRIMITIVE, model, [spheres([[0.3, -0.02, 0.0]])], DT, limits)
+    assert paths.path.position[0, :, 1].max() > 0.05
+    np.testing.assert_array_equal(paths.asked[:, :END], paths.coupling[:, :END])
+
+
+def test_nothing_acts_at_the_first_sample_which_the_initial_goal_would_absorb():
+    paths = unroll(PRIMITIVE, constant(0, 20.0, 0), [spheres([[0.3, 0.1, 0.0]])], DT)
+    assert (paths.coupling[:, 0] == 0.0).all()
+    assert (paths.coupling[:, 1, 1] == 20.0).all()
+    own = baseline_path()
+    assert (paths.path.position[0, 2:END, 1] > own.position[0, 2:END, 1]).all()  # never the other way
+
+
+def test_a_batch_is_its_scenarios_one_by_one():
+    rng = np.random.default_rng(3)
+    centres, model = beside_the_reach(rng, 5), random_network(rng, 40.0)
+    together = unroll(PRIMITIVE, model, [spheres(centres)], DT)
+    for b in range(5):
+        alone = unroll(PRIMITIVE, model, [spheres(centres[b : b + 1])], DT)
+        np.testing.assert_allclose(together.path.position[b], alone.path.position[0], atol=1e-9)
+        np.testing.assert_allclose(together.coupling[b], alone.coupling[0], atol=1e-6)
+
+
+def test_the_model_is_shown_the_phase_and_what_acts_is_recorded():
+    model, shown = recorder(constant(5.0, 3.0, -4.0))
+    paths = unroll(PRIMITIVE, model, [spheres([[0.3, 0.1, 0.0], [0.9, 0.0, 0.0]])], DT)
+    p, u = canonical.phase(paths.path.time[1:], TAU)
+    np.testing.assert_allclose([phase for _, phase, _ in shown], np.stack([p, p], axis=1))
+    np.testing.assert_allclose([rate for _, _, rate in shown], np.stack([u, u], axis=1))
+    np.testing.assert_array_equal(paths.coupling[0, 1:5], np.tile([0.0, 3.0, -4.0], (4, 1)))
+    np.testing.assert_array_equal(paths.coupling[1], 0.0)  # beyond the goal
+    own = baseline_path(2)
+    np.testing.assert_allclose(paths.path.position[1], own.position[1], atol=1e-12)
+
+
+def test_a_moving_obstacle_is_seen_in_its_own_frame():
+    velocity = np.array([[0.02, -0.1, 0.05], [0.0, 0.0, 0.0]])
+    centres = np.array([[0.3, 0.2, 0.0], [0.4, 0.1, 0.0]])
+    model, shown = recorder(constant(0.0, 2.0, 0.0))
+    paths = unroll(PRIMITIVE, model, [spheres(centres, motion=constant_velocity(velocity))], DT)
+    k = 40
+    seen, x, xd = shown[k - 1][0], paths.path.position[:, k], paths.path.velocity[:, k]
+    np.testing.assert_allclose(seen[:, TO_CENTRE], centres + k * DT * velocity - x, atol=1e-12)
+    np.testing.assert_allclose(seen[:, SCALED_VELOCITY], TAU * (xd - velocity), atol=1e-10)
+
+
+def test_an_obstacle_that_passes_the_goal_while_it_moves_is_ignored_from_then_on():
+    flight = spheres([[0.3, 0.1, 0.0]], motion=lambda time: np.array([0.5 if time > 0.5 else 0.0, 0.0, 0.0]))
+    paths = unroll(PRIMITIVE, constant(0.0, 2.0, 0.0), [flight], DT)
+    acting = paths.coupling[0, 1:, 1] != 0.0
+    np.testing.assert_array_equal(acting, paths.path.time[1:] <= 0.5)
+
+
+def test_the_terms_of_several_obstacles_are_summed():
+    first, second = spheres([[0.2, 0.1, 0.0]]), spheres([[0.45, -0.1, 0.0]])
+    model, shown = recorder(lambda features, phase, rate: 20.0 * features[:, TO_CENTRE])
+    paths = unroll(PRIMITIVE, model, [first, second], DT, TEXT_ONLY)
+    np.testing.assert_allclose(shown[0][0][:, 0] - shown[1][0][:, 0], 0.2 - 0.45)
+    k = 5  # neither is passed yet
+    expected = shown[2 * k - 2][0][0, TO_CENTRE] + shown[2 * k - 1][0][0, TO_CENTRE]
+    np.testing.assert_allclose(paths.coupling[0, k], 20.0 * expected * [0, 1, 1])
+
+
+def test_a_change_of_goal_adds_the_step_response_of_a_triple_pole():
+    change = GoalChange(0.8, GOAL + np.array([0.05, -0.1, 0.08]))
+    paths, own = (
+        unroll(PRIMITIVE, no_coupling, [spheres([[0.3, 0.2, 0.0]])], DT, goal_change=change),
+        baseline_path(),
+    )
+    elapsed = 12.5 * np.maximum(own.time - 0.8, 0.0) / TAU
+    response = 1 - np.exp(-elapsed) * (1 + elapsed + elapsed**2 / 2)
+    way = (change.goals - GOAL) @ paths.frame[0]
+    np.testing.assert_allclose(paths.path.position[0], own.position[0] + response[:, None] * way, atol=1e-12)
+    np.testing.assert_allclose(paths.goal[0] @ paths.frame[0].T + START, change.goals)
+
+
+def test_a_change_of_goal_with_feedback_is_smooth_and_reaches_the_new_goal():
+    rng = np.random.default_rng(5)
+    clouds, model = spheres(beside_the_reach(rng, 6)), random_network(rng, 60.0)
+    change = GoalChange(0.5, GOAL + 0.1 * rng.normal(size=(6, 3)))
+    paths = unroll(PRIMITIVE, model, [clouds], DT, goal_change=change, until_factor=2.5)
+    before = unroll(PRIMITIVE, model, [clouds], DT)
+    k = round(0.5 / DT)
+    np.testing.assert_allclose(paths.path.position[:, : k + 1], before.path.position[:, : k + 1], atol=1e-12)
+    own = baseline_path(6, goal_change=change, until_factor=2.5)
+    deviation = np.linalg.norm(paths.path.position - own.position, axis=-1)
+    assert deviation.max() > 0.01
+    assert deviation[:, END].max() <= 0.035 * (1 + 1e-9)
+    assert deviation[:, LATE].max() <= 0.0035 * (1 + 1e-9)
+    reached = own.position[:, -1] - paths.goal
+    assert np.linalg.norm(reached, axis=-1).max() < 0.001
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"obstacles": []}, "none"),
+        ({"obstacles": [spheres([[0.3, 0, 0]]), spheres([[0.3, 0, 0]] * 2)]}, r"\[1, 2\]"),
+        ({"goals": START + 0.001}, "scenario 0: a reach shorter"),
+        ({"goals": START + np.array([0, 0, 0.5])}, "scenario 0: the reach is parallel"),
+        ({"goals": np.full(3, np.nan)}, "scenario 0"),
+        ({"goal_change": GoalChange(0.0, GOAL)}, "outside the movement"),
+        ({"goal_change": GoalChange(9.0, GOAL)}, "outside the movement"),
+        ({"dt": 0.0}, "sampling interval"),
+        ({"model": constant(np.nan, 0, 0)}, "wanted are finite"),
+        ({"model": lambda features, p, u: features}, r"\(1, 17\)"),
+    ],
+)
+def test_bad_input_is_refused_with_a_message(options, message):
+    arguments = {"model": no_coupling, "obstacles": [spheres([[0.3, 0.1, 0.0]])], "dt": DT} | options
+    with pytest.raises(InputError, match=message):
+        unroll(PRIMITIVE, **arguments)
