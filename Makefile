@@ -10,18 +10,20 @@ DATA ?= data/public
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
+	$(BIN)/python -m structlearn.reporting.stage_times
 	@echo "reports/index.html is up to date"
 
 test: lint
-	OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto
+	OMP_NUM_THREADS=1 $(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-# The pipeline on recorded data; DATA holds the folders clmc and slide (see the README).
+# The pipeline on recorded data; DATA holds the folders clmc, slide and panda (see the README).
 recorded: $(INSTALLED)
 	$(IN_ENVIRONMENT) RECORDED_DATA="$(abspath $(DATA))" dvc repro stages/recorded/dvc.yaml
+	$(BIN)/python -m structlearn.reporting.stage_times
 	@echo "reports/recorded/index.html is up to date"
 
 # Timings beside public libraries, which are installed for it.

@@ -14,6 +14,7 @@ from pathlib import Path
 # One thread: these are read when numpy, numba and torch are imported, so they come first.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1")
 
+import dynamics
 import policy_search
 import primitives
 import warping
@@ -30,6 +31,7 @@ PACKAGES = (
     "dtaidistance",
     "tslearn",
     "cma",
+    "pin",
 )
 
 
@@ -41,7 +43,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, help="write the rows to this CSV file too")
     options = parser.parse_args()
     rows, notes = [], []
-    for build in (*primitives.CASES, *policy_search.CASES, *warping.CASES):
+    for build in (*primitives.CASES, *policy_search.CASES, *warping.CASES, *dynamics.CASES):
         case = build()
         if options.only in case.work:
             rows += measure(case, options.seconds)

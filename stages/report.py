@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from structlearn.artefacts import publish, read_metrics
-from structlearn.reporting.overview import OBSTACLES, SCRAPING, overview_page
+from structlearn.reporting.overview import DYNAMICS, OBSTACLES, SCRAPING, SERVOING, overview_page
 from structlearn.reporting.page import render
 from structlearn.stage import run
 
-CARDS = (SCRAPING, OBSTACLES)
+CARDS = (SCRAPING, OBSTACLES, DYNAMICS, SERVOING)
 
 
 def main() -> None:

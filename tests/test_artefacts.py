@@ -122,6 +122,15 @@ def test_tensors_come_back_with_their_shapes(tmp_path):
         np.testing.assert_array_equal(found[name], tensor)
 
 
+@pytest.mark.parametrize("bad", [np.nan, -np.inf])
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_a_tensor_with_a_value_that_is_none_is_named(tmp_path, bad, kind):
+    path = tmp_path / "t.safetensors"
+    artefacts.write_tensors({"sound": np.eye(2), "count": np.arange(3), "spoilt": kind([0, bad])}, path, "")
+    with pytest.raises(InputError, match=re.escape(f"{path}: spoilt holds a value that is not finite")):
+        artefacts.read_tensors(path)
+
+
 READERS = [
     (artefacts.read_table, "t.parquet", "not a readable Parquet file"),
     (artefacts.read_tensors, "t.safetensors", "not a readable safetensors file"),

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 from primitives_movements import quick, rngs
+from scipy.stats import binomtest
 
-from structlearn.metrics import BETTER, UNDECIDED, WORSE, nmse, pairwise_spread, verdict
+from structlearn.metrics import BETTER, UNDECIDED, WORSE, nmse, pairwise_spread, verdict, wilson_interval
 
 
 @given(rngs)
@@ -45,3 +47,10 @@ def test_spread_does_not_depend_on_the_order_of_the_curves(rng):
 def test_a_verdict_needs_an_interval_on_one_side_of_zero():
     low, high = np.array([0.1, -0.2, -0.1, 0.0, np.nan]), np.array([0.2, -0.1, 0.1, 0.1, np.nan])
     assert verdict(low, high).tolist() == [BETTER, WORSE, UNDECIDED, UNDECIDED, UNDECIDED]
+
+
+@given(st.integers(1, 600), st.floats(0, 1))
+def test_wilson_interval_is_scipys(trials, share):
+    successes = round(share * trials)
+    expected = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
+    np.testing.assert_allclose(wilson_interval(successes, trials), expected, atol=1e-9)

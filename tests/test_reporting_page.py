@@ -108,9 +108,10 @@ def test_overview_shows_what_is_known_and_links_to_every_report():
     assert 'href="servoing/index.html"' in html
     assert "<dd>96 %</dd>" in html
     assert 'href="dynamics/index.html"' in html
-    assert "<dd>5.54</dd>" in html
+    assert "<dd>5.5</dd>" in html
     assert html.count("simulated</span>") == 4
     assert 'href="recorded/index.html"' in html
+    assert 'href="times/index.html"' in html
     assert "<dd>11</dd>" in html
     assert "cut point</dt>" not in html  # true cut points are not known here
     assert not re.search(r'(src|href)="(https?:)?//', html)

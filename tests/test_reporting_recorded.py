@@ -3,14 +3,25 @@
 import numpy as np
 import pandas as pd
 import pytest
+from dynamics_tables import recorded_results, slide_tables
 from scipy import stats
 
 from structlearn.params import read_parameters
 from structlearn.primitives.sequence import sequence_table
-from structlearn.recorded import avoidance, correction_splits, reaches, scraping, slides, unscrewing
+from structlearn.recorded import (
+    avoidance,
+    correction_splits,
+    latent_touch,
+    reaches,
+    scraping,
+    slides,
+    touch_sets,
+    unscrewing,
+)
 from structlearn.recorded.corrected_reaches import complete, corrected_reaches
+from structlearn.recorded.dynamics import RecordedDynamicsParameters
 from structlearn.recordings import clmc, slide, synchronise
-from structlearn.reporting import recorded_avoidance, recorded_corrections
+from structlearn.reporting import recorded_avoidance, recorded_corrections, recorded_latent_touch
 from structlearn.reporting.page import Page, render
 from structlearn.reporting.recorded_page import pictures, recorded_page
 from structlearn.reporting.recorded_results import RecordedResults, metrics, tables
@@ -23,6 +34,8 @@ MODELS = {
     "recorded_scraping": scraping.ExecutionParameters,
     "recorded_slides": slides.SlideParameters,
     "recorded_avoidance": avoidance.RecordedAvoidanceParameters,
+    "recorded_latent_touch": latent_touch.LatentTouchParameters,
+    "recorded_dynamics": RecordedDynamicsParameters,
 }
 
 
@@ -51,6 +64,32 @@ def avoidance_results(best=0.2, gain=0.1):
     worth = scores[scores["inputs"] != "features"].query("representation != 'pmnn'")[keys].copy()
     worth["gain"] = np.where(worth["inputs"] == "phase", gain, 0.0)
     return avoidance.RecordedAvoidanceResults(scores, folds, worth.assign(half_width=0.02))
+
+
+def touch_results(own=0.1, carried=0.7, components=0.05):
+    """Made-up errors: of networks on new trials and on new sets; of principal components on new trials."""
+    rows = []
+    for source, target, new in recorded_latent_touch.ASKED:
+        for model in latent_touch.MODELS:
+            for part, spread in enumerate((-0.01, 0.01)):
+                error = carried if new == latent_touch.NEW_SET else own
+                error += 0.02 if model == latent_touch.PLAIN else 0.0
+                if model == latent_touch.COMPONENTS:
+                    error = 0.5 if new == latent_touch.NEW_SET or source != touch_sets.SLIDES else components
+                rows.append((source, target, new, model, part, 0, error + spread, 1.0, 0.3, 0.02))
+    keys = ["learned_from", "asked_about", "new", "model", "part", "seed"]
+    errors = [*recorded_latent_touch.ERRORS[:1], "worst_electrode", *recorded_latent_touch.ERRORS[1:]]
+    sets = pd.DataFrame({"set": list(latent_touch.PARTNERS), "trials": 4, "samples": 900, "components": 6})
+    numbers = ("counts", "against", "along_mm", "across_mm", "along_std_mm", "across_std_mm")
+    pairs = [*((name, name) for name in touch_sets.RECORDED), *latent_touch.PARTNERS.items()]
+    electrodes = np.arange(1, 20)
+    matrix = {"electrode": np.repeat(electrodes, 19), "other": np.tile(electrodes, 19), "correlation": 0.5}
+    return latent_touch.LatentTouchResults(
+        errors=pd.DataFrame(rows, columns=[*keys, *errors]),
+        sets=sets.assign(start_counts=21.0, end_counts=3.0, **dict.fromkeys(numbers, 0.25)),
+        likeness=pd.DataFrame(pairs, columns=["first", "second"]).assign(correlation=0.4),
+        correlations=pd.concat([pd.DataFrame({"set": name, **matrix}) for name in latent_touch.PARTNERS]),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +131,9 @@ def results(recorded_data, parameters):
         slide_deviations=deviations,
         slide_statistics=statistics,
         avoidance=avoidance_results(),
+        dynamics=recorded_results(),
+        **dict(zip(("slide_torques", "slide_payloads"), slide_tables(), strict=True)),
+        latent_touch=touch_results(),
     )
 
 
@@ -112,6 +154,12 @@ def test_metrics_have_the_agreed_names(results):
         "obstacle_nmse_x",
         "obstacle_nmse_y",
         "obstacle_nmse_z",
+        "panda_nmse_default",
+        "panda_nmse_cov_viscous",
+        "panda_nmse_cov_coulomb",
+        "panda_nmse_mlp",
+        "touch_reconstruction_nmse_slides",
+        "touch_reconstruction_nmse_unscrewing",
     } <= set(metrics(results))
 
 
@@ -181,3 +229,59 @@ def test_the_figure_of_avoidance_has_a_panel_per_axis():
     assert [panel.get_title(loc="left") for panel in figure.axes] == ["Local x", "Local y", "Local z"]
     rows = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert len(rows) == len(avoidance.REPRESENTATIONS)
+
+
+def touch_page(made_up):
+    return render(Page("Touch", "", (recorded_latent_touch.section(made_up, {}),)))
+
+
+def test_touch_metrics_are_those_of_the_structured_latent_space():
+    values = recorded_latent_touch.metrics(touch_results())
+    assert values["touch_reconstruction_nmse_slides"] == pytest.approx(0.1)
+    assert values["touch_components_nmse_slides"] == pytest.approx(0.05)
+    assert values["touch_mds_nmse_unscrewing"] == pytest.approx(0.3)
+    assert values["touch_reconstruction_nmse_simulated_to_unscrewing"] == pytest.approx(0.7)
+    assert values["touch_electrode_correlation_simulated_slides"] == pytest.approx(0.4)
+    assert all(name.startswith("touch_") for name in values)
+
+
+def test_touch_section_says_what_carries_over_and_what_the_counts_are():
+    page = touch_page(touch_results())
+    assert "published as magnitudes" in page
+    assert "from 21 counts at the start of a slide to 3 at its end" in page
+    assert "does not serve a real finger as it is" in page
+    assert "serves a real finger as it is" in touch_page(touch_results(carried=0.2))
+    assert "would leave 0.84" in page  # 16 of 19 electrodes' worth of variance
+    for name in recorded_latent_touch.tables(touch_results()):
+        assert f"tables/{name}.csv" in page
+
+
+def test_what_carries_over_most_is_told_by_its_share():
+    """Of networks: 1 - 0.2 of what would be 1 - 0.1 after learning from the set itself."""
+    assert "by the structured latent space: 89 % of the variance" in touch_page(touch_results(carried=0.2))
+    assert "by principal components: " in touch_page(touch_results())
+
+
+def test_the_table_of_touch_has_means_and_spreads():
+    table = recorded_latent_touch.score_table(touch_results())
+    assert len(table) == len(recorded_latent_touch.ASKED)
+    assert table.loc[0, latent_touch.STRUCTURED] == "0.10 ± 0.01"
+    assert list(table["asked about"][:3]) == [
+        latent_touch.NEW_TRIALS,
+        latent_touch.NEW_MATERIAL,
+        latent_touch.OWN_UNITS,
+    ]
+
+
+def test_figures_of_touch_show_every_question_and_every_set():
+    made = recorded_latent_touch.pictures(touch_results())
+    rows = [label.get_text() for label in made["latent_touch"].axes[0].get_yticklabels()]
+    assert rows[3] == "simulated, magnitudes \N{RIGHTWARDS ARROW} slides"
+    assert len(rows) == len(recorded_latent_touch.ASKED)
+    panels = made["latent_touch_electrodes"].axes[:4]
+    assert [panel.get_title(loc="left").lower() for panel in panels] == [
+        "slides",
+        "simulated, magnitudes",
+        "unscrewing",
+        "simulated",
+    ]

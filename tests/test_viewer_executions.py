@@ -144,10 +144,10 @@ def test_the_arm_of_the_robot_holds_the_hand(tmp_path):
 
     pose = np.eye(4)  # of the first sample, down the chain of frames as the viewer goes
     joints = arm_transforms(path)
-    assert joints["lbr_iiwa_link_0"][0] == "tf#/"
+    assert joints["arm/lbr_iiwa_link_0"][0] == "tf#/"
     for number in range(1, 8):
-        parent, transform = joints[f"lbr_iiwa_link_{number}"]
-        assert parent == f"lbr_iiwa_link_{number - 1}"
+        parent, transform = joints[f"arm/lbr_iiwa_link_{number}"]
+        assert parent == f"arm/lbr_iiwa_link_{number - 1}"
         pose = pose @ transform
     flange_to_edge = scraping_robot.HAND_TO_FLANGE_M + scraping_robot.GRASP_M + scraping_robot.EDGE_M
     assert (pose @ [0.0, 0.0, flange_to_edge, 1.0])[:3] == pytest.approx(one.run.position[0], abs=1e-5)
@@ -157,7 +157,7 @@ def arm_transforms(path):
     """By frame: the frame that it is in, and the first transform (4, 4) between them."""
     found = {}
     for chunk in RrdReader(path).stream().to_chunks():
-        if chunk.entity_path.startswith("/frames/"):
+        if chunk.entity_path.startswith("/arm/frames/"):
             columns = chunk.to_record_batch().to_pydict()
             first = {name.split(":")[-1]: values[0] for name, values in columns.items() if values[0]}
             transform = np.eye(4)

@@ -89,10 +89,14 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
     """Read named arrays from a safetensors file.
 
     Raises:
-        InputError: the file is missing, truncated or of another kind.
+        InputError: the file is missing, truncated or of another kind, or a value is NaN or infinite.
     """
     with _readable_tensors(path):
-        return load_file(path)
+        tensors = load_file(path)
+    for name, tensor in tensors.items():
+        if not np.isfinite(tensor).all():
+            raise InputError(f"{path}: {name} holds a value that is not finite")
+    return tensors
 
 
 def read_description(path: str | Path) -> str:

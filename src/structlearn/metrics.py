@@ -53,6 +53,28 @@ def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float,
     return float(np.mean(samples)), float(quantile * np.std(samples, ddof=1) / np.sqrt(count))
 
 
+def wilson_interval(
+    successes: np.ndarray | int, trials: np.ndarray | int, confidence: float = 0.95
+) -> tuple[np.ndarray, np.ndarray]:
+    """Wilson's interval of a probability, from independent trials; it holds near 0 and 1 too.
+
+    Args:
+        successes: (...) numbers.
+        trials: (...) numbers.
+        confidence: probability that the interval covers the true one.
+
+    Returns:
+        Lower and upper ends, (...) each.
+    """
+    quantile = stats.norm.ppf(0.5 + 0.5 * confidence)
+    count = np.asarray(trials, dtype=float)
+    share = successes / count
+    scale = 1 + quantile**2 / count
+    middle = (share + quantile**2 / (2 * count)) / scale
+    half = quantile / scale * np.sqrt(share * (1 - share) / count + quantile**2 / (4 * count**2))
+    return np.maximum(middle - half, 0.0), np.minimum(middle + half, 1.0)
+
+
 BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
 
 

@@ -1,4 +1,4 @@
-"""What every stage script needs: its checked parameters, and errors told in one line.
+"""What every stage script needs: its checked parameters, errors told in one line, and its time taken.
 
 A stage is a script that DVC runs from the project's root; it can be run by hand from there too.
 """
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from structlearn.errors import InputError
 from structlearn.params import ParametersType, read_parameters
+from structlearn.wall_clock import timed
 
 PARAMETER_FILE = Path("params.yaml")
 
@@ -21,10 +22,10 @@ def stage_parameters(key: str, model: type[ParametersType]) -> ParametersType:
 def run(main: Callable[[], None]) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    Errors of the program itself keep their traceback.
+    Errors of the program itself keep their traceback. When DVC runs the stage, its time is recorded.
     """
     try:
-        main()
+        timed(main)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)

@@ -3,7 +3,8 @@
 from structlearn.artefacts import publish, write_metrics, write_table
 from structlearn.obstacles.dataset import to_table
 from structlearn.recorded.avoidance_samples import avoidance_provenance, read_avoidance_samples
-from structlearn.recordings import clmc, slide, write_recordings
+from structlearn.recordings import clmc, panda, slide, write_recordings
+from structlearn.recordings.joint_log import write_joint_log
 from structlearn.recordings.source import PublicSourceParameters
 from structlearn.stage import run, stage_parameters
 
@@ -19,6 +20,7 @@ def main() -> None:
         "slides": slide.read_slides(folder / "slide", parameters.slide_trials),
     }
     samples = read_avoidance_samples(folder / "clmc")
+    trajectory = panda.read_exciting_trajectory(folder / "panda")
     for name, recordings in sets.items():
         with publish(f"data/raw/recorded/{name}") as target:
             write_recordings(recordings, target)
@@ -26,6 +28,9 @@ def main() -> None:
         target.mkdir()
         write_table(to_table(samples), target / "samples.parquet")
         write_metrics(avoidance_provenance(folder / "clmc"), target / "provenance.json")
+    with publish("data/raw/recorded/panda") as target:
+        target.mkdir()
+        write_joint_log(trajectory, target / "exciting_trajectory.mcap")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,8 @@ from structlearn.artefacts import read_metrics, read_table
 from structlearn.primitives.storage import read_primitives
 from structlearn.recorded.avoidance import RecordedAvoidanceParameters, RecordedAvoidanceResults
 from structlearn.recorded.correction_splits import CorrectionParameters, CorrectionResults
+from structlearn.recorded.dynamics import RecordedDynamicsParameters, RecordedDynamicsResults
+from structlearn.recorded.latent_touch import LatentTouchParameters, LatentTouchResults
 from structlearn.recorded.reaches import ReachParameters
 from structlearn.recorded.scraping import ExecutionParameters
 from structlearn.recorded.slides import SlideParameters
@@ -24,6 +26,8 @@ PARAMETERS = {
     "recorded_scraping": ExecutionParameters,
     "recorded_slides": SlideParameters,
     "recorded_avoidance": RecordedAvoidanceParameters,
+    "recorded_latent_touch": LatentTouchParameters,
+    "recorded_dynamics": RecordedDynamicsParameters,
 }
 RECORDINGS = tuple(
     Link(f"../recordings/recorded/{name}.rrd", f"{name}.rrd", note)
@@ -79,6 +83,20 @@ def main() -> None:
                 for field in fields(RecordedAvoidanceResults)
             }
         ),
+        latent_touch=LatentTouchResults(
+            **{
+                field.name: read_table(f"{data}/latent_touch/{field.name}.parquet")
+                for field in fields(LatentTouchResults)
+            }
+        ),
+        dynamics=RecordedDynamicsResults(
+            **{
+                field.name: read_table(f"{data}/dynamics/{field.name}.parquet")
+                for field in fields(RecordedDynamicsResults)
+            }
+        ),
+        slide_torques=read_table(f"{data}/dynamics/slide_torques.parquet"),
+        slide_payloads=read_table(f"{data}/dynamics/slide_payloads.parquet"),
     )
     publish_report(
         "reports/recorded",

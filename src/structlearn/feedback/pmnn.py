@@ -80,13 +80,9 @@ def read_networks(path: str | Path) -> dict[str, PhaseModulatedNetwork]:
     tensors = read_tensors(path)
     try:
         layers = json.loads(read_description(path))["phase_modulated_networks"]
-        networks = {name: _network(name, count, tensors) for name, count in layers.items()}
+        return {name: _network(name, count, tensors) for name, count in layers.items()}
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: holds no phase-modulated networks (missing {error})") from error
-    for name, tensor in tensors.items():
-        if not np.isfinite(tensor).all():
-            raise InputError(f"{path}: {name} holds a value that is not finite")
-    return networks
 
 
 _ARRAYS = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")

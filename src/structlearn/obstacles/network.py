@@ -208,7 +208,7 @@ def read_avoidance_networks(path: str | Path) -> dict[str, AvoidanceNetworks]:
     tensors = read_tensors(path)
     try:
         layers = json.loads(read_description(path))["avoidance_networks"]
-        networks = {
+        return {
             name: AvoidanceNetworks(
                 layers=tuple(tensors[f"{name}.layers.{place}"] for place in range(count)),
                 **{array: tensors[f"{name}.{array}"] for array in ("columns", *_PER_NETWORK)},
@@ -217,10 +217,6 @@ def read_avoidance_networks(path: str | Path) -> dict[str, AvoidanceNetworks]:
         }
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: holds no avoidance networks (missing {error})") from error
-    for name, tensor in tensors.items():
-        if not np.isfinite(tensor).all():
-            raise InputError(f"{path}: {name} holds a value that is not finite")
-    return networks
 
 
 _PER_NETWORK = ("input_low", "input_high", "output_mean", "output_scale", "output_low", "output_high")

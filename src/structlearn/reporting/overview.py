@@ -15,6 +15,7 @@ from structlearn.reporting.page import (
     Prose,
     Section,
 )
+from structlearn.reporting.prose import rounded
 
 
 @dataclass(frozen=True)
@@ -121,8 +122,8 @@ DYNAMICS = Card(
     caption="Error of the tool's velocity in reaches that were not learned from, by model.",
     numbers=(
         Number("epochs_cov", "epochs until the model of consistent bodies is good enough", ".1f"),
-        Number("ee_velocity_nmse_cov", "velocity NMSE with it in unseen reaches", ".3f"),
-        Number("ee_velocity_nmse_mlp", "with a network", ".2f"),
+        Number("ee_velocity_nmse_cov", "velocity NMSE with it in unseen reaches", ".1g"),
+        Number("ee_velocity_nmse_mlp", "with a network that knows no physics", ".2g"),
         Number("robot_nmse_cov_coulomb", "NMSE on the stand-in's log, with Coulomb friction", ".3f"),
         Number("robot_nmse_default", "of the default model", ".2f"),
     ),
@@ -189,13 +190,24 @@ def overview_page(cards: Sequence[tuple[Card, Metrics]]) -> Page:
             ),
         ),
     )
+    times = Section(
+        "How long it takes",
+        (
+            Prose(
+                "How long each stage took when it last ran is on a page of its own, since times differ from "
+                "run to run."
+            ),
+            Links((Link("times/index.html", "Times of all stages"),)),
+        ),
+        link="times/index.html",
+    )
     return Page(
         title="Learning robot control and reactive planning with structured models",
         lead=(
             "A reproduction of the dissertation of Giovanni Sutanto (USC, 2020) as a pipeline. What is "
             "simulated is made by `dvc repro`, from the demonstrations to this page."
         ),
-        sections=(*[_section(card, metrics) for card, metrics in cards], recorded, files),
+        sections=(*[_section(card, metrics) for card, metrics in cards], recorded, files, times),
     )
 
 
@@ -206,7 +218,7 @@ def _section(card: Card, metrics: Metrics) -> Section:
         KeyNumber(
             format(int(metrics[number.key]), "d") + number.unit
             if number.number_format == "d"
-            else f"{number.factor * metrics[number.key]:{number.number_format}}{number.unit}",
+            else rounded(number.factor * metrics[number.key], number.number_format) + number.unit,
             number.label,
         )
         for number in known

@@ -8,7 +8,9 @@ from structlearn.params import Parameters
 from structlearn.reporting import (
     recorded_avoidance,
     recorded_corrections,
+    recorded_dynamics,
     recorded_figures,
+    recorded_latent_touch,
     segmentation_figures,
 )
 from structlearn.reporting.page import (
@@ -60,6 +62,8 @@ def pictures(results: RecordedResults) -> dict[str, Picture]:
         "electrodes": recorded_figures.electrodes_figure(results.electrode_traces, results.electrode_scores),
         "slides": recorded_figures.slides_figure(results.slide_statistics, results.slide_deviations),
         **recorded_avoidance.pictures(results.avoidance),
+        **recorded_latent_touch.pictures(results.latent_touch),
+        **recorded_dynamics.pictures(results.dynamics),
     }
 
 
@@ -72,10 +76,10 @@ def recorded_page(
         title="Recorded data: the same code on people and robots",
         lead=(
             "Public recordings of human reaches, of a robot that unscrews and scrapes with tactile "
-            "fingers, of a tactile finger that slides over two materials, and of people who "
-            "reach past obstacles. Nothing on this page is "
+            "fingers, of a tactile finger that slides over two materials, of people who "
+            "reach past obstacles, and of a robot arm on an exciting trajectory. Nothing on this page is "
             "simulated but the rests and the noise that are added to the reaches to know where they begin "
-            "and end."
+            "and end, and the touches that recorded ones are set beside."
         ),
         key_numbers=(
             KeyNumber(
@@ -103,6 +107,8 @@ def recorded_page(
             _execution(results, sizes),
             _slides(results, sizes),
             recorded_avoidance.section(results.avoidance, sizes),
+            recorded_latent_touch.section(results.latent_touch, sizes),
+            recorded_dynamics.section(results.dynamics, results.slide_torques, results.slide_payloads, sizes),
             _files(parameters, recordings),
         ),
         back=Link("../index.html", "All testbeds"),
@@ -331,8 +337,9 @@ def _slides(results: RecordedResults, sizes: Sizes) -> Section:
 
 def _files(parameters: Mapping[str, Parameters], recordings: tuple[Link, ...]) -> Section:
     sources = (
-        "Sources: github.com/gsutanto/dmp (MIT licence) and github.com/dexrob/BioTac_slide_20_50 (no licence "
-        "stated; not redistributed here). Every imported file carries source, commit, licence and checksum."
+        "Sources: github.com/gsutanto/dmp (MIT licence), github.com/marcocognetti/FrankaEmikaPandaDynModel "
+        "(GPL-3.0) and github.com/dexrob/BioTac_slide_20_50 (no licence stated), neither of which is "
+        "redistributed here. Every imported file carries source, commit, licence and checksum."
     )
     return Section(
         "Files and parameters",

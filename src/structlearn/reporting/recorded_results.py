@@ -9,8 +9,15 @@ from structlearn.artefacts import Metrics
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.recorded.avoidance import RecordedAvoidanceResults
 from structlearn.recorded.correction_splits import CorrectionResults
+from structlearn.recorded.dynamics import RecordedDynamicsResults
+from structlearn.recorded.latent_touch import LatentTouchResults
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting import recorded_avoidance, recorded_corrections
+from structlearn.reporting import (
+    recorded_avoidance,
+    recorded_corrections,
+    recorded_dynamics,
+    recorded_latent_touch,
+)
 from structlearn.segmentation.comparison import errors_by_level, errors_by_seed, paired_comparison
 from structlearn.segmentation.learning import Segment
 from structlearn.segmentation.result import RESULT
@@ -41,6 +48,10 @@ class RecordedResults:
     slide_deviations: pd.DataFrame
     slide_statistics: pd.DataFrame
     avoidance: RecordedAvoidanceResults
+    latent_touch: LatentTouchResults
+    dynamics: RecordedDynamicsResults
+    slide_torques: pd.DataFrame
+    slide_payloads: pd.DataFrame
 
     @cached_property
     def by_seed(self) -> pd.DataFrame:
@@ -128,7 +139,9 @@ def metrics(results: RecordedResults) -> Metrics:
         values[f"slides_{row.group.replace(' ', '_')}_median_rms_counts"] = row.median_rms
     pose = results.clock_errors.set_index("kind").loc["pose"]
     values["slides_clock_pose_rms_mm"] = 1e3 * pose["rms_error"]
-    return values | recorded_avoidance.metrics(results.avoidance)
+    values |= recorded_avoidance.metrics(results.avoidance)
+    values |= recorded_latent_touch.metrics(results.latent_touch)
+    return values | recorded_dynamics.metrics(results.dynamics)
 
 
 def tables(results: RecordedResults) -> dict[str, pd.DataFrame]:
@@ -144,4 +157,6 @@ def tables(results: RecordedResults) -> dict[str, pd.DataFrame]:
         "slide_clock": results.clock_errors,
         "slide_deviations": results.slide_deviations,
         **recorded_avoidance.tables(results.avoidance),
+        **recorded_latent_touch.tables(results.latent_touch),
+        **recorded_dynamics.tables(results.dynamics, results.slide_torques, results.slide_payloads),
     }

@@ -12,19 +12,18 @@ from structlearn.obstacles.learned_models import NETWORK
 from structlearn.obstacles.protocols import GOAL_CHANGE, MOVING, PAIR, Situations
 from structlearn.palette import BLUE
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.viewer.obstacles import (
-    BASELINE,
-    FREE,
-    HIT,
-    colour_words,
-    notes_view,
+from structlearn.viewer.notes import colour_words, notes_view, send_notes
+from structlearn.viewer.obstacles import BASELINE, FREE, HIT, send_paths, send_sphere, send_trail
+from structlearn.viewer.recording import (
+    entity,
+    layout,
+    plot,
+    recording,
+    rgba,
+    scene_view,
     send_curve,
-    send_notes,
-    send_paths,
-    send_sphere,
-    send_trail,
+    time_column,
 )
-from structlearn.viewer.recording import entity, layout, plot, recording, rgba, scene_view, time_column
 from structlearn.viewer.shown_reaches import Reach, SituationKey, of_baseline, of_model
 from structlearn.viewer.unseen_avoidance import COLOUR_WORDS, SHAPE_COLOURS, in_base_frame, situation_keys
 

@@ -11,23 +11,20 @@ from structlearn.obstacles.dataset import to_local
 from structlearn.obstacles.scenarios import Scenario
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.viewer.notes import colour_words, notes_view, send_notes
 from structlearn.viewer.obstacles import (
     BASELINE,
     FREE,
     HIT,
     PALE,
     PERSON,
-    colour_words,
-    notes_view,
     scenario_points,
-    send_curve,
     send_hand,
-    send_notes,
     send_paths,
     send_places,
     send_scenario,
 )
-from structlearn.viewer.recording import entity, layout, origin_label, plot, recording, scene_view
+from structlearn.viewer.recording import entity, layout, origin_label, plot, recording, scene_view, send_curve
 from structlearn.viewer.shown_reaches import ShownScenario, of_baseline
 
 SIDES = {1: "left of", 2: "above"}

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 from rerun.components import FillMode
 from scipy.spatial.transform import Rotation
 
 from structlearn.obstacles.scenarios import Scenario
 from structlearn.obstacles.shapes import Obstacle
 from structlearn.palette import GREY, LIGHT_GREY, SKY, VERMILION
-from structlearn.viewer.recording import entity, rgba, send_moving_frame, send_series, time_column
+from structlearn.viewer.recording import entity, rgba, send_moving_frame, time_column
 from structlearn.viewer.shown_reaches import Reach, ShownScenario, of_baseline
 
 HIT, FREE = VERMILION, GREY
@@ -146,39 +145,11 @@ def send_trail(stream: rr.RecordingStream, path: str, reach: Reach, colour: str)
     stream.send_columns(f"{path}/coupling", times, arrows)
 
 
-def send_curve(
-    stream: rr.RecordingStream, path: str, time: np.ndarray, values: np.ndarray, name: str, colour: str
-) -> None:
-    """Log one signal (T,) over time (T,) in s as a line of a plot."""
-    send_series(stream, path, [time_column(time)], values[:, None], [name], [colour])
-
-
-def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
-    """Log what is shown, in Markdown."""
-    stream.log(notes_path(*parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
-
-
-def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView:
-    """Panel of what `send_notes` logs."""
-    path = notes_path(*parts)
-    return rrb.TextDocumentView(name=name, origin=path, contents=[path])
-
-
-def notes_path(*parts: str) -> str:
-    """Entity of notes."""
-    return entity("notes", *parts)
-
-
 def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
     """Vectors in m, (N, 3), that stand for coupling terms (N, 3) in m; see `LONGEST_ARROW_M`."""
     vectors = ARROW_SCALE * coupling
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
-
-
-def colour_words(colours: dict[str, str]) -> str:
-    """A legend in Markdown of what has which colour, by name of the colour."""
-    return "\n".join(f"- {colour}: {meaning}" for colour, meaning in colours.items())
 
 
 def send_scenario(stream: rr.RecordingStream, one: ShownScenario, person_colour: str) -> None:

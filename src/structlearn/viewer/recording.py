@@ -132,6 +132,13 @@ def send_series(
     stream.send_columns(path, indexes, columns.partition([values.shape[1]] * len(values)))
 
 
+def send_curve(
+    stream: rr.RecordingStream, path: str, time: np.ndarray, values: np.ndarray, name: str, colour: str
+) -> None:
+    """Log one signal (T,) over time (T,) in s as a line of a plot."""
+    send_series(stream, path, [time_column(time)], values[:, None], [name], [colour])
+
+
 def send_marks(
     stream: rr.RecordingStream,
     path: str,

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pybullet_data
-import rerun as rr
 import rerun.blueprint as rrb
-from rerun.urdf import UrdfTree
 
 from structlearn.palette import SKY, primitive_colour
 from structlearn.simulation.layout import CONTACT_M
+from structlearn.viewer.arm import arm_contents, send_arm
 from structlearn.viewer.electrodes import full_scale, map_view, send_electrode_map
 from structlearn.viewer.recording import (
     entity,
@@ -23,14 +22,17 @@ from structlearn.viewer.recording import (
 from structlearn.viewer.run import Execution, send_board_roll, send_signals, signal_plots
 from structlearn.viewer.testbed import close_view, send_board, send_hand, send_path, send_tool
 
-ARM = Path("kuka_iiwa") / "model.urdf"
-"""The arm with its meshes, among the data that PyBullet brings."""
+URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
+"""Of the arm with its meshes, among the data that PyBullet brings."""
+
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
+"""Of the columns of joint positions."""
 
 RATE_HZ = 50.0
 """Poses per second: smooth to the eye."""
 
-RUN = "run"
-"""Entity of everything but the arm."""
+ARM, RUN = "arm", "run"
+"""Entities of the arm and of everything else."""
 
 
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
@@ -44,12 +46,15 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     Raises:
         ValueError: the run has no joint positions, or not as many as the arm has joints.
     """
+    angles = one.run.joint_positions
+    if angles is None or angles.shape[1] != len(JOINTS):
+        raise ValueError(f"{one.run.name}: needs the positions of {len(JOINTS)} joints")
     scale = full_scale([one])
     kept = slice(None, None, max(1, round(1.0 / (RATE_HZ * one.run.dt))))
-    times = [time_column(one.run.time[kept])]
+    times = time_column(one.run.time[kept])
     with recording(path, title) as stream:
         stream.send_blueprint(_blueprint(one, f"{title}{origin_label([one.run])}", scale))
-        _send_arm(stream, one, kept)
+        send_arm(stream, ARM, URDF, JOINTS, times, angles[kept])
         send_board(stream, entity(RUN, "board"), one.board_deg)
         send_path(stream, entity(RUN, "path"), one, kept, SKY)
         send_hand(stream, entity(RUN, "hand"), one, kept, SKY, scale)
@@ -57,36 +62,15 @@ def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
         send_electrode_map(stream, "electrodes", one, scale)
         send_signals(stream, RUN, one, kept, SKY)
         send_board_roll(stream, RUN, one)
-        joints = one.run.joint_positions.shape[1]
-        names = [f"joint {number + 1}" for number in range(joints)]
-        colours = [primitive_colour(number) for number in range(joints)]
-        moved = np.degrees(one.run.joint_positions[kept] - one.run.joint_positions[0])
-        send_series(stream, "joints", times, moved, names, colours)
-
-
-def _send_arm(stream: rr.RecordingStream, one: Execution, kept: slice) -> None:
-    """The arm's meshes, and its joints over time."""
-    arm = UrdfTree.from_file_path(Path(pybullet_data.getDataPath()) / ARM, entity_path_prefix="arm")
-    joints = [joint for joint in arm.joints() if joint.joint_type == "revolute"]
-    angles = one.run.joint_positions
-    if angles is None or angles.shape[1] != len(joints):
-        raise ValueError(f"{one.run.name}: needs the positions of {len(joints)} joints")
-    meshes = arm.stream(include_joint_transforms=False).filter(
-        content=f"/arm/{arm.name}/visual_geometries/**"
-    )
-    stream.send_chunks(meshes)
-    # entities without a frame of their own live below the root; the arm's base is put there
-    base = rr.Transform3D(parent_frame="tf#/", child_frame=arm.root_link().name)
-    stream.log("frames/base", base, static=True)
-    times = [time_column(one.run.time[kept])]
-    for number, joint in enumerate(joints):
-        turned = joint.compute_transform_columns(angles[kept, number])
-        stream.send_columns(entity("frames", joint.name), times, turned)
+        names = [f"joint {number + 1}" for number in range(len(JOINTS))]
+        colours = [primitive_colour(number) for number in range(len(JOINTS))]
+        moved = np.degrees(angles[kept] - angles[0])
+        send_series(stream, "joints", [times], moved, names, colours)
 
 
 def _blueprint(one: Execution, heading: str, scale: float) -> rrb.Blueprint:
     shown = [f"/{RUN}/{part}/**" for part in ("board", "path", "hand", "tool")]
-    left = _whole_view(heading, ["/arm/**", *shown])
+    left = _whole_view(heading, [arm_contents(ARM), *shown])
     middle = rrb.Vertical(
         close_view(f"board at {one.board_deg:g} degrees", shown),
         map_view(f"±{scale:.0f} counts, blue is below expected", "electrodes"),

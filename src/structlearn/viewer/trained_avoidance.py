@@ -9,19 +9,16 @@ import rerun.blueprint as rrb
 
 from structlearn.obstacles.learned_models import ALL, SETTING
 from structlearn.palette import GREEN, GREY, ORANGE, SKY
+from structlearn.viewer.notes import colour_words, notes_view, send_notes
 from structlearn.viewer.obstacles import (
     LONGEST_ARROW_M,
-    colour_words,
-    notes_view,
     scenario_points,
     send_arrows,
-    send_curve,
     send_hand,
-    send_notes,
     send_paths,
     send_scenario,
 )
-from structlearn.viewer.recording import entity, layout, origin_label, plot, recording, scene_view
+from structlearn.viewer.recording import entity, layout, origin_label, plot, recording, scene_view, send_curve
 from structlearn.viewer.shown_reaches import MODEL_NAMES, ShownScenario, of_model
 
 DIRECTIONS = {1: "to the left", 2: "upwards"}

@@ -12,17 +12,8 @@ from structlearn.obstacles.learned_models import ALL, NETWORK
 from structlearn.obstacles.protocols import Situations
 from structlearn.palette import GREEN, ORANGE, PURPLE, SKY
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.viewer.obstacles import (
-    BASELINE,
-    FREE,
-    HIT,
-    colour_words,
-    notes_path,
-    notes_view,
-    send_notes,
-    send_paths,
-    send_sphere,
-)
+from structlearn.viewer.notes import colour_words, notes_path, notes_view, send_notes
+from structlearn.viewer.obstacles import BASELINE, FREE, HIT, send_paths, send_sphere
 from structlearn.viewer.recording import entity, layout, plot, recording, rgba, scene_view, send_series
 from structlearn.viewer.shown_reaches import Reach, SituationKey, of_baseline, of_model
 

@@ -1,0 +1,147 @@
+"""The page of times: how long every stage took when it last ran, by testbed.
+
+    python -m structlearn.reporting.stage_times
+
+It is no artefact of a stage, since times differ from run to run; `make repro` and `make recorded` render it.
+"""
+
+import os
+import platform
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from structlearn.artefacts import publish
+from structlearn.reporting.page import KeyNumber, Link, Links, Page, Prose, Section, Table, render
+from structlearn.reporting.prose import counted
+from structlearn.source_dependencies import PIPELINES
+from structlearn.wall_clock import TIMES, StageTime, read_times
+
+OVERVIEW = "overview"
+"""Group of stages that belong to no testbed; their scripts lie beside the testbeds' folders."""
+
+
+def stage_times(pipelines: Iterable[Mapping], times: Mapping[str, StageTime]) -> pd.DataFrame:
+    """One row per stage, in the order of the pipelines.
+
+    Args:
+        pipelines: contents of `dvc.yaml` files.
+        times: by command without `python`.
+
+    Returns:
+        `testbed`, the folder of the stage's script; `stage`; `wall_s` and `cpu_s`, NaN where it has no time.
+    """
+    rows = []
+    for pipeline in pipelines:
+        for name, stage in pipeline["stages"].items():
+            command = stage["cmd"].removeprefix("python ")
+            folder = Path(command.split()[0]).parent.name
+            taken = times.get(command, StageTime(float("nan"), float("nan")))
+            rows.append((OVERVIEW if folder == "stages" else folder, name, taken.wall_s, taken.cpu_s))
+    return pd.DataFrame(rows, columns=["testbed", "stage", "wall_s", "cpu_s"])
+
+
+def times_page(table: pd.DataFrame, machine: str) -> Page:
+    """The page.
+
+    Args:
+        table: of `stage_times`.
+        machine: its cores, processor and Python in words.
+    """
+    shown = _with_sums(table)
+    missing = int(table["wall_s"].isna().sum())
+    absent = (
+        f" {counted(missing, 'stage')} without a time did not run since times are kept." if missing else ""
+    )
+    return Page(
+        title="Times of all stages",
+        lead="How long every stage took when it last ran. DVC runs stages one after the other.",
+        key_numbers=(
+            KeyNumber(_minutes(table["wall_s"].sum()), "wall time, all stages together"),
+            KeyNumber(_minutes(table["cpu_s"].sum()), "CPU time"),
+            KeyNumber(f"{len(table) - missing} of {len(table)}", "stages have a time"),
+        ),
+        sections=(
+            Section(
+                "Machine",
+                (
+                    Prose(
+                        f"This page was made on {machine}. Each time is of that stage's last run; stages "
+                        "whose last run was on another machine, and whose results came from the cache or "
+                        "from git here, are listed too."
+                    ),
+                    Prose(
+                        "A time is that of the stage's work, without the start of Python (a few seconds per "
+                        "stage) and without DVC. CPU time is that of all processes of a stage on its "
+                        f"machine; over wall time it says how many cores were busy.{absent}"
+                    ),
+                ),
+            ),
+            Section(
+                "Stages",
+                (
+                    Table(
+                        shown.drop(columns="sum"),
+                        "Times of stages, and sums of testbeds in bold, in the order of the pipelines.",
+                        formats={"wall_s": ".1f", "cpu_s": ".1f", "busy": ".1f"},
+                        headings={"wall_s": "wall time (s)", "cpu_s": "CPU time (s)", "busy": "cores busy"},
+                        strong=frozenset(shown.index[shown["sum"]]),
+                    ),
+                    Links((Link(TIMES.name, TIMES.name, "the times of stages by their scripts"),)),
+                ),
+            ),
+        ),
+        back=Link("../index.html", "Overview"),
+    )
+
+
+def this_machine() -> str:
+    """Cores, processor and Python of this machine in words."""
+    return (
+        f"a machine with {counted(os.cpu_count() or 1, 'core')} ({_processor()}), "
+        f"Python {platform.python_version()}"
+    )
+
+
+def _processor() -> str:
+    """Its model; `platform` knows no more than its architecture under Linux."""
+    information = Path("/proc/cpuinfo")
+    lines = information.read_text().splitlines() if information.exists() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
+
+
+def _with_sums(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with the cores that were busy, a row with the sum below each testbed, and one below all."""
+    parts = []
+    for testbed, group in table.groupby("testbed", sort=False):
+        parts += [group.assign(sum=False), _sum(group, testbed)]
+    shown = pd.concat([*parts, _sum(table, "all")], ignore_index=True)
+    shown.insert(4, "busy", shown["cpu_s"] / shown["wall_s"].where(shown["wall_s"] > 0.0))
+    return shown
+
+
+def _sum(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """A row with the sums of the times that are known."""
+    sums = table[["wall_s", "cpu_s"]].sum(min_count=1)
+    row = {"testbed": name, "stage": counted(len(table), "stage"), **sums, "sum": True}
+    return pd.DataFrame([row])
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds / 60.0:.1f} min"
+
+
+def main() -> None:
+    """Render the page of this project's pipelines."""
+    pipelines = [yaml.safe_load(Path(name).read_text()) for name in PIPELINES]
+    page = times_page(stage_times(pipelines, read_times()), this_machine())
+    with publish(TIMES.with_name("index.html")) as path:
+        path.write_text(render(page), encoding="utf-8")
+    print(f"{TIMES.with_name('index.html')} is up to date")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,222 @@
+"""Rigid-body dynamics of one state, compiled: what a control loop evaluates in every tick.
+
+`newton_euler` is the batched, differentiable reference. Here the recursion runs once, from base to tip and
+back, on plain arrays. Inertias are first moved to the joint frames' origins (parallel axes): there the first
+moment h = m c is all that is needed of the centre of mass, and each tick is spared the move.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import get_args
+
+import numba
+import numpy as np
+
+from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+
+InverseDynamics = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Torques (n,) in N m at position, velocity and acceleration of the joints, (n,) each."""
+
+
+def inverse_dynamics(
+    tree: KinematicTree, inertias: LinkInertias, friction: np.ndarray | None = None
+) -> InverseDynamics:
+    """Newton-Euler inverse dynamics of one state (eq. III.1).
+
+    Args:
+        tree: the arm.
+        inertias: of its links, physical or not.
+        friction: (3, n) of its joints as `friction_rows` gives it; None: none.
+
+    Returns:
+        Function of q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides) that returns torques (n,).
+    """
+    chain = chain_arrays(tree)
+    masses = np.ascontiguousarray(inertias.mass, dtype=float)
+    moments = np.ascontiguousarray(inertias.first_moment, dtype=float)
+    about_origin = inertia_about_origin(inertias)
+    rubbing = np.zeros((3, len(masses))) if friction is None else np.ascontiguousarray(friction, dtype=float)
+    gravity = np.ascontiguousarray(tree.gravity, dtype=float)
+
+    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        return _newton_euler(*chain, gravity, masses, moments, about_origin, rubbing, q, qd, qdd)
+
+    return torques
+
+
+def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """Friction of each joint, all terms, as compiled functions take it.
+
+    Args:
+        coefficients: (n, k) of the terms at hand.
+        terms: k of viscous, coulomb and offset.
+
+    Returns:
+        (3, n) viscous in N m s/rad, Coulomb in N m and offset in N m; zero where a term is not at hand.
+    """
+    rows = np.zeros((3, len(coefficients)))
+    for column, term in enumerate(terms):
+        rows[get_args(FrictionTerm).index(term)] = coefficients[:, column]
+    return rows
+
+
+def inertia_about_origin(inertias: LinkInertias) -> np.ndarray:
+    """Rotational inertias (n, 3, 3) in kg m^2 about the joint frames' origins (parallel axes)."""
+    mass = np.asarray(inertias.mass, dtype=float)
+    moment = np.asarray(inertias.first_moment, dtype=float)
+    squares = np.einsum("ni,ni->n", moment, moment)[:, None, None] * np.eye(3)
+    return inertias.inertia + (squares - moment[:, :, None] * moment[:, None, :]) / mass[:, None, None]
+
+
+def chain_arrays(tree: KinematicTree) -> tuple[np.ndarray, ...]:
+    """Kinematics for compiled functions: parents, rotation, translation, axis, prismatic."""
+    arrays = (tree.rotation, tree.translation, tree.axis)
+    return (
+        np.ascontiguousarray(tree.parents, dtype=np.int64),
+        *(np.ascontiguousarray(array, dtype=float) for array in arrays),
+        np.ascontiguousarray(tree.prismatic, dtype=bool),
+    )
+
+
+@numba.njit(cache=True, inline="always")
+def joint_placement(
+    rotation: np.ndarray,
+    translation: np.ndarray,
+    axis: np.ndarray,
+    slides: bool,
+    q: float,
+    turn: np.ndarray,
+    offset: np.ndarray,
+) -> None:
+    """Write orientation `turn` (3, 3) and origin `offset` (3,) of a joint's frame in its parent's."""
+    if slides:
+        for row in range(3):
+            shift = 0.0
+            for k in range(3):
+                turn[row, k] = rotation[row, k]
+                shift += rotation[row, k] * axis[k]
+            offset[row] = translation[row] + q * shift
+        return
+    c, s = math.cos(q), math.sin(q)
+    x, y, z = axis[0], axis[1], axis[2]
+    d = 1.0 - c  # Rodrigues
+    own = (
+        (c + x * x * d, x * y * d - z * s, x * z * d + y * s),
+        (y * x * d + z * s, c + y * y * d, y * z * d - x * s),
+        (z * x * d - y * s, z * y * d + x * s, c + z * z * d),
+    )
+    for row in range(3):
+        offset[row] = translation[row]
+        for k in range(3):
+            turn[row, k] = (
+                rotation[row, 0] * own[0][k] + rotation[row, 1] * own[1][k] + rotation[row, 2] * own[2][k]
+            )
+
+
+@numba.njit(cache=True, inline="always")
+def cross(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
+    """Vector product of two vectors (3,)."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@numba.njit(cache=True, inline="always")
+def _turned_back(turn: np.ndarray, vector: np.ndarray, out: np.ndarray) -> None:
+    """R^T v: a vector of the parent's frame in the joint's."""
+    for k in range(3):
+        out[k] = turn[0, k] * vector[0] + turn[1, k] * vector[1] + turn[2, k] * vector[2]
+
+
+@numba.njit(cache=True)
+def _newton_euler(
+    parents: np.ndarray,
+    rotation: np.ndarray,
+    translation: np.ndarray,
+    axis: np.ndarray,
+    prismatic: np.ndarray,
+    gravity: np.ndarray,
+    mass: np.ndarray,
+    moment: np.ndarray,
+    inertia: np.ndarray,
+    friction: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    qdd: np.ndarray,
+) -> np.ndarray:
+    count = len(q)
+    turn, offset = np.empty((count, 3, 3)), np.empty((count, 3))
+    spin, spin_rate, lift = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    force, torque = np.empty((count, 3)), np.empty((count, 3))
+    carried = np.empty(3)
+    for i in range(count):
+        joint_placement(rotation[i], translation[i], axis[i], prismatic[i], q[i], turn[i], offset[i])
+        w, dw, a = spin[i], spin_rate[i], lift[i]
+        parent = parents[i]
+        if parent < 0:
+            w[:] = 0.0
+            dw[:] = 0.0
+            _turned_back(turn[i], gravity, a)
+            for k in range(3):
+                a[k] = -a[k]
+        else:
+            over, over_rate, above = spin[parent], spin_rate[parent], lift[parent]
+            sweep, pull = cross(over, offset[i]), cross(over_rate, offset[i])
+            inward = (
+                over[1] * sweep[2] - over[2] * sweep[1],
+                over[2] * sweep[0] - over[0] * sweep[2],
+                over[0] * sweep[1] - over[1] * sweep[0],
+            )
+            for k in range(3):
+                carried[k] = above[k] + pull[k] + inward[k]
+            _turned_back(turn[i], carried, a)
+            _turned_back(turn[i], over, w)
+            _turned_back(turn[i], over_rate, dw)
+        coriolis = cross(w, axis[i])
+        for k in range(3):
+            if prismatic[i]:
+                a[k] += 2.0 * coriolis[k] * qd[i] + axis[i, k] * qdd[i]
+            else:
+                dw[k] += coriolis[k] * qd[i] + axis[i, k] * qdd[i]
+        if not prismatic[i]:
+            for k in range(3):
+                w[k] += axis[i, k] * qd[i]
+        h = moment[i]
+        swing, swing_rate, load = cross(w, h), cross(dw, h), cross(h, a)
+        momentum = (
+            inertia[i, 0, 0] * w[0] + inertia[i, 0, 1] * w[1] + inertia[i, 0, 2] * w[2],
+            inertia[i, 1, 0] * w[0] + inertia[i, 1, 1] * w[1] + inertia[i, 1, 2] * w[2],
+            inertia[i, 2, 0] * w[0] + inertia[i, 2, 1] * w[1] + inertia[i, 2, 2] * w[2],
+        )
+        for k in range(3):
+            m, n = (k + 1) % 3, (k + 2) % 3
+            force[i, k] = mass[i] * a[k] + swing_rate[k] + w[m] * swing[n] - w[n] * swing[m]
+            torque[i, k] = load[k] + w[m] * momentum[n] - w[n] * momentum[m]
+            for j in range(3):
+                torque[i, k] += inertia[i, k, j] * dw[j]
+    torques = np.empty(count)
+    for i in range(count - 1, -1, -1):
+        along = force[i] if prismatic[i] else torque[i]
+        torques[i] = axis[i, 0] * along[0] + axis[i, 1] * along[1] + axis[i, 2] * along[2]
+        parent = parents[i]
+        if parent >= 0:
+            for k in range(3):
+                carried[k] = (
+                    turn[i, k, 0] * force[i, 0] + turn[i, k, 1] * force[i, 1] + turn[i, k, 2] * force[i, 2]
+                )
+                force[parent, k] += carried[k]
+                torque[parent, k] += (
+                    turn[i, k, 0] * torque[i, 0] + turn[i, k, 1] * torque[i, 1] + turn[i, k, 2] * torque[i, 2]
+                )
+            lever = cross(offset[i], carried)
+            for k in range(3):
+                torque[parent, k] += lever[k]
+    add_friction(friction, qd, torques)
+    return torques
+
+
+@numba.njit(cache=True)
+def add_friction(friction: np.ndarray, qd: np.ndarray, torques: np.ndarray) -> None:
+    """Add to torques (n,) what rows (3, n) of friction take at velocities (n,)."""
+    for i in range(len(qd)):
+        direction = math.tanh(qd[i] / COULOMB_WIDTH) if friction[1, i] != 0.0 else 0.0
+        torques[i] += friction[0, i] * qd[i] + friction[1, i] * direction + friction[2, i]

@@ -1,0 +1,70 @@
+"""Joint friction with free parameters: viscous, Coulomb and a constant offset.
+
+    tau_f = d qd + c tanh(qd / 0.02) + o        d = s^2, c = s^2
+
+Viscous damping is chapter III.4.2's; Coulomb friction is what the dissertation names as future work. The
+terms are linear in d, c and o, so friction goes beside the regressor of the links.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+
+FrictionTerm = Literal["viscous", "coulomb", "offset"]
+
+COULOMB_WIDTH = 0.02
+"""rad/s (m/s where a joint slides); below it the Coulomb term falls to zero, smoothly."""
+
+
+def friction_columns(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """What the coefficients of each joint are multiplied with.
+
+    Args:
+        qd: (..., n) rad/s or m/s.
+        terms: k of viscous, coulomb and offset, in the order of the coefficients.
+
+    Returns:
+        (..., n, k).
+    """
+    shapes = {
+        "viscous": lambda: qd,
+        "coulomb": lambda: np.tanh(qd / COULOMB_WIDTH),
+        "offset": lambda: np.ones_like(qd),
+    }
+    return np.stack([shapes[term]() for term in terms], axis=-1)
+
+
+def friction_regressor(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """`friction_columns` as columns of a regressor, to stand beside those of the links.
+
+    Returns:
+        (B, n, n k); column j k + t is term t of joint j and is zero for all other joints.
+    """
+    columns = friction_columns(qd, terms)
+    batch, joints, count = columns.shape
+    regressor = np.zeros((batch, joints, joints, count))
+    each = np.arange(joints)
+    regressor[:, each, each] = columns
+    return regressor.reshape(batch, joints, joints * count)
+
+
+def friction_coefficients(free: Tensor, terms: Sequence[FrictionTerm]) -> Tensor:
+    """Coefficients (..., n, k) of free parameters (..., n, k): squares, but for the offset."""
+    parts = [
+        column if term == "offset" else column.square()
+        for term, column in zip(terms, free.unbind(-1), strict=True)
+    ]
+    return torch.stack(parts, dim=-1)
+
+
+def free_friction(coefficients: np.ndarray | Tensor, terms: Sequence[FrictionTerm]) -> Tensor:
+    """Free parameters (..., n, k) of coefficients (..., n, k); negative friction becomes none."""
+    columns = torch.as_tensor(coefficients, dtype=torch.float64).unbind(-1)
+    parts = [
+        column if term == "offset" else column.clamp(min=0.0).sqrt()
+        for term, column in zip(terms, columns, strict=True)
+    ]
+    return torch.stack(parts, dim=-1)

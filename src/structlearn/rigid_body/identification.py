@@ -1,0 +1,94 @@
+"""Identification from a log: least squares, and the best model among those that can exist.
+
+Torques are linear in theta, so the unconstrained optimum is one least-squares problem. A physically
+consistent structure (tri, cov) is fitted to the same data and loss by L-BFGS on its free parameters; the loss
+is a quadratic form of theta (`torque_factors`), so that an iteration does not touch the data.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from scipy.optimize import minimize
+
+from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients
+from structlearn.rigid_body.inertia_parameters import Structure, free_parameters, link_inertias
+from structlearn.rigid_body.regressor import link_parameters
+from structlearn.rigid_body.structured_learning import initial_friction
+from structlearn.rigid_body.torque_factors import TorqueFactors
+from structlearn.rigid_body.tree import LinkInertias
+
+SINGULAR = 1e-8
+"""Directions of theta that the data excite by less than this share of the strongest are left at zero."""
+
+ANCHOR = 1e-6
+"""Weight of the squared change of theta, relative to all of it, against the sum of the joints' NMSEs."""
+
+
+def normalised_triangle(factors: TorqueFactors) -> np.ndarray:
+    """One triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is their NMSEs' sum."""
+    scaled = factors.factors / np.sqrt(factors.samples * factors.variance)[:, None, None]
+    return np.linalg.qr(scaled.reshape(-1, scaled.shape[-1]), mode="r")
+
+
+def least_squares(triangle: np.ndarray) -> np.ndarray:
+    """Unconstrained optimum (P,) of the sum of the joints' NMSEs.
+
+    Of the many optima (not every parameter shows in the torques) it is the smallest.
+    """
+    theta, *_ = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=SINGULAR)
+    return theta
+
+
+def fit_structure(
+    structure: Structure,
+    triangle: np.ndarray,
+    friction: Sequence[FrictionTerm],
+    start: LinkInertias,
+    iterations: int,
+    known: LinkInertias | None = None,
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """The structure's best parameters for the same loss as `least_squares`, by L-BFGS.
+
+    A weak pull towards known inertias decides what the data leave open.
+
+    Args:
+        structure: of the inertias.
+        triangle: of the data; the columns are those of the links (full ones for nostr), then of friction.
+        friction: its terms.
+        start: inertias (n,) to start from.
+        iterations: at most so many.
+        known: where the pull goes; None: to the start, e.g. the URDF's values.
+
+    Returns:
+        Free parameters of the inertias (1, n, k) and of friction (1, n, t).
+    """
+    symmetric = structure != "nostr"
+    free = free_parameters(structure, start)[None]
+    rubbing = initial_friction(1, len(start.mass), friction)
+    sizes = (free.numel(), rubbing.numel())
+    pulled = free if known is None else free_parameters(structure, known)[None]
+    reference = link_parameters(link_inertias(structure, pulled), symmetric)
+    weight = ANCHOR / float(reference.square().sum())
+    factor = torch.from_numpy(triangle)
+
+    def loss(values: np.ndarray) -> tuple[float, np.ndarray]:
+        variable = torch.tensor(values, requires_grad=True)
+        inertial, rubbed = variable.split(sizes)
+        links = link_parameters(link_inertias(structure, inertial.view_as(free)), symmetric)
+        parts = [links[0], -torch.ones(1, dtype=links.dtype)]
+        if friction:
+            parts.insert(1, friction_coefficients(rubbed.view_as(rubbing), friction).flatten())
+        total = (factor @ torch.cat(parts)).square().sum() + weight * (links - reference).square().sum()
+        (slope,) = torch.autograd.grad(total, variable)
+        return total.item(), slope.numpy()
+
+    found = minimize(
+        loss,
+        torch.cat([free.flatten(), rubbing.flatten()]).numpy(),
+        jac=True,
+        method="L-BFGS-B",
+        options={"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10},
+    )
+    inertial, rubbed = torch.from_numpy(found.x).split(sizes)
+    return inertial.view_as(free), rubbed.view_as(rubbing)

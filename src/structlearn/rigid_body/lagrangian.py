@@ -1,0 +1,97 @@
+"""Deep Lagrangian networks: inverse dynamics from a learned inertia matrix and a learned potential energy.
+
+    H(q) = L(q) L(q)^T + b 1      tau = H qdd + (dH/dt) qd - 1/2 d(qd^T H qd)/dq + dV/dq
+
+L and V are networks of q. The Coriolis terms need no Jacobian of L, which has n^2 (n + 1) / 2 entries per
+sample. With Ldot = (dL/dq) qd from one tangent pass along qd,
+
+    (dH/dt) qd = L Ldot^T qd + Ldot L^T qd      1/2 d(qd^T H qd)/dq = (dL/dq)^T [qd (L^T qd)^T]
+
+where the last is one adjoint pass through L. Both passes are written out, so that they can be differentiated.
+"""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+from structlearn.rigid_body.multilayer_perceptron import StackedLayers
+
+SMALLEST_INERTIA = 1e-3
+"""kg m^2 (b): keeps H positive definite whatever the network says."""
+
+
+class StackedLagrangianNetworks(nn.Module):
+    """M deep Lagrangian networks.
+
+    L is lower triangular. Its n (n + 1) / 2 entries, diagonal first, are outputs of a network, the diagonal
+    through a softplus, so that every H has one L only.
+
+    Args:
+        joints: number of joints n.
+        hidden: nodes of each hidden layer, of both networks.
+        generators: source of the initial values of each model.
+    """
+
+    def __init__(self, joints: int, hidden: Sequence[int], generators: Sequence[torch.Generator]):
+        super().__init__()
+        self.joints = joints
+        below = torch.tril_indices(joints, joints, offset=-1)
+        diagonal = torch.arange(joints).expand(2, -1)
+        row, column = torch.cat([diagonal, below], dim=1)
+        self.inertia = StackedLayers((joints, *hidden, len(row)), generators)
+        self.potential = StackedLayers((joints, *hidden, 1), generators)
+        # (entries, n) choices of each entry's row and column: products with them are sums over the matrix
+        self.register_buffer("row", torch.eye(joints)[row])
+        self.register_buffer("column", torch.eye(joints)[column])
+
+    def forward(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
+        """Torques (M, n, B) in N m of states (n, B), the same states for all models."""
+        q, rate = (values.expand(self.inertia.models, -1, -1) for values in (q, qd))
+        values = self.inertia.activations(q)
+        factor, slope = self._factor(self.inertia.output(values[-1]))
+        factor_rate = slope * _tangent(self.inertia, values, rate)
+
+        row_velocity, row_acceleration = self.row @ qd, self.row @ qdd
+        momentum = self.column @ (self.column.mT @ (factor * row_velocity))  # of L^T qd, the column's entry
+        bracket = self.column.mT @ (factor * row_acceleration + factor_rate * row_velocity)
+        inertial = self.row.mT @ (factor * (self.column @ bracket) + factor_rate * momentum)
+
+        centrifugal = _adjoint(self.inertia, values, slope * (row_velocity * momentum))
+        levels = self.potential.activations(q)
+        gravity = _adjoint(self.potential, levels, torch.ones_like(q[:, :1]))
+        return inertial + SMALLEST_INERTIA * qdd - centrifugal + gravity
+
+    def inertia_matrix(self, q: Tensor) -> Tensor:
+        """H (M, B, n, n) in kg m^2 at positions (n, B)."""
+        values = self.inertia.activations(q.expand(self.inertia.models, -1, -1))
+        factor, _ = self._factor(self.inertia.output(values[-1]))
+        matrix = torch.einsum("ei,ej,meb->mbij", self.row, self.column, factor)
+        return matrix @ matrix.mT + SMALLEST_INERTIA * torch.eye(self.joints, dtype=q.dtype)
+
+    def potential_energy(self, q: Tensor) -> Tensor:
+        """V (M, B) in J, up to a constant, at positions (n, B)."""
+        values = self.potential.activations(q.expand(self.potential.models, -1, -1))
+        return self.potential.output(values[-1]).squeeze(1)
+
+    def _factor(self, raw: Tensor) -> tuple[Tensor, Tensor]:
+        """Entries of L (M, entries, B) and their slopes against the network's outputs."""
+        diagonal, below = raw[:, : self.joints], raw[:, self.joints :]
+        factor = torch.cat([nn.functional.softplus(diagonal), below], dim=1)
+        return factor, torch.cat([torch.sigmoid(diagonal), torch.ones_like(below)], dim=1)
+
+
+def _tangent(network: StackedLayers, values: Sequence[Tensor], direction: Tensor) -> Tensor:
+    """Change of a network's outputs (M, K, B) along a direction (M, D, B) of its inputs."""
+    layers = network.layers()
+    for value, (weights, _) in zip(values, layers[:-1], strict=True):
+        direction = (1.0 - value * value) * torch.bmm(weights, direction)
+    return torch.bmm(layers[-1][0], direction)
+
+
+def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor) -> Tensor:
+    """Gradient (M, D, B) at a network's inputs of its outputs times a cotangent (M, K, B)."""
+    layers = network.layers()
+    for value, (weights, _) in zip(reversed(values), reversed(layers[1:]), strict=True):
+        cotangent = (1.0 - value * value) * torch.bmm(weights.mT, cotangent)
+    return torch.bmm(layers[0][0].mT, cotangent)

@@ -1,0 +1,92 @@
+"""A motion as dynamics models learn from it: joint states and the torques that belong to them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn import signals
+from structlearn.errors import InputError
+
+SMALLEST_VARIANCE = 1e-12
+"""(N m)^2; a joint whose torque varies less was not measured."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Samples of inverse dynamics, in the order of time.
+
+    Attributes:
+        q: (N, n) rad, positions (m where a joint slides, likewise below).
+        qd: (N, n) rad/s.
+        qdd: (N, n) rad/s^2.
+        torque: (N, n) N m.
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    torque: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.q.shape[1]
+
+    @property
+    def torque_variance(self) -> np.ndarray:
+        """(n,) variance of each joint's torque, by which errors are normalised."""
+        return self.torque.var(axis=0)
+
+    def part(self, samples: slice | np.ndarray) -> "Motion":
+        """Some of the samples."""
+        return Motion(self.q[samples], self.qd[samples], self.qdd[samples], self.torque[samples])
+
+    def split(self, share: float) -> tuple["Motion", "Motion"]:
+        """The first `share` of the samples, to learn from, and the rest, to test on."""
+        end = round(share * len(self))
+        return self.part(slice(None, end)), self.part(slice(end, None))
+
+
+def measured_motion(
+    name: str,
+    time: np.ndarray,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    torques: np.ndarray,
+    rate_hz: float | None = None,
+    cutoff_hz: float = np.inf,
+) -> Motion:
+    """Samples on a uniform clock, without noise above a frequency, with accelerations from the velocities.
+
+    All signals go through the same zero-phase low-pass, so that what is linear between them still holds.
+
+    Args:
+        name: of the log, for messages.
+        time: (T,) s, increasing, irregular or not.
+        positions: (T, n) rad.
+        velocities: (T, n) rad/s.
+        torques: (T, n) N m.
+        rate_hz: ticks per second of the clock; None: one over the median step.
+        cutoff_hz: of the low-pass; at or above half the rate there is none.
+
+    Raises:
+        InputError: fewer than three ticks, or a joint's torque does not vary.
+    """
+    rate_hz = rate_hz or 1.0 / float(np.median(np.diff(time)))
+    ticks = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate_hz + 1e-6)) + 1) / rate_hz
+    if len(ticks) < 3:
+        raise InputError(f"{name}: {time[-1] - time[0]:.3g} s are too short for a motion at {rate_hz:g} Hz")
+    uniform = [
+        np.stack([np.interp(ticks, time, column) for column in values.T], axis=1)
+        for values in (positions, velocities, torques)
+    ]
+    filtered = (signals.low_pass(values, 1.0 / rate_hz, cutoff_hz) for values in uniform)
+    q, qd, torque = map(np.ascontiguousarray, filtered)  # the filter's are reversed, which torch refuses
+    motion = Motion(q, qd, signals.derivative(qd, 1.0 / rate_hz), torque)
+    constant = np.flatnonzero(motion.torque_variance < SMALLEST_VARIANCE)
+    if len(constant):
+        raise InputError(f"{name}: the torque of joint {constant[0] + 1} does not vary; was it recorded?")
+    return motion

@@ -1,0 +1,244 @@
+"""Inverse dynamics as a matrix product: tau = Y(q, qd, qdd) theta.
+
+Torques are linear in mass, first moment and rotational inertia about the JOINT origin. While the kinematics
+are fixed, Y of a data set is computed once, and training needs autograd only through the parameterisation
+(`inertia_parameters`). A non-symmetric inertia (nostr) has columns for its nine entries.
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import torch
+from torch import Tensor
+
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+
+SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
+
+
+def torque_regressor(
+    tree: KinematicTree, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, symmetric: bool = True
+) -> np.ndarray:
+    """Y of joint positions, velocities and accelerations.
+
+    Args:
+        tree: n joints.
+        q: (B, n) rad or m.
+        qd: (B, n) rad/s or m/s.
+        qdd: (B, n) rad/s^2 or m/s^2.
+        symmetric: ten columns per link: m, h (3), then xx, xy, xz, yy, yz, zz of the inertia about the joint
+            origin; otherwise thirteen, with the nine entries row by row.
+
+    Returns:
+        (B, n, 10 n) or (B, n, 13 n), link after link. Who multiplies all of it with one theta again and again
+        stores it by columns (`.reshape(-1, columns).T`, contiguous), which is twice as fast.
+    """
+    columns = SYMMETRIC_COLUMNS if symmetric else FULL_COLUMNS
+    regressor = np.zeros((*q.shape, len(tree.names), columns))
+    chain = _Chain(tree.parents, tree.rotation, tree.translation, tree.axis, tree.prismatic, tree.gravity)
+    _fill(chain, *(np.ascontiguousarray(values, dtype=np.float64) for values in (q, qd, qdd)), regressor)
+    return regressor.reshape(*q.shape, len(tree.names) * columns)
+
+
+def link_parameters(inertias: LinkInertias[Tensor], symmetric: bool = True) -> Tensor:
+    """Theta of inertias about the centres of mass, as the columns of `torque_regressor` need it.
+
+    Args:
+        inertias: mass (..., n).
+        symmetric: as for the regressor; the inertia is then taken to be symmetric.
+
+    Returns:
+        (..., 10 n) or (..., 13 n), differentiable.
+    """
+    mass, first_moment = inertias.mass[..., None], inertias.first_moment
+    squared = first_moment.square().sum(-1)[..., None, None] * torch.eye(3, dtype=mass.dtype)
+    outer = first_moment[..., :, None] * first_moment[..., None, :]
+    about_origin = (inertias.inertia + (squared - outer) / mass[..., None]).flatten(-2)
+    if symmetric:
+        about_origin = about_origin[..., [0, 1, 2, 4, 5, 8]]
+    return torch.cat([mass, first_moment, about_origin], dim=-1).flatten(-2)
+
+
+class _Chain(NamedTuple):
+    """A kinematic tree for compiled code."""
+
+    parents: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    axis: np.ndarray
+    prismatic: np.ndarray
+    gravity: np.ndarray
+
+
+class _Motion(NamedTuple):
+    """Motion of all links in one sample, at their origins and in their axes.
+
+    Attributes:
+        velocity: (n, 3) angular.
+        acceleration: (n, 3) angular.
+        linear: (n, 3) acceleration of the origin less gravity.
+        turning: (n, n, 3) [link, joint]: angular velocity of the link when that joint moves at unit speed.
+        sliding: (n, n, 3) [link, joint]: velocity of its origin then.
+    """
+
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    linear: np.ndarray
+    turning: np.ndarray
+    sliding: np.ndarray
+
+
+@numba.njit(cache=True)
+def _fill(chain: _Chain, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, regressor: np.ndarray) -> None:
+    """Fill a regressor of zeros (B, n, n, columns).
+
+    By virtual work the torque of joint i is the wrench of every link beyond it times the twist (v, w) that
+    unit speed of joint i gives the link, both at the link's origin. The wrench there is
+
+        f = m a + dw x h + w x (w x h)        n = h x a + I dw + w x (I w)
+    """
+    batch, joints = q.shape
+    square, cube = (joints, 3), (joints, joints, 3)
+    motion = _Motion(np.empty(square), np.empty(square), np.empty(square), np.empty(cube), np.empty(cube))
+    for sample in range(batch):
+        for link in range(joints):
+            _move(chain, motion, link, q[sample, link], qd[sample, link], qdd[sample, link])
+            joint = link
+            while joint >= 0:
+                _fill_columns(motion, link, joint, regressor, sample)
+                joint = chain.parents[joint]
+
+
+@numba.njit(cache=True, inline="always")
+def _move(chain: _Chain, motion: _Motion, link: int, position: float, speed: float, change: float) -> None:
+    """Motion of a link from that of its parent."""
+    parent = chain.parents[link]
+    axis, slides = _vector(chain.axis[link]), chain.prismatic[link]
+    rotation, origin = _placement(chain, link, position)
+    if parent < 0:
+        velocity = acceleration = (0.0, 0.0, 0.0)
+        linear = _rotated_back(rotation, _scaled(_vector(chain.gravity), -1.0))
+    else:
+        velocity, acceleration = _vector(motion.velocity[parent]), _vector(motion.acceleration[parent])
+        linear = _sum(_vector(motion.linear[parent]), _cross(acceleration, origin))
+        linear = _rotated_back(rotation, _sum(linear, _cross(velocity, _cross(velocity, origin))))
+        velocity, acceleration = _rotated_back(rotation, velocity), _rotated_back(rotation, acceleration)
+        joint = parent
+        while joint >= 0:
+            turning = _vector(motion.turning[parent, joint])
+            sliding = _sum(_vector(motion.sliding[parent, joint]), _cross(turning, origin))
+            _store(motion.turning[link, joint], _rotated_back(rotation, turning))
+            _store(motion.sliding[link, joint], _rotated_back(rotation, sliding))
+            joint = chain.parents[joint]
+    own, turned = _scaled(axis, change), _cross(velocity, _scaled(axis, speed))
+    if slides:
+        linear = _sum(linear, _sum(own, _scaled(turned, 2.0)))
+    else:
+        acceleration = _sum(acceleration, _sum(own, turned))
+        velocity = _sum(velocity, _scaled(axis, speed))
+    _store(motion.velocity[link], velocity)
+    _store(motion.acceleration[link], acceleration)
+    _store(motion.linear[link], linear)
+    _store(motion.turning[link, link], _scaled(axis, 0.0 if slides else 1.0))
+    _store(motion.sliding[link, link], _scaled(axis, 1.0 if slides else 0.0))
+
+
+@numba.njit(cache=True, inline="always")
+def _placement(chain: _Chain, joint: int, position: float) -> tuple[tuple, tuple]:
+    """Rows of a joint frame's rotation in its parent's, and its origin there."""
+    axis, origin = _vector(chain.axis[joint]), _vector(chain.translation[joint])
+    first, second, third = (
+        _vector(chain.rotation[joint, 0]),
+        _vector(chain.rotation[joint, 1]),
+        _vector(chain.rotation[joint, 2]),
+    )
+    if chain.prismatic[joint]:
+        along = (_dot(first, axis), _dot(second, axis), _dot(third, axis))
+        return (first, second, third), _sum(origin, _scaled(along, position))
+    sine, cosine = np.sin(position), np.cos(position)
+    rows = (
+        _turned(first, axis, sine, cosine),
+        _turned(second, axis, sine, cosine),
+        _turned(third, axis, sine, cosine),
+    )
+    return rows, origin
+
+
+@numba.njit(cache=True, inline="always")
+def _turned(row: tuple, axis: tuple, sine: float, cosine: float) -> tuple:
+    """Rodrigues' formula for one row of a rotation, which turns about the axis against the angle."""
+    along = _scaled(axis, (1.0 - cosine) * _dot(row, axis))
+    return _sum(_scaled(row, cosine), _sum(along, _scaled(_cross(row, axis), sine)))
+
+
+@numba.njit(cache=True, inline="always")
+def _fill_columns(motion: _Motion, link: int, joint: int, regressor: np.ndarray, sample: int) -> None:
+    """Torque of a joint per unit of each parameter of one link."""
+    wx, wy, wz = w = _vector(motion.velocity[link])
+    dx, dy, dz = _vector(motion.acceleration[link])
+    ax, ay, az = _vector(motion.linear[link])
+    tx, ty, tz = t = _vector(motion.turning[link, joint])
+    sx, sy, sz = _vector(motion.sliding[link, joint])
+    cx, cy, cz = _cross(t, w)
+    columns = regressor[sample, joint, link]
+    columns[0] = sx * ax + sy * ay + sz * az
+    # f and n are linear in h: s . (dw x h + w x (w x h)) + t . (h x a)
+    columns[1] = -sx * (wy * wy + wz * wz) + sy * (wx * wy + dz) + sz * (wx * wz - dy) + ay * tz - az * ty
+    columns[2] = sx * (wx * wy - dz) - sy * (wx * wx + wz * wz) + sz * (wy * wz + dx) + az * tx - ax * tz
+    columns[3] = sx * (wx * wz + dy) + sy * (wy * wz - dx) - sz * (wx * wx + wy * wy) + ax * ty - ay * tx
+    # t . (I dw + w x (I w)) = t^T I dw + (t x w)^T I w
+    xx, xy, xz = tx * dx + cx * wx, tx * dy + cx * wy, tx * dz + cx * wz
+    yx, yy, yz = ty * dx + cy * wx, ty * dy + cy * wy, ty * dz + cy * wz
+    zx, zy, zz = tz * dx + cz * wx, tz * dy + cz * wy, tz * dz + cz * wz
+    if columns.size == SYMMETRIC_COLUMNS:
+        columns[4], columns[5], columns[6] = xx, xy + yx, xz + zx
+        columns[7], columns[8], columns[9] = yy, yz + zy, zz
+    else:
+        columns[4], columns[5], columns[6] = xx, xy, xz
+        columns[7], columns[8], columns[9] = yx, yy, yz
+        columns[10], columns[11], columns[12] = zx, zy, zz
+
+
+# Vectors are tuples below: numba keeps them in registers, while each array would cost an allocation.
+
+
+@numba.njit(cache=True, inline="always")
+def _vector(values: np.ndarray) -> tuple:
+    return values[0], values[1], values[2]
+
+
+@numba.njit(cache=True, inline="always")
+def _store(target: np.ndarray, vector: tuple) -> None:
+    target[0], target[1], target[2] = vector
+
+
+@numba.njit(cache=True, inline="always")
+def _sum(left: tuple, right: tuple) -> tuple:
+    return left[0] + right[0], left[1] + right[1], left[2] + right[2]
+
+
+@numba.njit(cache=True, inline="always")
+def _scaled(vector: tuple, factor: float) -> tuple:
+    return factor * vector[0], factor * vector[1], factor * vector[2]
+
+
+@numba.njit(cache=True, inline="always")
+def _dot(left: tuple, right: tuple) -> float:
+    return left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
+
+
+@numba.njit(cache=True, inline="always")
+def _cross(left: tuple, right: tuple) -> tuple:
+    return (
+        left[1] * right[2] - left[2] * right[1],
+        left[2] * right[0] - left[0] * right[2],
+        left[0] * right[1] - left[1] * right[0],
+    )
+
+
+@numba.njit(cache=True, inline="always")
+def _rotated_back(rows: tuple, vector: tuple) -> tuple:
+    """R^T v of a rotation's three rows."""
+    x, y = _scaled(rows[0], vector[0]), _scaled(rows[1], vector[1])
+    return _sum(_sum(x, y), _scaled(rows[2], vector[2]))

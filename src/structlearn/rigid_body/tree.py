@@ -1,0 +1,206 @@
+"""Kinematic tree and link inertias of a robot, read from its URDF.
+
+Pinocchio reads the file and merges links at fixed joints; what comes out are plain arrays, so that torch and
+numba need no Pinocchio. Joint i moves link i; the joint frame is fixed to the link and stands, at zero
+position, as `rotation` and `translation` say in the frame of the parent joint.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+import pinocchio
+import torch
+from torch import Tensor
+
+from structlearn.errors import InputError
+from structlearn.rigid_body.urdf_checks import check_urdf
+
+Array = TypeVar("Array", np.ndarray, Tensor)
+
+
+@dataclass(frozen=True)
+class KinematicTree:
+    """What is known of a robot before its inertias: n joints, each after its parent.
+
+    Attributes:
+        names: of the joints.
+        parents: (n,) index of the parent joint, -1 for the base; smaller than the joint's own index.
+        rotation: (n, 3, 3) joint frame in the parent's at position zero.
+        translation: (n, 3) m, its origin in the parent's frame.
+        axis: (n, 3) unit vector, in the joint frame.
+        prismatic: (n,) bool; the others turn.
+        lower: (n,) rad or m; -inf for continuous joints.
+        upper: (n,) rad or m; inf for continuous joints.
+        velocity: (n,) limit in rad/s or m/s.
+        gravity: (3,) m/s^2, acceleration of free fall in the base frame.
+    """
+
+    names: tuple[str, ...]
+    parents: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    axis: np.ndarray
+    prismatic: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    velocity: np.ndarray
+    gravity: np.ndarray
+
+
+@dataclass(frozen=True)
+class LinkInertias(Generic[Array]):
+    """Inertial parameters of n links in their joint frames; arrays or tensors, leading axes are models.
+
+    Attributes:
+        mass: (..., n) kg.
+        first_moment: (..., n, 3) kg m, mass times centre of mass.
+        inertia: (..., n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame.
+    """
+
+    mass: Array
+    first_moment: Array
+    inertia: Array
+
+    def tensors(self) -> "LinkInertias[Tensor]":
+        """The same as float64 tensors."""
+        fields = (self.mass, self.first_moment, self.inertia)
+        return LinkInertias(*(torch.as_tensor(field, dtype=torch.float64) for field in fields))
+
+    def arrays(self) -> "LinkInertias[np.ndarray]":
+        """The same as float64 arrays, cut off from any gradient."""
+        fields = (torch.as_tensor(field) for field in (self.mass, self.first_moment, self.inertia))
+        return LinkInertias(*(field.detach().double().numpy() for field in fields))
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot as its URDF describes it.
+
+    Attributes:
+        name: of the robot in its URDF.
+        tree: kinematics.
+        inertias: of the moving links, with what is fixed to them.
+        model: Pinocchio's, with the same joints in the same order.
+    """
+
+    name: str
+    tree: KinematicTree
+    inertias: LinkInertias[np.ndarray]
+    model: pinocchio.Model
+
+
+def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
+    """Read a robot with a fixed base from its URDF.
+
+    Args:
+        path: the URDF file; meshes are not read.
+        locked: names of joints held at zero position, e.g. a gripper's fingers; they leave the tree and their
+            links become part of the links that carry them.
+
+    Raises:
+        InputError: the file is missing or unreadable, a locked joint is unknown, a joint is of a kind other
+            than revolute, continuous or prismatic, limits are absent or crossed, or a moving link has no
+            positive mass or no positive definite inertia; the message names file and joint.
+    """
+    check_urdf(path, locked)
+    try:
+        model = pinocchio.buildModelFromUrdf(str(path))
+    except ValueError as error:
+        raise InputError(f"{path}: not a valid URDF model; its parser has printed why") from error
+    if locked:
+        joints = [model.getJointId(name) for name in locked]
+        model = pinocchio.buildReducedModel(model, joints, pinocchio.neutral(model))
+    if model.nv == 0:
+        raise InputError(f"{path}: the robot has no joint that moves")
+    robot = Robot(model.name, _tree(model), _inertias(model), model)
+    _check_inertias(robot, path)
+    return robot
+
+
+def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:
+    """Columns of a log in the order of the robot's joints.
+
+    Args:
+        tree: the robot.
+        names: the log's joints, as its columns stand; joints that the robot lacks are left out.
+        source: the log, for the message.
+
+    Returns:
+        (n,) so that `log[:, order]` has the robot's order.
+
+    Raises:
+        InputError: a joint of the robot is not in the log, or a name stands twice.
+    """
+    names = list(names)
+    missing = [name for name in tree.names if name not in names]
+    if missing:
+        raise InputError(
+            f"{source}: the log lacks the robot's joints {', '.join(missing)}; it has {', '.join(names)}"
+        )
+    repeated = [name for name in tree.names if names.count(name) > 1]
+    if repeated:
+        raise InputError(
+            f"{source}: joint '{repeated[0]}' stands {names.count(repeated[0])} times in the log"
+        )
+    return np.array([names.index(name) for name in tree.names])
+
+
+def _tree(model: pinocchio.Model) -> KinematicTree:
+    joints = range(1, model.njoints)
+    placements = [model.jointPlacements[joint] for joint in joints]
+    screws = _screws(model)
+    bounded = np.array([model.joints[joint].nq == 1 for joint in joints])  # continuous ones have cos and sin
+    positions = [model.joints[joint].idx_q for joint in joints]
+    prismatic = np.any(screws[:, :3] != 0.0, axis=1)
+    return KinematicTree(
+        names=tuple(model.names)[1:],
+        parents=np.array([model.parents[joint] - 1 for joint in joints]),
+        rotation=np.array([placement.rotation for placement in placements]),
+        translation=np.array([placement.translation for placement in placements]),
+        axis=np.where(prismatic[:, None], screws[:, :3], screws[:, 3:]),
+        prismatic=prismatic,
+        lower=np.where(bounded, model.lowerPositionLimit[positions], -np.inf),
+        upper=np.where(bounded, model.upperPositionLimit[positions], np.inf),
+        velocity=model.velocityLimit.copy(),
+        gravity=model.gravity.linear.copy(),
+    )
+
+
+def _screws(model: pinocchio.Model) -> np.ndarray:
+    """Twist (n, 6) of each link in its own frame for unit speed of its joint: linear, angular."""
+    data = model.createData()
+    pinocchio.computeJointJacobians(model, data, pinocchio.neutral(model))
+    jacobians = [
+        pinocchio.getJointJacobian(model, data, joint, pinocchio.ReferenceFrame.LOCAL)
+        for joint in range(1, model.njoints)
+    ]
+    # Pinocchio gives a vector where there is one joint only
+    return np.array([jacobian.reshape(6, -1)[:, joint] for joint, jacobian in enumerate(jacobians)])
+
+
+def _inertias(model: pinocchio.Model) -> LinkInertias[np.ndarray]:
+    links = list(model.inertias)[1:]
+    mass = np.array([link.mass for link in links])
+    return LinkInertias(
+        mass=mass,
+        first_moment=mass[:, None] * np.array([link.lever for link in links]),
+        inertia=np.array([link.inertia for link in links]),
+    )
+
+
+def _check_inertias(robot: Robot, path: str | Path) -> None:
+    """What Pinocchio merged at fixed joints must have mass and inertia; single links need not."""
+    least = np.linalg.eigvalsh(robot.inertias.inertia)[:, 0]
+    for name, mass, moment in zip(robot.tree.names, robot.inertias.mass, least, strict=True):
+        if mass <= 0.0:
+            raise InputError(
+                f"{path}: the link that joint '{name}' moves has no mass: <inertial> is absent or zero"
+            )
+        if moment <= 0.0:
+            raise InputError(
+                f"{path}: the link that joint '{name}' moves has no positive definite inertia "
+                f"(least principal moment {moment:g} kg m^2)"
+            )

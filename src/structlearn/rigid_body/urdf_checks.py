@@ -1,0 +1,89 @@
+"""What Pinocchio passes over in a URDF, found in the XML.
+
+Pinocchio 4 reads a link whose `<inertial>` is absent, incomplete or no number as massless, a negative mass as
+it stands, limits without bounds as [0, 0] and an axis of zeros as it stands. Dynamics of such a robot are
+singular or wrong, and no error says so.
+"""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from structlearn.errors import InputError
+
+MOVING = ("revolute", "continuous", "prismatic")
+
+_LIMITS = ("lower", "upper", "velocity", "effort")
+_INERTIA_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
+    """Refuse a file that is no URDF of a robot with one degree of freedom per joint and limits on each.
+
+    Args:
+        path: the URDF file.
+        locked: names of joints that are to be locked.
+
+    Raises:
+        InputError: see `structlearn.rigid_body.tree.read_urdf`.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(f"{path}: no such URDF file") from error
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path}: not an XML file: {error}") from error
+    if root.tag != "robot":
+        raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    moving = {name: joint for name, joint in joints.items() if joint.get("type") != "fixed"}
+    for name in locked:
+        if name not in moving:
+            raise InputError(f"{path}: there is no moving joint '{name}' to lock")
+    for name, joint in moving.items():
+        _check_joint(joint, f"{path}: joint '{name}'")
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is not None:
+            _check_inertial(inertial, f"{path}: link '{link.get('name')}'")
+
+
+def _check_joint(joint: ElementTree.Element, where: str) -> None:
+    kind = joint.get("type")
+    if kind not in MOVING:
+        raise InputError(f"{where}: type '{kind}' is not supported, only {', '.join(MOVING)} and fixed")
+    axis = joint.find("axis")
+    if axis is not None and not any(_numbers(axis.get("xyz", "").split(), f"{where}: axis")):
+        raise InputError(f"{where}: the axis is zero")
+    if kind == "continuous":
+        return
+    limit = joint.find("limit")
+    absent = [key for key in _LIMITS if limit is None or limit.get(key) is None]
+    if limit is None or absent:
+        raise InputError(f"{where}: <limit> lacks {', '.join(absent)}")
+    lower, upper, velocity, _ = _numbers([limit.get(key, "") for key in _LIMITS], where)
+    if lower >= upper:
+        raise InputError(f"{where}: lower limit {lower:g} is not below the upper limit {upper:g}")
+    if velocity <= 0.0:
+        raise InputError(f"{where}: velocity limit {velocity:g} is not positive")
+
+
+def _check_inertial(inertial: ElementTree.Element, where: str) -> None:
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None:
+        raise InputError(f"{where}: <inertial> lacks <{'mass' if mass is None else 'inertia'}>")
+    (value,) = _numbers([mass.get("value", "")], f"{where}: mass")
+    if value < 0.0:
+        raise InputError(f"{where}: mass {value:g} kg is negative")
+    _numbers([inertia.get(entry, "") for entry in _INERTIA_ENTRIES], f"{where}: inertia")
+
+
+def _numbers(texts: Sequence[str], where: str) -> list[float]:
+    try:
+        values = [float(text) for text in texts]
+    except ValueError as error:
+        raise InputError(f"{where}: a value is missing or no number: {error}") from error
+    if not all(math.isfinite(value) for value in values):
+        raise InputError(f"{where}: a value is not finite")
+    return values

@@ -1,0 +1,216 @@
+"""A finger that touches a handle: contact, force and counts, for many fingers at once.
+
+The contact is analytic. The skin is a core (an axis-parallel box) inflated by its radius, the handle an
+inflated segment, so both touch where segment and core are closest. One step of a closed loop is
+
+    position, orientation = moved(position, orientation, velocity, dt)
+    contact = touching(position, orientation, handle, finger)
+    signal, memory = touch(contact.load[None], contact.point[None], finger, memory)
+    counts = read_out(signal[0], finger, rng)
+
+The skin gives way against the load as in Hertz's law. What the electrodes count is as for the fingers that
+pinch a tool (`electrode_response`), with hysteresis and creep of the load; the place of the contact is where
+it is, since an object that slides or rolls over the skin does not stick to it.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from pydantic import Field
+
+from structlearn import quaternion
+from structlearn.simulation.electrode_response import (
+    Response,
+    ResponseParameters,
+    crept,
+    draw_response,
+    lagged,
+    played,
+    static_counts,
+)
+from structlearn.tactile.electrodes import Skin
+
+PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])
+"""Thresholds of the play operators on the load, as for the fingers that pinch."""
+
+NEWTON_STEPS = 8
+"""Enough for the exact closest point: the derivative has at most six kinks."""
+
+
+class FingerParameters(ResponseParameters):
+    """A finger that touches; `width_mm` is that of an object, not of a tool's edge.
+
+    Attributes:
+        width_mm: standard deviation of the pressure under a point contact; wider than for a scraped edge,
+            since a handle is round. With it p = -mean(s) rises with the load everywhere on the skin.
+        stiffness_n_mm: load in N at 1 mm of indentation, K in F = K d^1.5.
+    """
+
+    width_mm: float = Field(default=2.6, gt=0)
+    stiffness_n_mm: float = Field(default=1.0, gt=0)
+
+
+@dataclass(frozen=True)
+class Handle:
+    """A round bar with round ends; one of no length is a knob.
+
+    Attributes:
+        centre: (3,) m, base frame.
+        axis: (3,) unit, base frame.
+        half_length: m.
+        radius: m.
+    """
+
+    centre: np.ndarray
+    axis: np.ndarray
+    half_length: float
+    radius: float
+
+
+@dataclass(frozen=True)
+class Finger:
+    """A skin, what its electrodes count, and how it gives way.
+
+    Attributes:
+        skin: with E electrodes.
+        response: of one finger.
+        stiffness: N/m^1.5.
+        noise_counts: standard deviation of the white noise before rounding.
+    """
+
+    skin: Skin
+    response: Response
+    stiffness: float
+    noise_counts: float
+
+    def indentation(self, load: np.ndarray) -> np.ndarray:
+        """By how much a load (...) in N dents the skin, (...) m."""
+        return (np.asarray(load) / self.stiffness) ** (2 / 3)
+
+
+class Contact(NamedTuple):
+    """What B fingers feel of the handle.
+
+    Attributes:
+        point: (B, 3) m on the skin, frame of the finger: where the handle is closest.
+        load: (B,) N, zero in the air.
+        gap: (B,) m between skin and handle, negative when dented.
+    """
+
+    point: np.ndarray
+    load: np.ndarray
+    gap: np.ndarray
+
+
+class Memory(NamedTuple):
+    """Hidden state of B fingers between samples."""
+
+    play: np.ndarray  # (B, K) N
+    creep: np.ndarray  # (B, M) N
+    lag: np.ndarray  # (B, E) counts
+
+
+def make_finger(parameters: FingerParameters, skin: Skin, sensor_seed: int, rate_hz: float) -> Finger:
+    """A finger with individual electrodes.
+
+    Args:
+        parameters: see there.
+        skin: of the finger.
+        sensor_seed: of what tells one electrode from another.
+        rate_hz: of its samples.
+    """
+    rng = np.random.default_rng(sensor_seed)
+    response = draw_response(parameters, 1e3 * skin.electrodes, 1, rng, rate_hz)
+    return Finger(skin, response, parameters.stiffness_n_mm * 1e3**1.5, parameters.noise_counts)
+
+
+def moved(
+    position: np.ndarray, orientation: np.ndarray, velocity: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses after a step with a velocity of the finger in its own frame.
+
+    Args:
+        position: (..., 3) m, base frame.
+        orientation: (..., 4) finger to base.
+        velocity: (..., 6) m/s and rad/s, frame of the finger at the start of the step.
+        dt: s; short enough that the finger turns little.
+    """
+    turned = quaternion.product(orientation, quaternion.from_rotation_vector(velocity[..., 3:] * dt))
+    return position + quaternion.rotate(orientation, velocity[..., :3]) * dt, quaternion.normalised(turned)
+
+
+def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, finger: Finger) -> Contact:
+    """Where and how hard fingers touch the handle.
+
+    The squared distance of core and segment is convex in the place on the segment, its derivative piecewise
+    linear and rising: Newton's method ends at the root.
+
+    Args:
+        position: (B, 3) m, base frame.
+        orientation: (B, 4) finger to base.
+        handle: that they touch.
+        finger: the same for all.
+    """
+    skin = finger.skin
+    to_finger = quaternion.conjugate(orientation)
+    centre = quaternion.rotate(to_finger, handle.centre - position)
+    axis = quaternion.rotate(to_finger, handle.axis)
+    place = np.zeros(len(centre))
+    for _ in range(NEWTON_STEPS if handle.half_length > 0 else 0):
+        on_bar = centre + place[:, None] * axis
+        outwards = on_bar - skin.core(on_bar)
+        slope = np.where(outwards != 0, axis**2, 0.0).sum(axis=1)
+        step = (outwards * axis).sum(axis=1) / np.where(slope > 0, slope, 1.0)
+        place = np.clip(place - step, -handle.half_length, handle.half_length)
+    on_bar = centre + place[:, None] * axis
+    distance = np.linalg.norm(on_bar - skin.core(on_bar), axis=1)
+    gap = distance - skin.radius - handle.radius
+    load = finger.stiffness * np.maximum(-gap, 0.0) ** 1.5
+    return Contact(skin.project(on_bar), load, gap)
+
+
+def rested(fingers: int, finger: Finger) -> Memory:
+    """Memory of fingers that nothing has touched for long."""
+    electrodes, shares = len(finger.skin.electrodes), len(finger.response.creep)
+    return Memory(
+        np.zeros((fingers, len(PLAY_N))), np.zeros((fingers, shares)), np.zeros((fingers, electrodes))
+    )
+
+
+def touch(load: np.ndarray, point: np.ndarray, finger: Finger, memory: Memory) -> tuple[np.ndarray, Memory]:
+    """The next T samples of B fingers before noise.
+
+    Args:
+        load: (T, B) N.
+        point: (T, B, 3) m on the skin, frame of the finger.
+        finger: the same for all.
+        memory: of the B fingers; it is not changed.
+
+    Returns:
+        (T, B, E) counts, and the memory after them.
+    """
+    after = Memory(*(values.copy() for values in memory))
+    return _touch(load, 1e3 * point, finger.response, PLAY_N, after), after
+
+
+def read_out(signal: np.ndarray, finger: Finger, rng: np.random.Generator) -> np.ndarray:
+    """Whole counts with noise. Shape (..., E) -> (..., E)."""
+    return np.rint(signal + finger.noise_counts * rng.standard_normal(signal.shape))
+
+
+@numba.njit(cache=True)
+def _touch(
+    load: np.ndarray, point: np.ndarray, response: Response, play: np.ndarray, memory: Memory
+) -> np.ndarray:
+    """Counts (T, B, E) at points in mm; `memory` moves on."""
+    counts = np.empty((*load.shape, len(response.electrodes)))
+    for t in range(load.shape[0]):
+        for b in range(load.shape[1]):
+            pressed = played(load[t, b], play, response.hysteresis, memory.play[b])
+            pressed = crept(pressed, response.creep, response.creep_keep, True, memory.creep[b])
+            signal = static_counts(pressed, point[t, b], 0, response)
+            lagged(signal, response.lag_keep, True, memory.lag[b])
+            counts[t, b] = memory.lag[b] + response.offset[0]
+    return counts

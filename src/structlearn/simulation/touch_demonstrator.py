@@ -1,0 +1,343 @@
+"""Simulated demonstrations of touch: a person guides a finger over a handle (dissertation II.4.1.1).
+
+Two parts, each over several areas of the skin. Rotation: touch, turn about the finger's x axis one way, lift,
+touch, turn back, lift. Translation: touch, swipe along x forwards, lift, touch, swipe backwards, lift, and
+all of it once more. The person presses as hard as feels right that time and wavers while moving.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+from scipy.ndimage import gaussian_filter1d
+
+import structlearn
+from structlearn import minimum_jerk, quaternion
+from structlearn.params import Parameters
+from structlearn.recordings.recording import Recording, Stream
+from structlearn.simulation.hand_noise import hand_noise
+from structlearn.simulation.touch import (
+    Finger,
+    FingerParameters,
+    Handle,
+    make_finger,
+    read_out,
+    rested,
+    touch,
+    touching,
+)
+from structlearn.tactile.electrodes import SKINS, Skin
+
+Motion = Literal["rotation", "translation"]
+SLIDES = {"rotation": (1, -1), "translation": (1, -1, 1, -1)}
+"""Directions of the contacts of a demonstration."""
+
+SAMPLED_EVERY = 3
+"""Robot ticks per sample of the electrodes: 100 Hz at 300 Hz."""
+
+APPROACH_S, PRESS_S = 0.5, 0.35
+"""How long it takes to come down and to press; the same to release and to rise."""
+
+WAVER_S = 0.25
+"""Width of the Gaussian that smooths the force a person holds; chosen: it wavers below 1 Hz."""
+
+TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")
+"""Columns of `true_contacts`."""
+
+CLOCK_START_NS = 10**9
+"""Stamp of the first sample."""
+
+
+class ToucherParameters(Parameters):
+    """The person who demonstrates touch; the defaults give about as many samples as the text has.
+
+    Attributes:
+        skin: name of the skin (`tactile.electrodes.SKINS`).
+        seed: of the person.
+        sensor_seed: of what tells one electrode from another.
+        areas: of the skin, per part.
+        rotations: demonstrations per area.
+        translations: demonstrations per area.
+        rate_hz: of the robot.
+        along_mm: range along the finger that swipes cover, and in which the areas of rotations lie.
+        across_deg: half the range of the turns, and of the areas of swipes, about the core of the skin; with
+            0 only the core is covered, as suits a flat skin.
+        rotation_s: median time of a turn, in contact.
+        translation_s: median time of a swipe, in contact.
+        time_cv: standard deviation of the log of these.
+        load_n: range of the mean load of a contact.
+        waver: standard deviation of the load within a contact, relative.
+        area_spread_mm: standard deviation of where a contact begins within its area; areas adjoin.
+        drift_mm: standard deviation per second of how a contact strays sideways.
+        tilt_deg: standard deviation of how the finger is held, pitch and yaw.
+        rest_s: range of the rests in the air, before, between and after contacts.
+        rise_mm: height of the finger over the handle in the air.
+        noise_mm: standard deviation per axis of the hand's sway, motor noise and tremor in the air.
+        handle_radius_mm: of the handle.
+        handle_half_mm: half its length; a flat skin, which would lie on a bar with a whole line, needs a knob
+            of no length.
+        stamp_jitter_s: standard deviation of the electrodes' stamps.
+    """
+
+    skin: Literal["biotac", "flat_pad", "sphere"] = "biotac"
+    seed: int = Field(default=1, ge=0)
+    sensor_seed: int = Field(default=1, ge=0)
+    areas: int = Field(default=7, ge=1)
+    rotations: int = Field(default=3, ge=0)
+    translations: int = Field(default=4, ge=0)
+    rate_hz: float = Field(default=300.0, ge=30, le=3000)
+    along_mm: tuple[float, float] = (-12.5, 4.0)
+    across_deg: float = Field(default=60.0, ge=0, le=80)
+    rotation_s: float = Field(default=6.6, gt=0)
+    translation_s: float = Field(default=2.5, gt=0)
+    time_cv: float = Field(default=0.1, ge=0)
+    load_n: tuple[float, float] = (0.6, 2.2)
+    waver: float = Field(default=0.2, ge=0)
+    area_spread_mm: float = Field(default=0.7, ge=0)
+    drift_mm: float = Field(default=0.4, ge=0)
+    tilt_deg: float = Field(default=4.0, ge=0)
+    rest_s: tuple[float, float] = (0.4, 0.7)
+    rise_mm: float = Field(default=8.0, gt=0)
+    noise_mm: float = Field(default=0.2, ge=0)
+    handle_radius_mm: float = Field(default=5.0, gt=0)
+    handle_half_mm: float = Field(default=60.0, ge=0)
+    stamp_jitter_s: float = Field(default=2e-4, ge=0)
+
+
+@dataclass(frozen=True)
+class TouchRun:
+    """A demonstration as it was, T ticks of the robot and S samples of the electrodes.
+
+    Attributes:
+        name: of the demonstration.
+        motion: what was demonstrated.
+        position: (T, 3) m, finger in the base frame.
+        orientation: (T, 4) finger to base.
+        counts: (S, E) whole counts.
+        contact_point: (S, 3) m, where the handle is closest to the skin, frame of the finger.
+        load: (S,) N.
+    """
+
+    name: str
+    motion: Motion
+    position: np.ndarray
+    orientation: np.ndarray
+    counts: np.ndarray
+    contact_point: np.ndarray
+    load: np.ndarray
+
+
+def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iterator[TouchRun]:
+    """All demonstrations, rotations first, one area after the other.
+
+    Args:
+        person: who demonstrates.
+        parameters: of the finger.
+    """
+    finger = make_finger(parameters, SKINS[person.skin], person.sensor_seed, person.rate_hz / SAMPLED_EVERY)
+    for motion, repeats in (("rotation", person.rotations), ("translation", person.translations)):
+        for area in range(person.areas):
+            for repeat in range(repeats):
+                seed = (person.seed, list(SLIDES).index(motion), area, repeat)
+                rng = np.random.default_rng(seed)
+                name = f"{motion}_{area + 1}_{repeat + 1}"
+                yield _demonstration(name, motion, (area + 0.5) / person.areas, finger, person, rng)
+
+
+def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
+    """A demonstration as robot and sensor record it: poses at the robot's rate, electrodes slower."""
+    rng = np.random.default_rng((person.seed, len(run.position)))
+    ticks = CLOCK_START_NS + np.round(np.arange(len(run.position)) * 1e9 / person.rate_hz).astype(np.int64)
+    step = 1 / person.rate_hz
+    jitter = np.clip(person.stamp_jitter_s * rng.standard_normal(len(run.counts)), -step, step)
+    jitter[[0, -1]] = 0.0
+    sampled = ticks[::SAMPLED_EVERY] + np.round(1e9 * jitter).astype(np.int64)
+    origin = {
+        "origin": "simulated",
+        "generator": "structlearn.simulation.touch_demonstrator",
+        "version": structlearn.__version__,
+        "seed": f"{person.seed}, {run.name}",
+        "skin": person.skin,
+        "motion": run.motion,
+    }
+    streams = (
+        Stream("/finger/pose", "pose", ticks, np.hstack([run.position, run.orientation])),
+        Stream("/finger/electrodes", "tactile", sampled, run.counts),
+    )
+    return Recording(run.name, streams, None, origin)
+
+
+def true_contacts(run: TouchRun, person: ToucherParameters) -> pd.DataFrame:
+    """What no sensor sees: `trial`, `time_s`, `x_m`, `y_m`, `z_m` of the contact in the finger, `load_n`."""
+    time = np.arange(len(run.load)) * SAMPLED_EVERY / person.rate_hz
+    numbers = np.column_stack([time, run.contact_point, run.load]).astype(np.float32)
+    columns = (np.full(len(time), run.name), *numbers.T)
+    return pd.DataFrame(dict(zip(TRUTH, columns, strict=True)))
+
+
+def no_contacts() -> pd.DataFrame:
+    """The table of `true_contacts` without rows: of recordings that are not simulated nothing is known."""
+    return pd.DataFrame(
+        {name: np.empty(0, dtype=object if name == "trial" else np.float32) for name in TRUTH}
+    )
+
+
+def covered(person: ToucherParameters, skin: Skin) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Ranges of the surface coordinates along and across the finger that are demonstrated, m."""
+    low, high = 1e-3 * np.array(person.along_mm)
+    turn = np.radians(person.across_deg) * skin.radius
+    return (low, high), (skin.core_low[1] - turn, skin.core_high[1] + turn)
+
+
+def held_on_handle(
+    along: np.ndarray,
+    across: np.ndarray,
+    load: np.ndarray,
+    handle: Handle,
+    finger: Finger,
+    tilt: tuple[float | np.ndarray, float | np.ndarray] = (0.0, 0.0),
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses of a finger that rests on a handle with places of its skin, its x axis across the handle.
+
+    Held askew, it touches a little beside them: by the product of both angles.
+
+    Args:
+        along: (B,) m, surface coordinates of the places; see `Skin.surface`.
+        across: (B,) m.
+        load: (B,) N.
+        handle: with its axis horizontal; the finger lies on it from above.
+        finger: that touches.
+        tilt: pitch about the handle and yaw about the vertical in rad, () or (B,) each, by which it is held
+            askew.
+
+    Returns:
+        Position (B, 3) m and orientation (B, 4), base frame.
+    """
+    skin = finger.skin
+    point = skin.surface(along, across)
+    normal = skin.normal(point)
+    roll = -np.arctan2(normal[:, 1], -normal[:, 2])
+    zero = np.zeros_like(roll)
+    rolled = quaternion.from_rotation_vector(np.stack([roll, zero, zero], axis=1))
+    heading = np.arctan2(handle.axis[1], handle.axis[0]) - 0.5 * np.pi
+    pitch, yaw = (
+        quaternion.from_rotation_vector(np.multiply.outer(turn, axis))
+        for turn, axis in ((tilt[0], [0, 1, 0]), (heading + tilt[1], [0, 0, 1]))
+    )
+    orientation = quaternion.product(quaternion.product(yaw, pitch), rolled)
+    reach = skin.core(point) + (skin.radius + handle.radius - finger.indentation(load))[:, None] * normal
+    return handle.centre - quaternion.rotate(orientation, reach), orientation
+
+
+def _demonstration(
+    name: str,
+    motion: Motion,
+    area: float,
+    finger: Finger,
+    person: ToucherParameters,
+    rng: np.random.Generator,
+) -> TouchRun:
+    heading = rng.uniform(-0.5, 0.5)
+    handle = Handle(
+        centre=np.array([0.5, 0.1, 0.9]) + 0.05 * rng.standard_normal(3),
+        axis=np.array([-np.sin(heading), np.cos(heading), 0.0]),
+        half_length=1e-3 * person.handle_half_mm,
+        radius=1e-3 * person.handle_radius_mm,
+    )
+    parts = [_contact(motion, direction, area, handle, finger, person, rng) for direction in SLIDES[motion]]
+    along, across, load, height = (np.concatenate(column) for column in zip(*parts, strict=True))
+    tilt = np.radians(person.tilt_deg) * rng.standard_normal(2)
+    position, orientation = held_on_handle(along, across, load, handle, finger, (tilt[0], tilt[1]))
+    position = position + height[:, None] * [0.0, 0.0, 1.0]
+    position, orientation = _held_by_hand(position, orientation, load > 0, person, rng)
+    contact = touching(position[::SAMPLED_EVERY], orientation[::SAMPLED_EVERY], handle, finger)
+    signal, _ = touch(contact.load[:, None], contact.point[:, None], finger, rested(1, finger))
+    counts = read_out(signal[:, 0], finger, rng)
+    return TouchRun(name, motion, position, orientation, counts, contact.point, contact.load)
+
+
+def _contact(
+    motion: Motion,
+    direction: int,
+    area: float,
+    handle: Handle,
+    finger: Finger,
+    person: ToucherParameters,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """One contact from air to air: along m, across m, load N and height over the handle m, (T,) each."""
+    rate, skin = person.rate_hz, finger.skin
+    median = person.rotation_s if motion == "rotation" else person.translation_s
+    slide = round(rate * max(median * np.exp(person.time_cv * rng.standard_normal()) - 2 * PRESS_S, 0.5))
+    press, approach = round(rate * PRESS_S), round(rate * APPROACH_S)
+    rest = [round(rate * rng.uniform(*person.rest_s)) for _ in range(2)]
+    ends = [rest[0] + approach, press, slide, press, approach + rest[1]]
+    total = sum(ends)
+
+    away = np.concatenate(
+        [
+            np.ones(rest[0]),
+            1 - minimum_jerk.progress(np.arange(approach) / approach),
+            np.zeros(2 * press + slide),
+            minimum_jerk.progress(np.arange(approach) / approach),
+            np.ones(rest[1]),
+        ]
+    )
+    pressed = np.concatenate(
+        [
+            np.zeros(ends[0]),
+            minimum_jerk.progress(np.arange(press) / press),
+            np.ones(slide),
+            1 - minimum_jerk.progress(np.arange(press) / press),
+            np.zeros(ends[4]),
+        ]
+    )
+    way = np.concatenate([np.zeros(ends[0] + press), _steady(slide), np.ones(press + ends[4])])
+    waver = 1 + person.waver * _smooth_noise(total, WAVER_S * rate, rng)
+    load = rng.uniform(*person.load_n) * pressed * np.maximum(waver, 0.2)
+    sideways = 1e-3 * (
+        person.area_spread_mm * rng.standard_normal()
+        + person.drift_mm * (rng.standard_normal() * way * slide / rate + _smooth_noise(total, rate, rng))
+    )
+    (low, high), (left, right) = covered(person, skin)
+    swept = (1 - way if direction < 0 else way) * 2 - 1  # -1 to 1 or back
+    if motion == "rotation":
+        along, across = low + area * (high - low) + sideways, _between(left, right, swept)
+    else:
+        along, across = _between(low, high, swept), _between(left, right, 2 * area - 1) + sideways
+    return along, across, load, 1e-3 * person.rise_mm * away
+
+
+def _held_by_hand(
+    position: np.ndarray,
+    orientation: np.ndarray,
+    contact: np.ndarray,
+    person: ToucherParameters,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The intended path as a hand follows it, with sway, motor noise and tremor."""
+    velocity = np.gradient(position, 1 / person.rate_hz, axis=0)
+    off, turned = hand_noise(velocity, contact.astype(float), person.noise_mm, person.rate_hz, rng)
+    held = quaternion.product(quaternion.from_rotation_vector(turned), orientation)
+    return position + off, quaternion.sign_continuous(held)
+
+
+def _between(low: float, high: float, swept: np.ndarray | float) -> np.ndarray | float:
+    """Where something is that sweeps from -1, the low end, to 1."""
+    return 0.5 * (low + high) + 0.5 * (high - low) * swept
+
+
+def _steady(samples: int) -> np.ndarray:
+    """Fraction of the way, (samples,), at a speed that is constant but for its beginning and end."""
+    edge = max(samples // 5, 1)
+    speed = np.minimum(1.0, np.minimum(np.arange(1, samples + 1), np.arange(samples, 0, -1)) / edge)
+    return np.cumsum(speed) / speed.sum()
+
+
+def _smooth_noise(samples: int, width: float, rng: np.random.Generator) -> np.ndarray:
+    """Gaussian noise of unit variance, (samples,), smooth over `width` samples."""
+    noise = gaussian_filter1d(rng.standard_normal(samples + 8 * round(width)), width)[4 * round(width) :]
+    return noise[:samples] * np.sqrt(2 * np.sqrt(np.pi) * width)

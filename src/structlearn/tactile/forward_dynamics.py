@@ -1,0 +1,142 @@
+"""Forward dynamics of the latent state (II.3.4): what an action does to the map point and the pressure.
+
+    z_t+1 = z_t + zd(z_t, a_t) dt                                  (eq. II.7)
+    locally linear:  zd = A(z) z + B(z) a + c(z),  A, B, c by a network of z      (eq. II.8, II.9)
+    non-linear:      zd = network of [z, a]                                       (eq. II.10)
+
+Tensors are (M, D, B): models, components, samples.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from structlearn.tactile.autoencoder import LATENT
+from structlearn.tactile.layers import StackedLayers
+
+ACTION = 6
+"""Components of an action."""
+
+
+@dataclass(frozen=True)
+class AffineDynamics:
+    """zd = A z + B a + c at each sample.
+
+    Attributes:
+        state: A, (M, 3, 3, B).
+        action: B, (M, 3, 6, B).
+        constant: c, (M, 3, B).
+    """
+
+    state: Tensor
+    action: Tensor
+    constant: Tensor
+
+    def rate(self, latent: Tensor, action: Tensor) -> Tensor:
+        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, 6, B)."""
+        return applied(self.state, latent) + applied(self.action, action) + self.constant
+
+
+@dataclass(frozen=True)
+class LocallyLinearDynamics:
+    """M locally linear models.
+
+    Attributes:
+        network: gives the entries of A, B and c.
+    """
+
+    network: StackedLayers
+
+    @classmethod
+    def initial(cls, models: int, hidden: Sequence[int], generator: torch.Generator) -> Self:
+        """Models to be trained, with a network of these hidden layers."""
+        sizes = (LATENT, *hidden, LATENT * (LATENT + ACTION + 1))
+        return cls(StackedLayers.initial(models, sizes, generator, normalised=False))
+
+    def part(self, models: slice) -> Self:
+        """Some of the models."""
+        return type(self)(self.network.part(models))
+
+    def affine(self, latent: Tensor) -> AffineDynamics:
+        """A, B and c at latent states (M, 3, B)."""
+        parts = self.network.forward(latent).split((LATENT**2, LATENT * ACTION, LATENT), dim=1)
+        return AffineDynamics(
+            parts[0].unflatten(1, (LATENT, LATENT)), parts[1].unflatten(1, (LATENT, ACTION)), parts[2]
+        )
+
+    def rate(self, latent: Tensor, action: Tensor) -> Tensor:
+        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, 6, B)."""
+        return self.affine(latent).rate(latent, action)
+
+
+@dataclass(frozen=True)
+class NonLinearDynamics:
+    """M non-linear models with one hidden layer of tanh, whose Jacobians are closed-form.
+
+    Attributes:
+        network: of [z, a].
+    """
+
+    network: StackedLayers
+
+    @classmethod
+    def initial(cls, models: int, hidden: int, generator: torch.Generator) -> Self:
+        """Models to be trained, with so many nodes in the hidden layer."""
+        sizes = (LATENT + ACTION, hidden, LATENT)
+        return cls(StackedLayers.initial(models, sizes, generator, normalised=False))
+
+    def part(self, models: slice) -> Self:
+        """Some of the models."""
+        return type(self)(self.network.part(models))
+
+    def rate(self, latent: Tensor, action: Tensor) -> Tensor:
+        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, 6, B)."""
+        return self.network.forward(torch.cat([latent, action], dim=1))
+
+    def jacobians(self, latent: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
+        """Jacobians of zd with respect to the latent state and to the action (eq. II.15).
+
+        J = W_2 diag(1 - h^2) W_1 is linear in 1 - h^2, so all its entries are one matrix product.
+
+        Args:
+            latent: (M, 3, B).
+            action: (M, 6, B).
+
+        Returns:
+            J_z: (M, 3, 3, B).   J_a: (M, 3, 6, B).
+        """
+        first, second = self.network.weights
+        slope = 1.0 - self.network.hidden(torch.cat([latent, action], dim=1)).square()
+        products = (second[:, :, None] * first.transpose(1, 2)[:, None]).flatten(1, 2)  # (M, 3 * 9, hidden)
+        jacobian = torch.bmm(products, slope).unflatten(1, (LATENT, LATENT + ACTION))
+        return jacobian[:, :, :LATENT], jacobian[:, :, LATENT:]
+
+
+ForwardDynamics = LocallyLinearDynamics | NonLinearDynamics
+
+
+def chained(dynamics: ForwardDynamics, latent: Tensor, actions: Tensor, time_step: Tensor) -> Tensor:
+    """Latent states predicted one from the other (II.3.4).
+
+    Args:
+        dynamics: the models.
+        latent: (M, 3, B) at the start.
+        actions: (C, M, 6, B) successive actions.
+        time_step: (B,) s or (M, 1, B) s, per step.
+
+    Returns:
+        (C, M, 3, B) after each action.
+    """
+    predicted = []
+    for action in actions:
+        latent = latent + dynamics.rate(latent, action) * time_step
+        predicted.append(latent)
+    return torch.stack(predicted)
+
+
+def applied(matrix: Tensor, vector: Tensor) -> Tensor:
+    """Product (M, I, B) of matrices (M, I, J, B) with vectors (M, J, B)."""
+    return (matrix * vector[:, None]).sum(dim=2)

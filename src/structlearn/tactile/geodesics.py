@@ -1,0 +1,160 @@
+"""Geodesic distances on a skin, from contact points alone (II.3.3, eq. II.3).
+
+The skin is known only by the points where it was touched: nearest neighbours are joined by straight edges,
+and the shortest path over edges is the distance. Nothing of the skin's shape is assumed. A matrix for all
+samples would be too large, so they are split into random bins, each with a matrix of its own.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, shortest_path
+from scipy.spatial import cKDTree
+
+from structlearn.artefacts import read_tensors, write_tensors
+from structlearn.errors import InputError
+from structlearn.parallel import parallel_map
+from structlearn.params import Parameters
+
+FILE_UNIT = 1e-6
+"""m per whole number in a file: 16 bits hold 65 mm, in half the space and with half the pairs of float32."""
+
+SHORTEST_EDGE = 1e-9
+"""m; two samples at the same point are neighbours too, and a sparse matrix takes zero for no edge."""
+
+
+class GeodesicParameters(Parameters):
+    """The neighbour graph.
+
+    Attributes:
+        neighbours: M nearest neighbours of every point.
+        bin_size: N' points per bin.
+        bins: at most so many bins; None: as many as the samples fill.
+        bridge_mm: gap between two patches of points that may be bridged by its shortest edge; a wider one is
+            an error.
+        seed: of the bins.
+    """
+
+    neighbours: int = Field(default=18, ge=2)
+    bin_size: int = Field(default=2310, ge=3)
+    bins: int | None = Field(default=None, ge=1)
+    bridge_mm: float = Field(default=3.0, ge=0)
+    seed: int = Field(default=0, ge=0)
+
+
+@dataclass(frozen=True)
+class Geodesics:
+    """Distances within P random bins of N' samples.
+
+    Attributes:
+        rows: (P, N') rows of the dataset.
+        distance: (P, N', N') float32 m, symmetric, zero on the diagonal.
+    """
+
+    rows: np.ndarray
+    distance: np.ndarray
+
+
+def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
+    """Distances between contact points, bin by bin over the cores.
+
+    Args:
+        points: (N, 3) m.
+        parameters: see there; fewer points than a bin make one smaller bin.
+
+    Raises:
+        InputError: a point is NaN or infinite, a bin has no more points than neighbours, or patches of it lie
+            farther apart than `bridge_mm`.
+    """
+    if not np.isfinite(points).all():
+        raise InputError(f"touch: contact point {np.argwhere(~np.isfinite(points))[0][0]} is not finite")
+    size = min(parameters.bin_size, len(points))
+    if size <= parameters.neighbours:
+        raise InputError(f"touch: bins of {size} points have no {parameters.neighbours} neighbours each")
+    count = len(points) // size if parameters.bins is None else min(parameters.bins, len(points) // size)
+    rows = np.random.default_rng(parameters.seed).permutation(len(points))[: count * size].reshape(count, -1)
+    measure = partial(graph_distances, neighbours=parameters.neighbours, bridge=1e-3 * parameters.bridge_mm)
+    distance = parallel_map(measure, list(points[rows].astype(float)), "geodesics")
+    return Geodesics(rows, np.stack(distance))
+
+
+def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.ndarray:
+    """Lengths of the shortest paths over edges between neighbours.
+
+    Args:
+        points: (N, 3) m.
+        neighbours: M nearest of every point; an edge joins two points of which either is the other's.
+        bridge: m; patches of points without an edge between them are joined by their shortest edge if it is
+            no longer than this.
+
+    Returns:
+        (N, N) float32 m.
+
+    Raises:
+        InputError: patches lie farther apart.
+    """
+    length, near = cKDTree(points).query(points, k=neighbours + 1)
+    source = np.repeat(np.arange(len(points)), neighbours)
+    edges = (np.maximum(length[:, 1:].ravel(), SHORTEST_EDGE), (source, near[:, 1:].ravel()))
+    graph = csr_matrix(edges, shape=(len(points), len(points)))
+    graph = _bridged(graph.maximum(graph.T), points, bridge)
+    return shortest_path(graph, method="D").astype(np.float32)
+
+
+def write_geodesics(geodesics: Geodesics, path: str | Path) -> None:
+    """Publish the distances, upper triangles in whole micrometres.
+
+    Raises:
+        ValueError: a distance does not fit the format.
+    """
+    upper = np.triu_indices(geodesics.rows.shape[1], k=1)
+    packed = np.empty((len(geodesics.rows), len(upper[0])), dtype=np.uint16)
+    for place, matrix in enumerate(geodesics.distance):
+        units = np.rint(matrix[upper] / FILE_UNIT)
+        if units.max() > np.iinfo(np.uint16).max:
+            raise ValueError(f"a geodesic of {matrix.max():g} m does not fit the file's 16 bits")
+        packed[place] = units
+    tensors = {"rows": geodesics.rows.astype(np.int32), "upper_um": packed}
+    write_tensors(tensors, path, "geodesics of structlearn.tactile.geodesics: rows, upper triangles in um")
+
+
+def read_geodesics(path: str | Path) -> Geodesics:
+    """Read the distances.
+
+    Raises:
+        InputError: the file is missing, damaged or holds something else.
+    """
+    tensors = read_tensors(path)
+    if set(tensors) != {"rows", "upper_um"}:
+        raise InputError(f"{path}: holds no geodesics")
+    rows = tensors["rows"].astype(np.int64)
+    upper = np.triu_indices(rows.shape[1], k=1)
+    distance = np.zeros((*rows.shape, rows.shape[1]), dtype=np.float32)
+    for matrix, packed in zip(distance, tensors["upper_um"], strict=True):
+        matrix[upper] = packed * np.float32(FILE_UNIT)
+        matrix += matrix.T
+    return Geodesics(rows, distance)
+
+
+def _bridged(graph: csr_matrix, points: np.ndarray, bridge: float) -> csr_matrix:
+    """The graph with its patches joined, the nearest to the first one first."""
+    graph = graph.tolil()
+    count, label = connected_components(graph, directed=False)
+    while count > 1:
+        inside = np.flatnonzero(label == label[0])
+        outside = np.flatnonzero(label != label[0])
+        gap, nearest = cKDTree(points[inside]).query(points[outside])
+        place = int(np.argmin(gap))
+        if gap[place] > bridge:
+            raise InputError(
+                f"touch: contact points lie in {count} patches, {1e3 * gap[place]:.3g} mm apart and more; "
+                f"record touches between them, or take more neighbours or a longer bridge"
+            )
+        here, there = outside[place], inside[nearest[place]]
+        graph[here, there] = graph[there, here] = max(gap[place], SHORTEST_EDGE)
+        count, label = connected_components(graph, directed=False)
+    return graph.tocsr()

@@ -1,0 +1,183 @@
+"""Inverse dynamics of the latent state (II.3.5): the action that brings the touch closer to a target.
+
+All three share the parameters of the forward model:
+
+    locally linear (LL):      minimise |z_T - z_t+1|^2 / 2 + penalty |a|^2 / 2 in closed form (appendix A)
+    negative gradient (NG):   a = -d |f(z, a) - z_T|^2 / da at a = 0, up to a positive factor
+    network's Jacobian (NJ):  LL with the non-linear model linearised about the step before
+
+Beyond the dissertation, the same problem for several steps ahead (`receding_horizon_action`).
+Tensors are (M, D, B): models, components, samples.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from structlearn.tactile.autoencoder import LATENT
+from structlearn.tactile.forward_dynamics import (
+    ACTION,
+    AffineDynamics,
+    ForwardDynamics,
+    NonLinearDynamics,
+    applied,
+)
+
+LOCALLY_LINEAR, NEGATIVE_GRADIENT, JACOBIAN = "LL", "NG", "NJ"
+"""Names of the inverse models."""
+
+
+@dataclass(frozen=True)
+class LatentStep:
+    """Where an action is asked for, and how the touch got there.
+
+    Attributes:
+        latent: (M, 3, B) z_t.
+        previous_latent: (M, 3, B) z_t-1.
+        previous_action: (M, 6, B) a_t-1.
+        time_step: (B,) or (M, 1, B) s, of the step before and the step to come.
+    """
+
+    latent: Tensor
+    previous_latent: Tensor
+    previous_action: Tensor
+    time_step: Tensor
+
+
+def inferred_action(
+    inverse: str, dynamics: ForwardDynamics, step: LatentStep, target: Tensor, penalty: float
+) -> Tensor:
+    """Action (M, 6, B) of one of the inverse models (eq. II.21).
+
+    Args:
+        inverse: `LOCALLY_LINEAR`, `NEGATIVE_GRADIENT` or `JACOBIAN`.
+        dynamics: locally linear models for the first, non-linear models for the others.
+        step: where.
+        target: (M, 3, B) z_T.
+        penalty: beta > 0; NG has none.
+    """
+    if inverse == NEGATIVE_GRADIENT:
+        return negative_gradient(dynamics, step.latent, target, step.time_step)
+    return optimal_action(
+        affine_dynamics(inverse, dynamics, step), step.latent, target, step.time_step, penalty
+    )
+
+
+def affine_dynamics(inverse: str, dynamics: ForwardDynamics, step: LatentStep) -> AffineDynamics:
+    """What `LOCALLY_LINEAR` or `JACOBIAN` take the forward model for at a step."""
+    if inverse == LOCALLY_LINEAR:
+        return dynamics.affine(step.latent)
+    return linearised(dynamics, step)
+
+
+def optimal_action(
+    dynamics: AffineDynamics, latent: Tensor, target: Tensor, time_step: Tensor, penalty: float
+) -> Tensor:
+    """Appendix A: a = B^T (B B^T + penalty / dt^2 1)^-1 ((z_T - z) / dt - A z - c) (eq. II.13, II.20).
+
+    Args:
+        dynamics: at the latent states.
+        latent: (M, 3, B) z.
+        target: (M, 3, B) z_T.
+        time_step: (B,) or (M, 1, B) s.
+        penalty: beta > 0, of the squared action beside the squared distance to the target.
+
+    Returns:
+        (M, 6, B) actions.
+    """
+    wanted = (target - latent) / time_step - applied(dynamics.state, latent) - dynamics.constant
+    gram = (dynamics.action[:, :, None] * dynamics.action[:, None]).sum(dim=3)  # (M, 3, 3, B)
+    ridge = (penalty / time_step**2).expand_as(wanted[:, :1])[:, None]  # (M, 1, 1, B)
+    gram = gram + torch.eye(LATENT, dtype=gram.dtype)[:, :, None] * ridge
+    return applied(dynamics.action.transpose(1, 2), _solved(gram, wanted))
+
+
+def linearised(dynamics: NonLinearDynamics, step: LatentStep) -> AffineDynamics:
+    """The non-linear model linearised about the previous step, with the rate that was seen there (eq. II.16).
+
+        zd = (z_t - z_t-1) / dt + J_z (z - z_t-1) + J_a (a - a_t-1)
+
+    At z = z_t this is eq. II.18, whose A = 1 / dt + J_z also holds the first term. Written so, it holds at
+    later states too, as a longer horizon needs.
+    """
+    by_latent, by_action = dynamics.jacobians(step.previous_latent, step.previous_action)
+    rate = (step.latent - step.previous_latent) / step.time_step
+    offset = applied(by_latent, step.previous_latent) + applied(by_action, step.previous_action)
+    return AffineDynamics(by_latent, by_action, rate - offset)
+
+
+def negative_gradient(
+    dynamics: NonLinearDynamics, latent: Tensor, target: Tensor, time_step: Tensor
+) -> Tensor:
+    """-d |f(z, a) - z_T|^2 / da at a = 0 (eq. II.14); its scale is the caller's matter.
+
+    Args:
+        dynamics: non-linear models.
+        latent: (M, 3, B) z.
+        target: (M, 3, B) z_T.
+        time_step: (B,) or (M, 1, B) s.
+
+    Returns:
+        (M, 6, B).
+    """
+    rest = latent.new_zeros(latent.shape[0], ACTION, latent.shape[-1])
+    _, by_action = dynamics.jacobians(latent, rest)
+    missing = target - latent - dynamics.rate(latent, rest) * time_step
+    return applied(by_action.transpose(1, 2), 2.0 * time_step * missing)
+
+
+def receding_horizon_action(
+    dynamics: AffineDynamics, latent: Tensor, target: Tensor, time_step: float, penalty: float, horizon: int
+) -> Tensor:
+    """First action of the optimal sequence for several steps; with one step it is `optimal_action`.
+
+    Minimises sum_k |z_T - z_k|^2 / 2 + penalty sum_k |a_k|^2 / 2 over k = 1..H steps of the affine dynamics.
+    The states are an affine function of all actions, z = free + G a, so the solution has the form of
+    appendix A: a = G^T (G G^T + penalty 1)^-1 (z_T - free).
+
+    Args:
+        dynamics: at the latent states; kept for all steps.
+        latent: (M, 3, B) z.
+        target: (M, 3, B) z_T.
+        time_step: s.
+        penalty: beta > 0.
+        horizon: steps H.
+
+    Returns:
+        (M, 6, B) actions.
+    """
+    state = dynamics.state.permute(0, 3, 1, 2) * time_step + torch.eye(LATENT, dtype=latent.dtype)
+    action = dynamics.action.permute(0, 3, 1, 2) * time_step  # (M, B, 3, 6)
+    constant = dynamics.constant.transpose(1, 2)[..., None] * time_step
+    free, goal = latent.transpose(1, 2)[..., None], target.transpose(1, 2)[..., None]
+    missing, blocks = [], [action]  # blocks[k]: effect of an action after k more steps
+    for _ in range(horizon):
+        free = state @ free + constant
+        missing.append(goal - free)
+        blocks.append(state @ blocks[-1])
+    nothing = torch.zeros_like(action)
+    effect = torch.cat(
+        [
+            torch.cat(
+                [blocks[step - cause] if cause <= step else nothing for cause in range(horizon)], dim=-1
+            )
+            for step in range(horizon)
+        ],
+        dim=-2,
+    )  # (M, B, 3 H, 6 H)
+    gram = effect @ effect.mT + penalty * torch.eye(LATENT * horizon, dtype=latent.dtype)
+    multipliers = torch.linalg.solve(gram, torch.cat(missing, dim=-2))
+    return (effect.mT[..., :ACTION, :] @ multipliers)[..., 0].transpose(1, 2)
+
+
+def _solved(matrix: Tensor, vector: Tensor) -> Tensor:
+    """S^-1 v by cofactors, for symmetric (M, 3, 3, B) and (M, 3, B): the library's solver is slow."""
+    first, second, third = matrix.unbind(dim=1)
+    cofactors = [
+        torch.linalg.cross(second, third, dim=1),
+        torch.linalg.cross(third, first, dim=1),
+        torch.linalg.cross(first, second, dim=1),
+    ]
+    determinant = (first * cofactors[0]).sum(dim=1, keepdim=True)
+    return applied(torch.stack(cofactors, dim=1), vector) / determinant

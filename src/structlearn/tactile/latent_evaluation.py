@@ -1,0 +1,208 @@
+"""How good latent spaces and their dynamics are (II.4.2 to II.4.5, figures II.4 and II.5).
+
+Every error is normalised, so that latent spaces of different scales compare. Tables are long, one row per
+model and quantity; `structure` and `seed` name the latent space.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+import torch
+from torch import Tensor
+
+from structlearn.tactile.autoencoder import map_distance
+from structlearn.tactile.dataset import TouchDataset
+from structlearn.tactile.forward_dynamics import chained
+from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
+from structlearn.tactile.latent_models import FORWARD_OF, NO_INVERSE, TRAINED_WITH, LatentModels
+from structlearn.tactile.learning import encoded
+from structlearn.tactile.units import LINEAR
+
+PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
+"""Parts of an action whose directions are compared."""
+
+SHORTEST = 1e-9
+"""Floor of a norm by which is divided."""
+
+UNCHANGED = "unchanged"
+"""The prediction that nothing moves, beside the forward models."""
+
+
+@dataclass(frozen=True)
+class SplitData:
+    """Samples and pairs of one split, in the networks' units.
+
+    Attributes:
+        signals: (N, E).
+        pressure: (N,).
+        first: (K, E) signals of the pairs' first samples.
+        second: (K, E) signals of their second ones.
+        geodesic: (K,).
+    """
+
+    signals: Tensor
+    pressure: Tensor
+    first: Tensor
+    second: Tensor
+    geodesic: Tensor
+
+
+@dataclass(frozen=True)
+class ChainData:
+    """Chains to test the dynamics on, in the networks' units.
+
+    Attributes:
+        signals: (N, E) of all samples.
+        rows: (L, C + 1) of the samples.
+        actions: (L, C, 6).
+        time_step: (L,) s.
+    """
+
+    signals: Tensor
+    rows: Tensor
+    actions: Tensor
+    time_step: Tensor
+
+
+@torch.no_grad()
+def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.DataFrame:
+    """Normalised mean squared errors of the autoencoders.
+
+    Args:
+        models: a stack.
+        splits: by name.
+
+    Returns:
+        `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (their
+        largest), `distances` (map against geodesic), `pressure`.
+    """
+    spaces = models.autoencoders
+    rows = []
+    for split, data in splits.items():
+        signals, first, second = (
+            values.T.expand(len(models), -1, -1) for values in (data.signals, data.first, data.second)
+        )
+        latent = spaces.encoder.forward(signals)
+        electrodes = _nmse(spaces.decoder.forward(latent), signals)  # (M, E)
+        distance = map_distance(spaces.encoder.forward(first), spaces.encoder.forward(second))
+        distances = _nmse(distance, data.geodesic)
+        pressure = _nmse(latent[:, 2], data.pressure)
+        for place, (structure, seed) in enumerate(models.keys()):
+            rows.append(
+                {
+                    "structure": structure,
+                    "seed": seed,
+                    "split": split,
+                    "reconstruction": float(electrodes[place].mean()),
+                    "worst_electrode": float(electrodes[place].max()),
+                    "distances": float(distances[place]),
+                    "pressure": float(pressure[place]),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+@torch.no_grad()
+def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
+    """Normalised mean squared error of chained predictions, meant over latent dimensions (figure II.4).
+
+    Returns:
+        `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`. Rows with the
+        forward model `UNCHANGED` hold the error of a prediction that nothing moves.
+    """
+    latents, actions, time_step = _along_chains(models, data)
+    predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
+    for forward, ways in TRAINED_WITH.items():
+        for way in ways:
+            dynamics = models.dynamics(forward, way)
+            predictions[forward, way] = chained(dynamics, latents[0], actions, time_step)
+    rows = []
+    for (forward, way), predicted in predictions.items():
+        for steps, found in enumerate(predicted, start=1):
+            errors = _nmse(found, latents[steps]).mean(dim=1)
+            for (structure, seed), error in zip(models.keys(), errors.tolist(), strict=True):
+                rows.append((structure, seed, forward, way, steps, error))
+    return pd.DataFrame(rows, columns=["structure", "seed", "forward", "trained_with", "steps", "nmse"])
+
+
+@torch.no_grad()
+def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> pd.DataFrame:
+    """Cosine distances of the inverse models, weighted by the norm of the true action (figure II.5).
+
+    Asked for the action from the second to the third sample of each chain. An action has to lead to
+    `forward`, what the forward model predicts for the true action, or to `encoder`, the latent state that
+    followed; both are compared with the true action, and in `agreement` with each other.
+
+    Args:
+        models: a stack.
+        data: chains of at least two actions.
+        penalty: beta of the inverse models.
+
+    Returns:
+        `structure`, `seed`, `inverse`, `trained_with`, `comparison`, `part`, `distance` (0 to 2).
+    """
+    latents, actions, time_step = _along_chains(models, data, samples=3)
+    step = LatentStep(latents[1], latents[0], actions[0], time_step)
+    rows = []
+    for inverse, forward in FORWARD_OF.items():
+        for way in (NO_INVERSE, inverse):
+            dynamics = models.dynamics(forward, way)
+            predicted = chained(dynamics, step.latent, actions[1:], time_step)[0]
+            by_forward, by_encoder = (
+                inferred_action(inverse, dynamics, step, target, penalty)
+                for target in (predicted, latents[2])
+            )
+            comparisons = {
+                "forward": (by_forward, actions[1]),
+                "encoder": (by_encoder, actions[1]),
+                "agreement": (by_encoder, by_forward),
+            }
+            for comparison, (found, wanted) in comparisons.items():
+                for part, components in PARTS.items():
+                    weight = actions[1][:, components].norm(dim=1)
+                    distances = _cosine_distance(found[:, components], wanted[:, components], weight)
+                    for (structure, seed), distance in zip(models.keys(), distances.tolist(), strict=True):
+                        rows.append((structure, seed, inverse, way, comparison, part, distance))
+    columns = ["structure", "seed", "inverse", "trained_with", "comparison", "part", "distance"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+@torch.no_grad()
+def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> pd.DataFrame:
+    """Where the samples lie in the latent space of the first seed that has structure (figure II.3).
+
+    Args:
+        models: a stack.
+        signals: (N, E) of all samples, in the networks' units.
+        dataset: the samples.
+
+    Returns:
+        `x`, `y`, `z` in the networks' units; `electrode` (1 to E) with the largest negative change, `split`.
+    """
+    first = models.autoencoders.encoder.part(slice(0, 1))
+    latent = first.forward(signals.T[None])[0].numpy()
+    columns = dict(zip("xyz", latent, strict=True))
+    return pd.DataFrame(columns | {"electrode": dataset.signals.argmin(axis=1) + 1, "split": dataset.split})
+
+
+def _along_chains(
+    models: LatentModels, data: ChainData, samples: int | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Latent states (C + 1, M, 3, B), actions (C, M, 6, B) and time steps (B,) of the first samples."""
+    rows = data.rows[:, :samples]
+    latents = encoded(models, data.signals, rows.expand(len(models.seeds), -1, -1))
+    actions = data.actions[:, : rows.shape[1] - 1].permute(1, 2, 0)[:, None]
+    return latents, actions.expand(-1, len(models), -1, -1), data.time_step
+
+
+def _nmse(prediction: Tensor, target: Tensor) -> Tensor:
+    """Mean squared error over variance along the last axis, as `structlearn.metrics.nmse`."""
+    return (prediction - target).square().mean(dim=-1) / target.var(dim=-1, unbiased=False)
+
+
+def _cosine_distance(found: Tensor, wanted: Tensor, weight: Tensor) -> Tensor:
+    """1 - cosine between vectors (M, D, B), its weighted mean over samples (M,)."""
+    norms = found.norm(dim=1).clamp_min(SHORTEST) * wanted.norm(dim=1).clamp_min(SHORTEST)
+    cosine = (found * wanted).sum(dim=1) / norms
+    return (weight * (1.0 - cosine)).sum(dim=-1) / weight.sum(dim=-1)

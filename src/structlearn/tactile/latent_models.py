@@ -1,0 +1,166 @@
+"""The models that are compared: latent space with and without structure, forward models, ways to train them.
+
+A stack holds all of them for some seeds. Its autoencoders run over structures, and within each over the
+seeds. Each forward model has one stack: over the ways to train it, and within each over the autoencoders.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import torch
+from pydantic import PositiveInt
+from torch import Tensor
+
+from structlearn.params import Parameters
+from structlearn.tactile.autoencoder import StackedAutoencoders
+from structlearn.tactile.forward_dynamics import ForwardDynamics, LocallyLinearDynamics, NonLinearDynamics
+from structlearn.tactile.inverse_dynamics import JACOBIAN, LOCALLY_LINEAR, NEGATIVE_GRADIENT
+from structlearn.tactile.layers import StackedLayers
+
+STRUCTURES = (True, False)
+"""Whether the latent space has structure: L_MDS and L_CDP in its loss."""
+
+NONLINEAR = "NL"
+"""Name of the other forward model, beside `LOCALLY_LINEAR`."""
+
+NO_INVERSE = "none"
+"""Trained with L_LFD alone."""
+
+TRAINED_WITH = {
+    LOCALLY_LINEAR: (NO_INVERSE, LOCALLY_LINEAR),
+    NONLINEAR: (NO_INVERSE, NEGATIVE_GRADIENT, JACOBIAN),
+}
+"""Per forward model, the inverse models whose loss L_ID it is trained with, in the order of its stack."""
+
+FORWARD_OF = {LOCALLY_LINEAR: LOCALLY_LINEAR, NEGATIVE_GRADIENT: NONLINEAR, JACOBIAN: NONLINEAR}
+"""Per inverse model, the forward model that it shares its parameters with."""
+
+NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
+"""Names of a stack's networks in files."""
+
+
+class NetworkParameters(Parameters):
+    """Sizes of the networks (II.4.1.3).
+
+    Attributes:
+        encoder_hidden: nodes of the encoder's hidden layers; the decoder mirrors them.
+        locally_linear_hidden: nodes of the hidden layers of the LL model.
+        nonlinear_hidden: nodes of the hidden layer of the NL model.
+    """
+
+    encoder_hidden: tuple[PositiveInt, ...] = (19, 12, 6)
+    locally_linear_hidden: tuple[PositiveInt, ...] = (8, 15, 23)
+    nonlinear_hidden: PositiveInt = 15
+
+
+@dataclass(frozen=True)
+class LatentModels:
+    """A stack of latent spaces and their dynamics.
+
+    Attributes:
+        seeds: numbers of the seeds S; there are M = 2 S autoencoders.
+        autoencoders: (M) of them.
+        locally_linear: (2 M) models.
+        nonlinear: (3 M) models.
+    """
+
+    seeds: tuple[int, ...]
+    autoencoders: StackedAutoencoders
+    locally_linear: LocallyLinearDynamics
+    nonlinear: NonLinearDynamics
+
+    @classmethod
+    def initial(
+        cls, seeds: Sequence[int], electrodes: int, parameters: NetworkParameters, generator: torch.Generator
+    ) -> Self:
+        """Models to be trained, of E electrodes."""
+        count = len(STRUCTURES) * len(seeds)
+        linear, nonlinear = (count * len(TRAINED_WITH[name]) for name in (LOCALLY_LINEAR, NONLINEAR))
+        return cls(
+            seeds=tuple(seeds),
+            autoencoders=StackedAutoencoders.initial(count, electrodes, parameters.encoder_hidden, generator),
+            locally_linear=LocallyLinearDynamics.initial(linear, parameters.locally_linear_hidden, generator),
+            nonlinear=NonLinearDynamics.initial(nonlinear, parameters.nonlinear_hidden, generator),
+        )
+
+    @classmethod
+    def joined(cls, stacks: Sequence[Self]) -> Self:
+        """One stack of the seeds of several."""
+        arrays = [stack.to_arrays() for stack in stacks]
+        joined = {}
+        for name in arrays[0]:
+            by_seed = [
+                found[name].unflatten(0, (-1, len(stack.seeds)))
+                for found, stack in zip(arrays, stacks, strict=True)
+            ]
+            joined[name] = torch.cat(by_seed, dim=1).flatten(0, 1)
+        return cls.from_arrays(sum((stack.seeds for stack in stacks), ()), joined)
+
+    @classmethod
+    def from_arrays(cls, seeds: Sequence[int], arrays: Mapping[str, Tensor]) -> Self:
+        """The inverse of `to_arrays`.
+
+        Raises:
+            KeyError: an array is missing.
+        """
+        networks = {}
+        for name in NETWORKS:
+            prefix = f"{name}."
+            found = {key[len(prefix) :]: values for key, values in arrays.items() if key.startswith(prefix)}
+            if not found:
+                raise KeyError(name)
+            networks[name] = StackedLayers.from_arrays(found)
+        return cls(
+            seeds=tuple(seeds),
+            autoencoders=StackedAutoencoders(networks["encoder"], networks["decoder"]),
+            locally_linear=LocallyLinearDynamics(networks["locally_linear"]),
+            nonlinear=NonLinearDynamics(networks["nonlinear"]),
+        )
+
+    def to_arrays(self) -> dict[str, Tensor]:
+        """All tensors by network, field and layer, e.g. `encoder.weights.0`; without gradients."""
+        networks = (
+            self.autoencoders.encoder,
+            self.autoencoders.decoder,
+            self.locally_linear.network,
+            self.nonlinear.network,
+        )
+        return {
+            f"{name}.{key}": values
+            for name, network in zip(NETWORKS, networks, strict=True)
+            for key, values in network.to_arrays().items()
+        }
+
+    def detached(self) -> Self:
+        """The same models, no longer to be trained."""
+        return self.from_arrays(self.seeds, self.to_arrays())
+
+    def __len__(self) -> int:
+        """Number of autoencoders M."""
+        return len(STRUCTURES) * len(self.seeds)
+
+    def keys(self) -> list[tuple[bool, int]]:
+        """Structure and seed of each autoencoder (M)."""
+        return [(structure, seed) for structure in STRUCTURES for seed in self.seeds]
+
+    def structured(self) -> Tensor:
+        """1 where a latent space has structure, 0 elsewhere (M,)."""
+        return torch.tensor([float(structure) for structure, _ in self.keys()])
+
+    def for_all(self, values: Tensor) -> Tensor:
+        """Values (S, ...) of the seeds, repeated for every structure (M, ...)."""
+        return values.repeat(len(STRUCTURES), *([1] * (values.dim() - 1)))
+
+    def forward_stack(self, forward: str) -> ForwardDynamics:
+        """All models of one kind of forward dynamics, `LOCALLY_LINEAR` or `NONLINEAR`."""
+        return self.locally_linear if forward == LOCALLY_LINEAR else self.nonlinear
+
+    def dynamics(self, forward: str, trained_with: str) -> ForwardDynamics:
+        """Those (M) of one kind that were trained in one way."""
+        first = TRAINED_WITH[forward].index(trained_with) * len(self)
+        return self.forward_stack(forward).part(slice(first, first + len(self)))
+
+    def dynamics_parameters(self) -> list[Tensor]:
+        """What the second optimiser trains."""
+        return self.locally_linear.network.parameters() + self.nonlinear.network.parameters()

@@ -1,0 +1,116 @@
+"""Latent spaces alone, without dynamics: what a set of touches says about a skin, and another set after it.
+
+The autoencoders, their losses and errors are those of `learning` and `latent_evaluation`. Every set is seen
+in its own units: signals and pressure standardised, distances over their root mean square. So a network that
+learned from one set can be asked about another one, whose counts have other scales.
+"""
+
+import numpy as np
+from pydantic import Field, PositiveInt
+
+from structlearn.params import Parameters
+from structlearn.tactile.dataset import TRAIN, Chains, TouchDataset, chains
+from structlearn.tactile.geodesics import Geodesics
+from structlearn.tactile.latent_evaluation import SplitData
+from structlearn.tactile.latent_models import LatentModels, NetworkParameters
+from structlearn.tactile.learning import (
+    CHAIN_STEPS,
+    LatentTrainingParameters,
+    draw_pairs,
+    train,
+    training_data,
+)
+from structlearn.tactile.units import TouchUnits, touch_units
+from structlearn.tensors import as_tensor, one_thread, seeded
+
+
+class LatentSpaceParameters(Parameters):
+    """How latent spaces are learned from a small set.
+
+    Attributes:
+        seeds: of the latent spaces with and without structure; all are one stack.
+        networks: sizes; the dynamics are not trained.
+        training: of the autoencoders.
+        pair_pool: pairs of samples from which the batches are drawn.
+        evaluation_pairs: pairs on which map and geodesic distances are compared.
+    """
+
+    seeds: PositiveInt = 3
+    networks: NetworkParameters = NetworkParameters()
+    training: LatentTrainingParameters = LatentTrainingParameters(steps=1500, batch_size=64)
+    pair_pool: int = Field(default=200_000, ge=1)
+    evaluation_pairs: int = Field(default=5000, ge=1)
+
+
+def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
+    """Units of a set by its training samples; that of length is the root mean square distance on the skin.
+
+    Args:
+        samples: touches.
+        geodesics: bins of them and their distances.
+
+    Raises:
+        InputError: there is no training sample, or an electrode, the pressure or the velocity never changes.
+    """
+    length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
+    return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
+
+
+def learn_spaces(
+    samples: TouchDataset, geodesics: Geodesics, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
+
+    Args:
+        samples: touches.
+        geodesics: bins of them and their distances.
+        units: that the networks see touch in.
+        parameters: see there.
+
+    Returns:
+        The stack; its dynamics are as they were drawn.
+
+    Raises:
+        InputError: a bin has fewer than two training samples.
+    """
+    training = parameters.training
+    rng = np.random.default_rng(training.seed)
+    pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
+    data = training_data(samples, pairs, NO_CHAINS, units)
+    seeds = range(parameters.seeds)
+    models = LatentModels.initial(seeds, samples.signals.shape[1], parameters.networks, seeded(training.seed))
+    with one_thread():
+        for _ in train(models, data, training):
+            pass  # only the end counts
+    return models.detached()
+
+
+def seen_in(
+    units: TouchUnits, samples: TouchDataset, geodesics: Geodesics, split: int, pairs: int
+) -> SplitData:
+    """Samples and random pairs of one split, to test latent spaces on (`latent_evaluation.latent_errors`).
+
+    Args:
+        units: that the networks see touch in.
+        samples: touches.
+        geodesics: bins of them and their distances.
+        split: which samples.
+        pairs: number of pairs.
+
+    Raises:
+        InputError: a bin has fewer than two samples of the split.
+    """
+    found = draw_pairs(samples, geodesics, split, pairs, np.random.default_rng(split))
+    rows = samples.split == split
+    signals = units.signals(samples.signals)
+    return SplitData(
+        signals=as_tensor(signals[rows]),
+        pressure=as_tensor(units.pressure(samples.pressure[rows])),
+        first=as_tensor(signals[found.first]),
+        second=as_tensor(signals[found.second]),
+        geodesic=as_tensor(found.distance / units.length),
+    )
+
+
+NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
+"""Dynamics are not trained."""

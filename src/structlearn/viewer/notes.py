@@ -1,0 +1,27 @@
+"""Panels of text in recordings: what is shown, and which colour is what."""
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from structlearn.viewer.recording import entity
+
+
+def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
+    """Log what is shown, in Markdown."""
+    stream.log(notes_path(*parts), rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def notes_view(*parts: str, name: str = "what is shown") -> rrb.TextDocumentView:
+    """Panel of what `send_notes` logs."""
+    path = notes_path(*parts)
+    return rrb.TextDocumentView(name=name, origin=path, contents=[path])
+
+
+def notes_path(*parts: str) -> str:
+    """Entity of notes."""
+    return entity("notes", *parts)
+
+
+def colour_words(colours: dict[str, str]) -> str:
+    """A legend in Markdown of what has which colour, by name of the colour."""
+    return "\n".join(f"- {colour}: {meaning}" for colour, meaning in colours.items())

@@ -1,0 +1,105 @@
+"""The report of the dynamics testbed: figures, tables, metrics and the page that shows them."""
+
+import pandas as pd
+
+from structlearn.artefacts import read_table
+from structlearn.recordings.joint_log import read_joint_log
+from structlearn.reporting.dynamics_page import dynamics_page
+from structlearn.reporting.dynamics_results import DynamicsResults, metrics
+from structlearn.reporting.dynamics_robot import friction_table, known_errors, residual_torques
+from structlearn.reporting.dynamics_sections import pictures
+from structlearn.reporting.dynamics_tables import tables
+from structlearn.reporting.page import Link
+from structlearn.reporting.publishing import publish_report
+from structlearn.rigid_body.agreement import agreement_with_pinocchio
+from structlearn.rigid_body.model_names import COULOMB
+from structlearn.rigid_body.motion import measured_motion
+from structlearn.rigid_body.online import OnlineParameters
+from structlearn.rigid_body.storage import read_dynamics_models
+from structlearn.rigid_body.training import DynamicsTrainingParameters
+from structlearn.rigid_body.tree import read_urdf
+from structlearn.simulation.arm import ArmParameters, urdf_path
+from structlearn.simulation.arm_motion import SineParameters
+from structlearn.simulation.joint_logs import SIMULATED, MotionSourceParameters
+from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
+from structlearn.simulation.tracking import TrackingParameters
+from structlearn.stage import run, stage_parameters
+
+DATA = "data/dynamics"
+PARAMETERS = {
+    "arm": ArmParameters,
+    "arm_motion": SineParameters,
+    "stand_in": StandInParameters,
+    "record_motion": MotionSourceParameters,
+    "train_dynamics": DynamicsTrainingParameters,
+    "track": TrackingParameters,
+    "online": OnlineParameters,
+}
+COMPARED = ("kuka_iiwa/model.urdf", "franka_panda/panda.urdf", "xarm/xarm6_robot.urdf")
+RUBBING = ("cov", f"cov{COULOMB}")
+RECORDINGS = {
+    "reaches": "the arm reaches with the ground truth and with learned models",
+    "robot_reaches": "likewise the stand-in for the robot, with the default model and learned ones",
+    "torques": "the robot along its sines: measured torques beside those of models",
+    "payload": "the arm picks up a payload and learns it on the way",
+}
+
+
+def main() -> None:
+    parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
+    robot = parameters["arm"].read()
+    simulated = parameters["record_motion"].source == SIMULATED
+    mechanics = stand_in(robot.tree, robot.inertias, parameters["stand_in"]) if simulated else None
+    log = read_joint_log("data/raw/dynamics/stand_in/log.mcap")
+    motion = measured_motion(
+        log.name,
+        log.time,
+        log.positions,
+        log.velocities,
+        log.torques,
+        cutoff_hz=parameters["train_dynamics"].smoothing_hz,
+    )
+    loss = parameters["track"].loss
+    rubbing = {
+        name: read_dynamics_models(f"{DATA}/models/stand_in/{loss}/{name}.safetensors") for name in RUBBING
+    }
+    compared = dict.fromkeys([*COMPARED, parameters["arm"].urdf])
+    agreement = [{"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name))) for name in compared]
+    results = DynamicsResults(
+        errors=read_table(f"{DATA}/models/errors.parquet"),
+        outcomes=read_table(f"{DATA}/models/outcomes.parquet"),
+        links=read_table(f"{DATA}/models/links.parquet"),
+        base=read_table(f"{DATA}/models/base_parameters.parquet"),
+        scores=read_table(f"{DATA}/tracking/scores.parquet"),
+        paths=read_table(f"{DATA}/tracking/paths.parquet"),
+        online=read_table(f"{DATA}/online/errors.parquet"),
+        payload=read_table(f"{DATA}/online/payload.parquet"),
+        agreement=pd.DataFrame(agreement),
+        known=known_errors(robot, mechanics, motion),
+        friction=friction_table(rubbing, mechanics),
+        residuals=residual_torques(
+            robot, rubbing[RUBBING[-1]], motion, (len(motion) - 1) / (log.time[-1] - log.time[0])
+        ),
+        stand_in=parameters["stand_in"] if simulated else None,
+        motion=parameters["arm_motion"],
+        training=parameters["train_dynamics"],
+        learning_online=parameters["online"],
+        tracking=parameters["track"],
+        carried=parameters["record_motion"].payload,
+    )
+    links = [
+        Link(f"../recordings/dynamics/{name}.rrd", f"{name}.rrd", note)
+        for name, note in RECORDINGS.items()
+        if simulated or name != "robot_reaches"
+    ]
+    publish_report(
+        "reports/dynamics",
+        pictures(results),
+        tables(results),
+        metrics(results),
+        lambda sizes: dynamics_page(results, sizes, parameters, links),
+    )
+
+
+if __name__ == "__main__":
+    run(main)

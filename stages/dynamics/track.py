@@ -1,0 +1,42 @@
+"""Let the arm and the stand-in follow sines and reaches with every model (tables III.1 and III.2)."""
+
+import pandas as pd
+
+from structlearn.artefacts import publish, write_table
+from structlearn.rigid_body.storage import read_dynamics_models
+from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
+from structlearn.simulation.arm_motion import SineParameters
+from structlearn.simulation.joint_logs import SIMULATED, MotionSourceParameters
+from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
+from structlearn.simulation.tracking import Testbed, TrackingParameters, known, learned, track
+from structlearn.stage import run, stage_parameters
+
+MODELS = "data/dynamics/models"
+
+
+def main() -> None:
+    parameters = stage_parameters("track", TrackingParameters)
+    motion = stage_parameters("arm_motion", SineParameters)
+    robot = stage_parameters("arm", ArmParameters).read()
+
+    def testbed(name: str, mechanics: Mechanics) -> Testbed:
+        return Testbed(name, robot, mechanics, motion, parameters.reaching)
+
+    beds = [(testbed("iiwa", ideal(robot.inertias)), parameters.models)]
+    if stage_parameters("record_motion", MotionSourceParameters).source == SIMULATED:
+        mechanics = stand_in(robot.tree, robot.inertias, stage_parameters("stand_in", StandInParameters))
+        beds.append((testbed("stand_in", mechanics), parameters.models + parameters.robot_models))
+    tables = []
+    for bed, names in beds:
+        files = {name: f"{MODELS}/{bed.name}/{parameters.loss}/{name}.safetensors" for name in names}
+        models = {name: read_dynamics_models(file) for name, file in files.items()}
+        tables.append(track(bed, [*known(bed, parameters.seeds), *learned(bed, models)]))
+    scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
+    with publish("data/dynamics/tracking") as folder:
+        folder.mkdir()
+        write_table(scores, folder / "scores.parquet")
+        write_table(paths, folder / "paths.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

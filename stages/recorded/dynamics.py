@@ -1,0 +1,35 @@
+"""Identify a recorded arm, with and without Coulomb friction; torques of another one's slides (III.4)."""
+
+from dataclasses import fields
+
+from structlearn.artefacts import publish, write_table
+from structlearn.recorded.dynamics import RecordedDynamicsParameters, identify, panda_motion
+from structlearn.recorded.slide_torques import torque_check
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.joint_log import read_joint_log
+from structlearn.rigid_body.storage import write_dynamics_models
+from structlearn.simulation.arm import ArmParameters
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters)
+    panda = ArmParameters(urdf=parameters.urdf, locked_joints=parameters.locked_joints).read()
+    log = read_joint_log("data/raw/recorded/panda/exciting_trajectory.mcap")
+    models, results = identify(panda, panda_motion(log, parameters), parameters)
+    slides = read_demonstrations("data/raw/recorded/slides", rate_hz=parameters.slide_rate_hz)
+    torques, payloads = torque_check(
+        ArmParameters(urdf=parameters.slide_urdf).read(), slides, parameters.slide_cutoff_hz
+    )
+    with publish("data/recorded/dynamics") as folder:
+        folder.mkdir()
+        for name, learned in models.items():
+            write_dynamics_models(learned, folder / "models" / f"{name}.safetensors")
+        for field in fields(results):
+            write_table(getattr(results, field.name), folder / f"{field.name}.parquet")
+        write_table(torques, folder / "slide_torques.parquet")
+        write_table(payloads, folder / "slide_payloads.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,38 @@
+"""Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.recorded.latent_touch import LatentTouchParameters, learn_touch
+from structlearn.recorded.touch_sets import touch_sets
+from structlearn.recordings import read_demonstrations, synchronise
+from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
+from structlearn.stage import run, stage_parameters
+from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.preparation import TouchDataParameters, prepare
+
+
+def main() -> None:
+    parameters = stage_parameters("recorded_latent_touch", LatentTouchParameters)
+    samples = stage_parameters("touch_dataset", TouchDataParameters)
+    skin = SKINS["biotac"]
+    fewer = dict.fromkeys(("rotations", "translations"), parameters.simulated_repeats) | {"skin": skin.name}
+    person = stage_parameters("toucher", ToucherParameters).model_copy(update=fewer)
+    runs = demonstrate(person, stage_parameters("touch_finger", FingerParameters))
+    touches = [synchronise(recorded(one, person), samples.rate_hz) for one in runs]
+    slides, unscrewing = (
+        read_demonstrations(f"data/raw/recorded/{name}", rate_hz=samples.rate_hz)
+        for name in ("slides", "unscrewing")
+    )
+    simulated = prepare(touches, skin, samples)
+    sets = touch_sets(
+        slides, unscrewing, simulated, skin, samples.cutoff_hz, parameters.faulty, parameters.geodesics
+    )
+    results = learn_touch(sets, skin, parameters)
+    with publish("data/recorded/latent_touch") as folder:
+        folder.mkdir()
+        for name, table in vars(results).items():
+            write_table(table, folder / f"{name}.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

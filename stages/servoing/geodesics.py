@@ -1,0 +1,15 @@
+"""Geodesic distances between contact points on the skin (II.3.3)."""
+
+from structlearn.stage import run, stage_parameters
+from structlearn.tactile.dataset import read_dataset
+from structlearn.tactile.geodesics import GeodesicParameters, geodesics, write_geodesics
+
+
+def main() -> None:
+    parameters = stage_parameters("geodesics", GeodesicParameters)
+    points = read_dataset("data/servoing/touch.safetensors").contact_point
+    write_geodesics(geodesics(points, parameters), "data/servoing/geodesics.safetensors")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,37 @@
+"""Demonstrate, learn and servo with fingers of another shape: the method assumes no geometry (II.5)."""
+
+import pandas as pd
+
+from structlearn.artefacts import publish, write_table
+from structlearn.simulation.other_skins import OtherSkinsParameters, with_other_skin
+from structlearn.simulation.servo_trials import ServoTrialParameters
+from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters
+from structlearn.stage import run, stage_parameters
+from structlearn.tactile.comparison import LatentParameters
+from structlearn.tactile.geodesics import GeodesicParameters
+from structlearn.tactile.preparation import TouchDataParameters
+
+SHARED = {
+    "toucher": ToucherParameters,
+    "touch_finger": FingerParameters,
+    "touch_dataset": TouchDataParameters,
+    "geodesics": GeodesicParameters,
+    "train_latent": LatentParameters,
+    "servo": ServoTrialParameters,
+}
+
+
+def main() -> None:
+    other = stage_parameters("other_skins", OtherSkinsParameters)
+    shared = [stage_parameters(key, model) for key, model in SHARED.items()]
+    found = [with_other_skin(name, other, *shared) for name in other.skins]
+    with publish("data/servoing/other_skins") as folder:
+        folder.mkdir()
+        for name in found[0] if found else ():
+            table = pd.concat([tables[name] for tables in found], ignore_index=True)
+            write_table(table, folder / f"{name}.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

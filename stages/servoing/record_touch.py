@@ -1,0 +1,35 @@
+"""Record demonstrations of touch: simulated, or taken over from your own bags (II.4.1.1)."""
+
+import pandas as pd
+
+from structlearn.artefacts import publish, write_table
+from structlearn.recordings import read_recordings, write_recordings
+from structlearn.recordings.source import SourceParameters
+from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.touch_demonstrator import (
+    ToucherParameters,
+    demonstrate,
+    no_contacts,
+    recorded,
+    true_contacts,
+)
+from structlearn.stage import run, stage_parameters
+
+
+def main() -> None:
+    parameters = stage_parameters("record_touch", SourceParameters)
+    truth = no_contacts()
+    if parameters.simulated:
+        person = stage_parameters("toucher", ToucherParameters)
+        runs = list(demonstrate(person, stage_parameters("touch_finger", FingerParameters)))
+        recordings = [recorded(one, person) for one in runs]
+        truth = pd.concat([true_contacts(one, person) for one in runs], ignore_index=True)
+    else:
+        recordings = read_recordings(parameters.source, parameters.topics)
+    with publish("data/raw/servoing") as folder:
+        write_recordings(recordings, folder)
+    write_table(truth, "data/servoing/true_contacts.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

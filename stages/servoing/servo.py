@@ -1,0 +1,33 @@
+"""Servo simulated fingers to random contacts in closed loop with all controllers (II.4.6)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.recordings.source import SourceParameters
+from structlearn.simulation.servo_trials import ServoTrialParameters, Taught, compare, variants
+from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters
+from structlearn.stage import run, stage_parameters
+from structlearn.tactile.dataset import read_dataset
+from structlearn.tactile.resting_servo import demonstrated_actions
+from structlearn.tactile.storage import read_models
+
+
+def main() -> None:
+    parameters = stage_parameters("servo", ServoTrialParameters)
+    models, units = read_models("data/servoing/models.safetensors")
+    likely = demonstrated_actions(read_dataset("data/servoing/touch.safetensors"))
+    with publish("data/servoing/servo") as folder:
+        folder.mkdir()
+        if stage_parameters("record_touch", SourceParameters).simulated:  # a recorded finger is another one
+            comparison = compare(
+                Taught(models, units, likely),
+                stage_parameters("toucher", ToucherParameters),
+                stage_parameters("touch_finger", FingerParameters),
+                parameters,
+                variants(parameters.horizon),
+            )
+            for name, table in vars(comparison).items():
+                write_table(table, folder / f"{name}.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

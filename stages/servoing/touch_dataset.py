@@ -1,0 +1,19 @@
+"""Samples of touch from the recordings: low-pass, offsets, contacts, contact points, splits (II.4.1.1)."""
+
+from structlearn.recordings import read_demonstrations
+from structlearn.simulation.touch_demonstrator import ToucherParameters
+from structlearn.stage import run, stage_parameters
+from structlearn.tactile.dataset import write_dataset
+from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.preparation import TouchDataParameters, prepare
+
+
+def main() -> None:
+    parameters = stage_parameters("touch_dataset", TouchDataParameters)
+    skin = SKINS[stage_parameters("toucher", ToucherParameters).skin]
+    demonstrations = read_demonstrations("data/raw/servoing", rate_hz=parameters.rate_hz)
+    write_dataset(prepare(demonstrations, skin, parameters), "data/servoing/touch.safetensors")
+
+
+if __name__ == "__main__":
+    run(main)

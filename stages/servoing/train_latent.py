@@ -1,0 +1,24 @@
+"""Train latent spaces of touch and their dynamics, and compare them (II.4.2 to II.4.5)."""
+
+from structlearn.artefacts import publish, write_table
+from structlearn.stage import run, stage_parameters
+from structlearn.tactile.comparison import LatentParameters, learn
+from structlearn.tactile.dataset import read_dataset
+from structlearn.tactile.geodesics import read_geodesics
+from structlearn.tactile.storage import write_models
+
+
+def main() -> None:
+    parameters = stage_parameters("train_latent", LatentParameters)
+    dataset = read_dataset("data/servoing/touch.safetensors")
+    geodesics = read_geodesics("data/servoing/geodesics.safetensors")
+    comparison = learn(dataset, geodesics, parameters)
+    write_models(comparison.models, comparison.units, "data/servoing/models.safetensors")
+    with publish("data/servoing/evaluation") as folder:
+        folder.mkdir()
+        for name, table in comparison.tables().items():
+            write_table(table, folder / f"{name}.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,102 @@
+"""Robots for the tests of rigid-body dynamics: arms from public URDFs and one with everything odd."""
+
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pinocchio
+import pybullet_data
+
+from structlearn.rigid_body.tree import Robot, read_urdf
+
+FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+
+_INERTIAL = """<inertial><origin xyz="{x}" rpy="0.3 -0.2 0.5"/><mass value="{m}"/>
+  <inertia ixx="{a}" ixy="0.001" ixz="-0.002" iyy="{b}" iyz="0.0015" izz="{c}"/></inertial>"""
+
+
+def link(name: str, mass: float = 1.0, centre: str = "0.05 -0.02 0.1") -> str:
+    values = {"a": 0.03 * mass, "b": 0.04 * mass, "c": 0.05 * mass}
+    return f'<link name="{name}">' + _INERTIAL.format(x=centre, m=mass, **values) + "</link>"
+
+
+def joint(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    axis: str = "0 0 1",
+    origin: str = 'xyz="0.1 0.2 0.3" rpy="0.4 -0.7 1.1"',
+    limit: str = '<limit lower="-1.5" upper="2" velocity="3" effort="50"/>',
+) -> str:
+    ends = f'<origin {origin}/><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{limit}</joint>'
+
+
+ODD = "\n".join(
+    [
+        '<robot name="odd"><link name="base"/>',
+        *(link(name, mass) for name, mass in zip("abcdef", (3.0, 2.0, 1.5, 1.0, 0.7, 0.4), strict=True)),
+        link("weight", 0.5),
+        '<link name="mark"/>',
+        joint("slide", "prismatic", "base", "a", "0 1 0"),
+        joint("skewed", "revolute", "a", "b", "1 2 -0.5"),
+        joint("endless", "continuous", "b", "c", "0 0 -1", limit=""),
+        joint("skewed_slide", "prismatic", "b", "d", "-1 0.3 2"),  # a branch
+        joint("wrist", "revolute", "d", "e", "1 0 0"),
+        joint("endless_skewed", "continuous", "e", "f", "1 1 1", limit='<limit velocity="2" effort="3"/>'),
+        joint("bolt", "fixed", "f", "weight"),
+        joint("point", "fixed", "weight", "mark"),
+        "</robot>",
+    ]
+)
+"""Prismatic, endless and skewed joints, a branch, a fixed link with mass and one without."""
+
+
+@lru_cache
+def robot(name: str) -> Robot:
+    """One of iiwa, panda (fingers locked), panda_hand (fingers move), xarm, odd."""
+    if name == "odd":
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "odd.urdf"
+            path.write_text(ODD)
+            return read_urdf(path)
+    files = {
+        "iiwa": "kuka_iiwa/model.urdf",
+        "panda": "franka_panda/panda.urdf",
+        "panda_hand": "franka_panda/panda.urdf",
+        "xarm": "xarm/xarm6_robot.urdf",
+    }
+    path = Path(pybullet_data.getDataPath()) / files[name]
+    return read_urdf(path, FINGERS if name == "panda" else ())
+
+
+ROBOTS = ("iiwa", "panda", "panda_hand", "xarm", "odd")
+
+
+def states(robot: Robot, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Random positions, velocities and accelerations, (count, n) each."""
+    generator = np.random.default_rng(seed)
+    shape = (count, len(robot.tree.names))
+    return (
+        generator.uniform(-2.0, 2.0, shape),
+        generator.normal(0.0, 2.0, shape),
+        generator.normal(0.0, 5.0, shape),
+    )
+
+
+def configuration(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Pinocchio's configuration of joint positions (n,): endless joints are a cosine and a sine there."""
+    parts = []
+    for index, position in enumerate(q):
+        endless = robot.model.joints[index + 1].nq == 2
+        parts += [np.cos(position), np.sin(position)] if endless else [position]
+    return np.array(parts)
+
+
+def pinocchio_torques(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (B, n) by Pinocchio's recursive Newton-Euler."""
+    data = robot.model.createData()
+    rows = zip((configuration(robot, row) for row in q), qd, qdd, strict=True)
+    return np.array([pinocchio.rnea(robot.model, data, *row) for row in rows])

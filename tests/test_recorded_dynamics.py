@@ -1,0 +1,115 @@
+"""Identification on made-up motions of the recorded arms, and on the recorded one where it is at hand."""
+
+import numpy as np
+import pytest
+from recordings_bags import recorded_data
+from rigid_body_motions import COULOMB, rubbing_motion
+from rigid_body_robots import pinocchio_torques, robot
+
+from structlearn.errors import InputError
+from structlearn.recorded.dynamics import (
+    LEAST_SQUARES,
+    URDF,
+    RecordedDynamicsParameters,
+    identify,
+    panda_motion,
+)
+from structlearn.recorded.slide_torques import torque_check
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.panda import read_exciting_trajectory
+from structlearn.rigid_body.friction import friction_coefficients
+from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.inertia_parameters import link_inertias
+from structlearn.rigid_body.learning import LearningParameters
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.regressor import link_parameters
+from structlearn.rigid_body.structured_learning import MotionRegressor
+
+PARAMETERS = RecordedDynamicsParameters(
+    iterations=150, seeds=2, epochs=1, learning=LearningParameters(hidden=(6, 6)), trace_stride=10
+)
+
+
+@pytest.fixture(scope="module")
+def identified():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
+        return identify(robot("panda"), rubbing_motion(robot("panda")), PARAMETERS)
+
+
+def test_every_model_is_scored_on_every_joint_of_both_parts(identified):
+    models, results = identified
+    assert {"mlp", "mlp_scaled", "delan", "delan_coulomb", "nostr", "tri_coulomb", "cov_offset"} <= set(
+        models
+    )
+    rows = results.errors.groupby(["model", "friction", "seed", "part"]).size()
+    assert (rows == 7).all()
+    seeds = results.errors.groupby("model")["seed"].nunique()
+    assert (seeds["mlp"], seeds["cov"], seeds[URDF]) == (2, 1, 1)
+    assert np.isfinite(results.errors["nmse"]).all()
+    assert len(results.traces) == 7 * len(range(0, 480, 10))
+    assert {"measured", URDF, "least_squares_coulomb", "cov_coulomb", "mlp"} <= set(results.traces)
+
+
+def test_coulomb_friction_is_what_the_other_models_miss(identified):
+    _, results = identified
+    test = results.errors[results.errors["part"] == "test"].groupby(["model", "friction"])["nmse"].max()
+    for model in (LEAST_SQUARES, "tri", "cov"):
+        assert test[model, "coulomb"] < 0.2 * test[model, "viscous"]
+    found = results.friction[results.friction["term"] == "coulomb"].set_index(["model", "friction"])["value"]
+    np.testing.assert_allclose(found["cov", "coulomb"], COULOMB, rtol=0.1)
+    possible = results.links.groupby("model")[["positive_mass", "positive_definite", "triangle"]].all()
+    assert possible.loc[["tri", "cov"]].all(axis=None)
+
+
+def slide(name: str, sign: float, mass: float, point: np.ndarray) -> Demonstration:
+    """A slow motion of an arm that carries a point mass; torques by virtual work on its weight."""
+    arm = robot("iiwa")
+    time = 0.1 * np.arange(200)
+    q = 0.3 + 0.2 * np.sin(0.3 * time[:, None] + np.arange(7))
+    qd = 0.06 * np.cos(0.3 * time[:, None] + np.arange(7))
+    qdd = np.gradient(qd, 0.1, axis=0, edge_order=2)
+    carried = link_parameters(arm.inertias.tensors()).numpy()
+    carried[60:64] += mass * np.append(1.0, point)
+    columns = MotionRegressor(arm.tree, _motion(q, qd, qdd), True, ()).columns.numpy()
+    torque = columns @ carried
+    return Demonstration(
+        name,
+        time,
+        np.zeros((200, 3)),
+        joint_positions=q,
+        joint_velocities=qd,
+        joint_torques=sign * torque,
+    )
+
+
+def _motion(q, qd, qdd):
+    return Motion(q, qd, qdd, pinocchio_torques(robot("iiwa"), q, qd, qdd))
+
+
+def test_sign_and_payload_of_slides_are_found():
+    point = np.array([0.05, -0.02, 0.1])
+    slides = [slide(str(number), -1.0, 2.0, point) for number in range(2)]
+    table, payloads = torque_check(robot("iiwa"), slides, cutoff_hz=5.0)
+    found = payloads.set_index("sign").loc[-1]
+    assert found["mass_kg"] == pytest.approx(2.0, rel=1e-3)
+    np.testing.assert_allclose(found[["centre_x_m", "centre_y_m", "centre_z_m"]], point, atol=1e-3)
+    left = table.groupby(["sign", "payload"])["left_n_m"].max()
+    assert left[-1, True] < 1e-3 < left[-1, False] < left[1, False]
+    with pytest.raises(InputError, match="bare: has no joint positions"):
+        torque_check(robot("iiwa"), [Demonstration("bare", np.arange(3.0), np.zeros((3, 3)))], 5.0)
+
+
+def test_a_body_that_can_exist_explains_the_recorded_arm_nearly_as_well_as_least_squares():
+    log = read_exciting_trajectory(recorded_data("panda"))
+    panda, terms = robot("panda"), ("viscous", "coulomb")
+    parts = panda_motion(log, PARAMETERS).split(0.6)
+    train, test = (MotionRegressor(panda.tree, part, True, terms) for part in parts)
+    triangle = normalised_triangle(train.factors)
+    free, rubbing = fit_structure("cov", triangle, terms, panda.inertias, 300)
+    links = link_parameters(link_inertias("cov", free))[0]
+    theta = np.append(links.numpy(), friction_coefficients(rubbing, terms)[0].numpy())
+    found, best = test.factors.nmse(theta), test.factors.nmse(least_squares(triangle))
+    assert (found < 2.0 * best).all()
+    assert found[:6].mean() < 0.02
+    assert found[6] < 0.06

@@ -1,0 +1,173 @@
+"""What carries over between sets of touches: made-up sets, and the recordings where they are at hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tactile_toy import toy_dataset, toy_geodesics
+
+from structlearn import parallel
+from structlearn.errors import InputError
+from structlearn.recorded import latent_touch, touch_sets
+from structlearn.recorded.latent_touch import LatentTouchParameters
+from structlearn.recorded.touch_sets import TouchSet
+from structlearn.recordings import clmc, slide, synchronise
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.tactile.dataset import TEST, TRAIN
+from structlearn.tactile.electrodes import biotac
+from structlearn.tactile.latent_spaces import LatentSpaceParameters
+from structlearn.tactile.learning import LatentTrainingParameters
+
+SKIN = biotac()
+FEW = LatentTouchParameters(
+    folds=2,
+    spaces=LatentSpaceParameters(
+        seeds=1,
+        training=LatentTrainingParameters(steps=2, batch_size=8),
+        pair_pool=100,
+        evaluation_pairs=50,
+    ),
+)
+
+
+@pytest.fixture(autouse=True)
+def _here(monkeypatch):
+    monkeypatch.setenv(parallel.BACKEND, "sequential")  # starting processes would take most of the time
+
+
+def touch_set(name, groups, seed=0, scale=1.0):
+    samples = toy_dataset(contacts=len(groups), samples=130, seed=seed)
+    signals = (scale * samples.signals).astype(np.float32)
+    samples = replace(samples, signals=signals, pressure=-signals.mean(axis=1))
+    return TouchSet(name, samples, toy_geodesics(samples, bins=1, size=200), groups)
+
+
+@pytest.fixture(scope="module")
+def results():
+    """Slides and their partner are the same touches in other counts, the other two sets are not."""
+    sets = [
+        touch_set(touch_sets.SLIDES, ("a", "a", "b", "b")),
+        touch_set(touch_sets.MAGNITUDES, ("c",) * 4, scale=0.25),
+        touch_set(touch_sets.UNSCREWING, ("1", "2", "3")),
+        touch_set(touch_sets.SIMULATED, ("c",) * 4, seed=3),
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(parallel.BACKEND, "sequential")
+        return latent_touch.learn_touch(sets, SKIN, FEW)
+
+
+def demonstration(name, counts):
+    time = np.arange(len(counts)) / 100
+    angle = 0.1 * np.sin(time)
+    zero = np.zeros_like(time)
+    orientation = np.column_stack([np.cos(angle / 2), np.sin(angle / 2), zero, zero])
+    position = np.column_stack([0.025 * time, zero, zero])
+    return Demonstration(name, time, position, orientation, tactile=counts)
+
+
+def test_counts_that_rise_are_pressure_and_every_trial_is_a_contact():
+    electrode = 8
+    counts = np.full((200, 19), -5.0)
+    counts[:, electrode] = 400.0
+    samples = touch_sets.held_touch([demonstration(name, counts) for name in "ab"], SKIN, 1.0)
+    np.testing.assert_allclose(samples.signals, -np.tile(counts, (2, 1)), rtol=1e-4)
+    np.testing.assert_allclose(samples.pressure, (400.0 - 18 * 5.0) / 19, rtol=1e-4)
+    np.testing.assert_allclose(samples.contact_point[0], SKIN.project(SKIN.electrodes[electrode]), atol=1e-6)
+    np.testing.assert_allclose(samples.velocity[50:150, 0], 0.025, rtol=1e-2)
+    np.testing.assert_array_equal(samples.trial, np.repeat([0, 1], 200))
+    np.testing.assert_array_equal(samples.contact, samples.trial)
+    assert samples.rate_hz == pytest.approx(100.0)
+
+
+def test_magnitudes_forget_the_direction_of_a_change():
+    samples = toy_dataset(contacts=2, samples=50)
+    flipped = replace(samples, signals=samples.signals * np.float32([-1, 1] * 9 + [-1]))
+    found, other = (touch_sets.magnitudes(one, SKIN) for one in (samples, flipped))
+    np.testing.assert_array_equal(found.signals, other.signals)
+    np.testing.assert_array_equal(found.contact_point, other.contact_point)
+    assert (found.signals <= 0).all()
+    np.testing.assert_allclose(found.pressure, np.abs(samples.signals).mean(axis=1), rtol=1e-6)
+
+
+def test_every_trial_is_left_out_once_and_every_material_once():
+    slides = touch_set(touch_sets.SLIDES, ("a", "b", "a", "b", "b"))
+    parts = latent_touch.left_out(slides, 2)
+    for found in parts.values():
+        np.testing.assert_array_equal(np.sort(np.concatenate(found)), np.arange(5))
+    assert [part.tolist() for part in parts[latent_touch.NEW_MATERIAL]] == [[0, 2], [1, 3, 4]]
+    held_out = slides.without(parts[latent_touch.NEW_MATERIAL][0])
+    np.testing.assert_array_equal(held_out.split == TEST, np.isin(held_out.trial, [0, 2]))
+    assert (slides.without(()).split == TRAIN).all()
+    logs = touch_set(touch_sets.UNSCREWING, ("1", "2", "3"))
+    assert list(latent_touch.left_out(logs, 5)) == [latent_touch.NEW_TRIALS]
+    assert len(latent_touch.left_out(logs, 5)[latent_touch.NEW_TRIALS]) == 3
+    with pytest.raises(InputError, match="unscrewing: of a single trial none can be left out"):
+        latent_touch.left_out(replace(logs, groups=("1",)), 2)
+
+
+def test_all_is_asked_of_all_models(results):
+    counts = results.errors.groupby(["learned_from", "asked_about", "new", "model"])["part"].nunique()
+    for model in latent_touch.MODELS:
+        for new, parts in (
+            (latent_touch.NEW_TRIALS, 2),
+            (latent_touch.NEW_MATERIAL, 2),
+            (latent_touch.OWN_UNITS, 2),
+        ):
+            assert counts[touch_sets.SLIDES, touch_sets.SLIDES, new, model] == parts
+        for source, target in latent_touch.PARTNERS.items():
+            assert counts[source, target, latent_touch.NEW_SET, model] >= 1
+    assert results.errors["reconstruction"].notna().all()
+
+
+def test_a_partner_in_other_counts_is_as_good_as_the_set_itself(results):
+    """All samples of the set are those learned from and those left out."""
+    errors = results.errors[results.errors["model"] == latent_touch.COMPONENTS]
+    by = errors.groupby(["learned_from", "new"])["reconstruction"].mean()
+    slides = by[touch_sets.SLIDES]
+    low, high = sorted(slides[[latent_touch.LEARNED, latent_touch.NEW_TRIALS]])
+    assert 0.9 * low < slides[latent_touch.NEW_SET] < 1.1 * high
+
+
+def test_likeness_is_one_for_the_same_touches(results):
+    its = results.likeness.set_index(["first", "second"])["correlation"]
+    assert its[touch_sets.SLIDES, touch_sets.MAGNITUDES] == pytest.approx(1.0, abs=1e-6)
+    assert its[touch_sets.UNSCREWING, touch_sets.SIMULATED] < 0.999
+    assert its[touch_sets.UNSCREWING, touch_sets.UNSCREWING] < 0.999
+    sets = results.sets.set_index("set")
+    ratio = sets.loc[touch_sets.SLIDES, "counts"] / sets.loc[touch_sets.MAGNITUDES, "counts"]
+    assert ratio == pytest.approx(4.0, rel=1e-5)
+    diagonal = results.correlations.query("electrode == other")["correlation"]
+    np.testing.assert_allclose(diagonal, 1.0)
+
+
+def test_a_faulty_trial_is_left_out_altogether():
+    counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
+    trials = [demonstration(name, np.abs(counts)) for name in ("mat9_1", "mat9_3", "mat15_1")]
+    few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0})
+    faulty = ("mat9_3",)
+    simulated = toy_dataset(contacts=4, samples=130)
+    sets = touch_sets.touch_sets(trials, trials[:2], simulated, SKIN, 1.0, faulty, few)
+    assert [one.name for one in sets] == ["slides", "unscrewing", "simulated", "simulated, magnitudes"]
+    assert sets[0].groups == ("mat9", "mat15")
+    assert len(sets[0].samples) == 300
+    with pytest.raises(InputError, match="no slide is left"):
+        touch_sets.touch_sets(trials[1:2], trials, simulated, SKIN, 1.0, faulty, few)
+
+
+def test_recorded_slides_are_magnitudes(recorded_data):
+    for recording in slide.read_slides(recorded_data / "slide", 2):
+        tactile = next(stream.values for stream in recording.streams if stream.kind == "tactile")
+        assert tactile.min() >= 0
+
+
+def test_recorded_unscrewing_knows_its_contact_point_and_rises_with_force(recorded_data):
+    """The log holds a contact point and force of its own; its x axis is our y axis, turned round."""
+    path = sorted((recorded_data / "clmc" / "quat_dmp_unscrewing").glob("*.txt"))[0]
+    log = np.loadtxt(path)
+    force, own = np.linalg.norm(log[:, 70:73], axis=1), 1e-3 * log[:, 76:79]
+    recording = clmc.read_unscrewing(recorded_data / "clmc")[0]
+    samples = touch_sets.held_touch([synchronise(recording)], SKIN, 100.0)
+    assert np.corrcoef(samples.pressure, force)[0, 1] > 0.98
+    wanted = SKIN.project(np.column_stack([own[:, 1], -own[:, 0], own[:, 2]]))
+    distance = np.linalg.norm(samples.contact_point - wanted, axis=1)
+    assert np.median(distance) < 0.5e-3

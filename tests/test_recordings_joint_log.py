@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from recordings_bags import write_bag
+
+from structlearn.errors import InputError
+from structlearn.recordings.joint_log import JOINT_STATES, JointLog, read_joint_log, write_joint_log
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+NAMES = ["shoulder", "elbow"]
+
+
+def log(**changes) -> JointLog:
+    values = np.arange(6.0).reshape(3, 2)
+    fields = {
+        "name": "run",
+        "joints": tuple(NAMES),
+        "stamps": np.array([5, 7, 11]) * 10**6,
+        "positions": values,
+        "velocities": values + 10.0,
+        "torques": values / 3.0,
+        "provenance": {"origin": "simulated", "seed": "1"},
+    }
+    return JointLog(**(fields | changes))
+
+
+def bag(path, **changes):
+    """Three messages of joint states; a field set to None is left out."""
+    rows = []
+    for row in range(3):
+        stamp = {"sec": 4, "nanosec": row * 10**7}
+        message = {"header": {"stamp": stamp, "frame_id": ""}, "name": NAMES}
+        message |= {"position": [row, 1.0], "velocity": [2.0, row], "effort": [0.5, -row]}
+        message = {key: value for key, value in (message | changes).items() if value is not None}
+        rows.append((JOINT_STATES, JOINT_STATE, message, row * 10**7))
+    write_bag(path, rows)
+    return path
+
+
+def test_a_log_goes_through_a_file_bit_by_bit_and_to_the_same_bytes(tmp_path):
+    write_joint_log(log(), tmp_path / "run.mcap")
+    write_joint_log(log(), tmp_path / "again.mcap")
+    assert (tmp_path / "run.mcap").read_bytes() == (tmp_path / "again.mcap").read_bytes()
+    back = read_joint_log(tmp_path / "run.mcap")
+    assert (back.name, back.joints, back.provenance) == ("run", log().joints, log().provenance)
+    for field in ("stamps", "positions", "velocities", "torques"):
+        np.testing.assert_array_equal(getattr(back, field), getattr(log(), field))
+    np.testing.assert_allclose(back.time, [0.0, 0.002, 0.006], atol=1e-15)
+
+
+def test_a_robots_bag_is_read_without_our_metadata(tmp_path):
+    back = read_joint_log(bag(tmp_path / "robot.mcap"))
+    assert back.joints == tuple(NAMES)
+    np.testing.assert_array_equal(back.torques, [[0.5, 0.0], [0.5, -1.0], [0.5, -2.0]])
+    assert back.provenance == {"origin": "recorded", "source": "robot.mcap"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"effort": None}, r"bag\.mcap: topic '/joint_states' has no joint torques"),
+        ({"effort": [float("nan")] * 2}, "has no joint torques"),
+        ({"velocity": None}, "has no joint velocities"),
+        ({"name": None}, "does not name the joints"),
+        ({"position": [1.0]}, "names 2 joints and has 1 joint_positions"),
+        ({"effort": [1.0, float("nan")]}, r"row 0 .*torques of joint 'elbow' are nan"),
+    ],
+)
+def test_what_a_model_cannot_be_learned_from_is_named(tmp_path, changes, message):
+    with pytest.raises(InputError, match=message):
+        read_joint_log(bag(tmp_path / "bag.mcap", **changes))
+
+
+def test_missing_topics_and_damaged_files_are_named(tmp_path):
+    path = bag(tmp_path / "bag.mcap")
+    with pytest.raises(InputError, match=r"no joint states on '/arm'; its topics are \['/joint_states'\]"):
+        read_joint_log(path, "/arm")
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(InputError, match=r"bag\.mcap: not a complete MCAP file"):
+        read_joint_log(path)
+    path.write_bytes(b"no bag at all")
+    with pytest.raises(InputError, match=r"bag\.mcap: not a complete MCAP file"):
+        read_joint_log(path)
+    with pytest.raises(InputError, match=r"cannot be read: No such file"):
+        read_joint_log(tmp_path / "none.mcap")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"stamps": np.array([1, 1, 2])}, r"row 1 .* does not come after the one before it"),
+        ({"torques": np.ones((3, 1))}, r"torques have shape \(3, 1\), not 3 samples of 2 joints"),
+        ({"stamps": np.array([1])}, "needs at least two samples, has 1"),
+    ],
+)
+def test_a_log_that_does_not_hold_together_is_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        log(**changes)

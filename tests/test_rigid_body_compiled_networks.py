@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+import torch
+
+from structlearn.rigid_body import compiled, compiled_networks
+from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
+from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
+
+JOINTS, MODELS, HIDDEN = 3, 2, (8, 16, 8)
+
+
+@pytest.fixture(scope="module")
+def states():
+    return torch.tensor(np.random.default_rng(5).normal(size=(3, JOINTS, 12)), dtype=torch.float64)
+
+
+def generators() -> list[torch.Generator]:
+    return [torch.Generator().manual_seed(model) for model in range(MODELS)]
+
+
+def one_by_one(torques: compiled.InverseDynamics, states: torch.Tensor) -> np.ndarray:
+    return np.array([torques(*state) for state in np.moveaxis(states.numpy(), -1, 0)]).T
+
+
+@pytest.mark.parametrize("standardised", [False, True])
+def test_a_perceptron_gives_what_the_trained_batch_gives(states, standardised):
+    networks = StackedPerceptrons(JOINTS, HIDDEN, generators()).double()
+    if standardised:
+        networks.standardise((3.0 * states[0] + 1.0, states[1], states[2]), 7.0 * states[2] - 2.0)
+    with torch.no_grad():
+        batch = networks(*states).numpy()
+    for model in range(MODELS):
+        found = one_by_one(compiled_networks.perceptron(networks, model), states)
+        np.testing.assert_allclose(found, batch[model], atol=1e-12)
+
+
+def test_a_lagrangian_network_gives_what_the_trained_batch_gives(states):
+    networks = StackedLagrangianNetworks(JOINTS, HIDDEN, generators()).double()
+    batch = networks(*states).detach().numpy()
+    for model in range(MODELS):
+        found = one_by_one(compiled_networks.lagrangian(networks, model), states)
+        np.testing.assert_allclose(found, batch[model], atol=1e-12)
+
+
+def test_friction_acts_beside_a_lagrangian_network(states):
+    networks = StackedLagrangianNetworks(JOINTS, HIDDEN, generators()).double()
+    rows = compiled.friction_rows(np.full((JOINTS, 1), 0.5), ("viscous",))
+    without, rubbing = (
+        one_by_one(compiled_networks.lagrangian(networks, 0, friction), states) for friction in (None, rows)
+    )
+    np.testing.assert_allclose(rubbing - without, 0.5 * states[1].numpy(), atol=1e-12)

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
+
+from structlearn.metrics import nmse
+from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.friction import friction_coefficients
+from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
+from structlearn.rigid_body.inertia_tables import base_table, link_table
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.regressor import link_parameters
+from structlearn.rigid_body.structured_learning import MotionRegressor
+from structlearn.rigid_body.tree import LinkInertias
+
+FRICTION = ("viscous", "coulomb")
+
+
+def noisy_motion() -> Motion:
+    """With 1 % of noise on the torques."""
+    motion = rubbing_motion(arm())
+    noise = np.random.default_rng(0).normal(size=motion.torque.shape)
+    return Motion(motion.q, motion.qd, motion.qdd, motion.torque + 0.01 * noise * motion.torque_variance**0.5)
+
+
+@pytest.fixture(scope="module")
+def regressor():
+    return MotionRegressor(arm().tree, noisy_motion(), True, FRICTION)
+
+
+def wrong_inertias() -> LinkInertias:
+    """Links that are 30 % heavier than the truth."""
+    true = arm().inertias
+    return LinkInertias(1.3 * true.mass, 1.3 * true.first_moment, 1.3 * true.inertia)
+
+
+def test_least_squares_minimises_the_sum_of_errors(regressor):
+    triangle = normalised_triangle(regressor.factors)
+    theta = least_squares(triangle)
+    motion = noisy_motion()
+    direct = nmse(regressor.columns.numpy() @ theta, motion.torque).sum()
+    residual = triangle @ np.append(theta, -1.0)
+    np.testing.assert_allclose(residual @ residual, direct, rtol=1e-9)
+    slope = triangle[:, :-1].T @ residual
+    assert np.abs(slope).max() < 1e-6 * np.abs(triangle[:, :-1].T @ triangle[:, -1]).max()
+    np.testing.assert_allclose(theta[70:].reshape(7, 2), [[VISCOUS, COULOMB]] * 7, rtol=0.1)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_a_structure_explains_the_data_nearly_as_well_and_its_links_can_exist(structure, regressor):
+    if structure == "nostr":
+        regressor = MotionRegressor(arm().tree, noisy_motion(), False, FRICTION)
+    triangle = normalised_triangle(regressor.factors)
+    best = regressor.factors.nmse(least_squares(triangle))
+    free, rubbing = fit_structure(structure, triangle, FRICTION, wrong_inertias(), 200)
+    found = link_inertias(structure, free)
+    theta = np.concatenate(
+        [
+            link_parameters(found, structure != "nostr")[0].numpy(),
+            friction_coefficients(rubbing, FRICTION)[0].numpy().ravel(),
+        ]
+    )
+    assert (regressor.factors.nmse(theta) < 10.0 * best).all()
+    table = link_table(arm().tree, found.arrays(), arm().inertias)
+    if structure in ("tri", "cov"):
+        assert table[["positive_mass", "positive_definite", "triangle"]].all(axis=None)
+
+
+def test_what_torques_show_is_learned_and_what_they_do_not_show_stays_at_the_start(regressor):
+    free, _ = fit_structure("cov", normalised_triangle(regressor.factors), FRICTION, wrong_inertias(), 400)
+    found = link_inertias("cov", free).arrays()
+    tree = arm().tree
+    table = base_table(tree, base_parameters(tree), found, arm().inertias)
+    large = table["truth"].abs() > 0.2
+    assert large.sum() > 3
+    np.testing.assert_allclose(table["value"][large], table["truth"][large], rtol=0.05)
+    np.testing.assert_allclose(found.mass[0, 0], wrong_inertias().mass[0], rtol=1e-3)  # the base's link
+
+
+def test_link_tables_tell_what_cannot_exist():
+    true = arm().inertias
+    mass, inertia = true.mass[None].copy(), true.inertia[None].copy()
+    mass[0, 0] = -1.0
+    inertia[0, 1] = np.diag([1.0, 1.0, 3.0])
+    inertia[0, 2] = np.diag([-1.0, 2.0, 2.0])
+    table = link_table(arm().tree, LinkInertias(mass, true.first_moment[None], inertia), true)
+    assert table["positive_mass"].tolist() == [False] + [True] * 6
+    assert table["triangle"].tolist()[1:4] == [False, False, True]
+    assert table["positive_definite"].tolist()[1:4] == [True, False, True]
+    np.testing.assert_allclose(table["true_mass_kg"], true.mass)
+    np.testing.assert_allclose(table["true_centre_z_m"], true.first_moment[:, 2] / true.mass)

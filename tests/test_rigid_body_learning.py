@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+import torch
+from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
+
+from structlearn.metrics import nmse
+from structlearn.rigid_body.adam import Adam, AdamParameters
+from structlearn.rigid_body.friction import friction_coefficients, friction_columns
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
+from structlearn.rigid_body.learning import (
+    KINDS,
+    LearningParameters,
+    error_table,
+    learn_in_epochs,
+    learn_online,
+    learner,
+    loss_weights,
+)
+from structlearn.rigid_body.newton_euler import inverse_dynamics
+
+PARAMETERS = LearningParameters(
+    hidden=(8, 8),
+    networks=AdamParameters(rate=3e-3, batch=16),
+    structures=AdamParameters(rate=0.03, batch=32, second_moment_decay=0.99, decay=0.1, mass_step=10.0),
+)
+FRICTION = ("viscous", "coulomb")
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return sine_motion(arm())
+
+
+def start(kind, motion, seeds=(0, 1), friction=(), loss="raw"):
+    return learner(kind, arm().tree, motion, friction, loss, seeds, PARAMETERS)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structure):
+    motion = rubbing_motion(arm())
+    group = start(structure, motion, friction=FRICTION, loss="normalised")
+    free = group.scaled.detach().clone().requires_grad_()
+    rubbing = group.rubbing.detach().clone().requires_grad_()
+    batch = torch.arange(0, 200, 7)
+    q, qd, qdd, torque = (
+        torch.from_numpy(values[batch]) for values in (motion.q, motion.qd, motion.qdd, motion.torque)
+    )
+    inertias = link_inertias(structure, free * group.steps)
+    torques = inverse_dynamics(arm().tree, inertias, q, qd, qdd)
+    columns = torch.from_numpy(friction_columns(motion.qd[batch], FRICTION))
+    torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(rubbing, FRICTION))
+    weights = torch.from_numpy(loss_weights("normalised", motion))
+    ((torques - torque).square() * weights).sum(dim=-1).mean(dim=-1).sum().backward()
+    Adam([free, rubbing], PARAMETERS.structures).step([free.grad, rubbing.grad])
+
+    group.step(batch)
+    torch.testing.assert_close(group.scaled, free, rtol=1e-6, atol=1e-9)
+    torch.testing.assert_close(group.rubbing, rubbing, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_learns_the_same_alone_and_in_a_stack_and_again(kind, motion):
+    def learned(seeds):
+        return learn_online(start(kind, motion, seeds), stride=5)
+
+    both, again, second = learned((0, 1)), learned((0, 1)), learned((1,))
+    for name, values in both.state.items():
+        np.testing.assert_array_equal(values, again.state[name])  # the same bytes
+    # Adam divides by the root of squares: rounding in sums of another order grows where gradients are tiny
+    np.testing.assert_allclose(both.nmse[:4, 1], second.nmse[:4, 0], rtol=1e-3)
+    assert not np.allclose(both.nmse[0, 0], both.nmse[0, 1])
+
+
+@pytest.mark.parametrize("structure", ["symm", "spd", "tri", "cov"])
+def test_structures_with_positive_masses_learn_the_sines(structure, motion):
+    learned = learn_in_epochs(start(structure, motion, loss="normalised"), threshold=0.1, epochs=20)
+    assert (learned.epochs > 0).all()
+    assert (learned.nmse[0] > 0.1).any(axis=1).all()
+
+
+def test_a_model_is_kept_as_it_was_when_it_became_good_enough(motion):
+    group = start("spd", motion, seeds=range(3), loss="normalised")
+    learned = learn_in_epochs(group, threshold=0.1, epochs=20)
+    first = int(learned.epochs.argmin())
+    assert learned.epochs.min() < learned.epochs.max()  # the others went on learning
+    free = torch.from_numpy(learned.state["inertia"])
+    torques = inverse_dynamics(
+        arm().tree,
+        link_inertias("spd", free),
+        *(torch.from_numpy(values) for values in (motion.q, motion.qd, motion.qdd)),
+    ).numpy()
+    for model, epoch in enumerate(learned.epochs):
+        np.testing.assert_allclose(nmse(torques[model], motion.torque), learned.nmse[epoch, model], rtol=1e-6)
+    assert (learned.nmse[: learned.epochs[first], first].max(axis=1) > 0.1).all()
+
+
+def test_friction_is_learned_with_the_inertias():
+    motion = rubbing_motion(arm())
+    with_friction = start("cov", motion, friction=FRICTION, loss="normalised")
+    without = start("cov", motion, loss="normalised")
+    for group in (with_friction, without):
+        learn_in_epochs(group, threshold=0.0, epochs=15)
+    assert with_friction.nmse().max() < 0.05
+    assert without.nmse().max(axis=1).min() > 0.5
+    found = friction_coefficients(with_friction.rubbing.detach(), FRICTION).numpy()
+    np.testing.assert_allclose(found[..., 1], COULOMB, atol=0.2)
+    assert (np.abs(found[..., 0] - VISCOUS) < 0.2).mean() > 0.8
+
+
+def test_networks_learn():
+    motion = rubbing_motion(arm())
+    for kind in ("mlp_scaled", "delan"):
+        group = start(kind, motion, loss="normalised")
+        before = group.nmse().mean(axis=1)
+        learn_in_epochs(group, threshold=0.0, epochs=10)
+        assert (group.nmse().mean(axis=1) < 0.5 * before).all()
+
+
+def test_errors_of_a_network_on_some_samples_estimate_those_on_all(motion):
+    group = start("mlp", motion)
+    np.testing.assert_allclose(group.nmse(stride=3), group.nmse(), rtol=0.05)
+
+
+def test_the_rate_falls_with_the_steps_and_stays():
+    parameters = AdamParameters(rate=0.1, decay=0.1, smallest=0.01)
+    variable = torch.zeros(1, requires_grad=True)
+    adam = Adam([variable], parameters)
+    rates = []
+    for _ in range(3001):
+        adam.step([torch.ones(1)])
+        rates.append(adam.optimiser.param_groups[0]["lr"])
+    np.testing.assert_allclose(rates[::1000], [0.1, 0.01, 0.001, 0.001])
+
+
+def test_the_raw_loss_weighs_all_joints_alike_and_the_other_by_their_variance(motion):
+    np.testing.assert_array_equal(loss_weights("raw", motion), 1.0)
+    np.testing.assert_allclose(loss_weights("normalised", motion) * motion.torque.var(axis=0), 1.0)
+
+
+def test_errors_become_rows():
+    table = error_table(np.arange(12.0).reshape(2, 3, 2), "epoch")
+    row = table[(table["seed"] == 1) & (table["epoch"] == 1) & (table["joint"] == 2)]
+    assert row["nmse"].item() == 9.0
+
+
+def test_a_gradient_may_be_laid_out_otherwise_than_its_variable():
+    gradient = torch.arange(6.0).reshape(2, 3) - 2.5
+    steps = []
+    for layout in (gradient, gradient.mT.contiguous().mT):
+        variable = torch.zeros(2, 3, requires_grad=True)
+        Adam([variable], AdamParameters()).step([layout])
+        steps.append(variable.detach())
+    torch.testing.assert_close(*steps)
+    torch.testing.assert_close(steps[0], -1e-3 * gradient.sign())

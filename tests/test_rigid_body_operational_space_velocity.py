@@ -1,0 +1,95 @@
+import numpy as np
+import pinocchio
+import pybullet_data
+import pytest
+
+from structlearn.rigid_body import compiled
+from structlearn.rigid_body.operational_space_velocity import (
+    VelocityControl,
+    VelocityControlParameters,
+    tool_motion,
+)
+from structlearn.rigid_body.tree import read_urdf
+
+TOOL = np.array([0.02, -0.03, 0.1])
+PARAMETERS = VelocityControlParameters()
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return read_urdf(f"{pybullet_data.getDataPath()}/kuka_iiwa/model.urdf")
+
+
+@pytest.fixture(scope="module")
+def state():
+    rng = np.random.default_rng(2)
+    return np.array([0, 0.5, 0, -1.2, 0, 1, 0]) + rng.uniform(-1.0, 1.0, 7), rng.normal(size=7)
+
+
+def pinocchio_tool(robot, q, qd, qdd):
+    """Position, velocity and acceleration of the tool by Pinocchio."""
+    model = robot.model.copy()
+    frame = pinocchio.Frame("tool", 7, 0, pinocchio.SE3(np.eye(3), TOOL), pinocchio.FrameType.OP_FRAME)
+    place = model.addFrame(frame)
+    data = model.createData()
+    pinocchio.forwardKinematics(model, data, q, qd, qdd)
+    pinocchio.updateFramePlacements(model, data)
+    aligned = pinocchio.LOCAL_WORLD_ALIGNED
+    return (
+        data.oMf[place].translation.copy(),
+        pinocchio.getFrameVelocity(model, data, place, aligned).linear,
+        pinocchio.getFrameClassicalAcceleration(model, data, place, aligned).linear,
+    )
+
+
+def test_tool_moves_as_in_pinocchio(robot, state):
+    q, qd = state
+    position, velocity = tool_motion(robot.tree, TOOL, q[None], qd[None])
+    expected = pinocchio_tool(robot, q, qd, np.zeros(7))
+    np.testing.assert_allclose(position[0], expected[0], atol=1e-12)
+    np.testing.assert_allclose(velocity[0], expected[1], atol=1e-12)
+
+
+def test_tool_gets_the_velocity_and_acceleration_that_the_law_asks_for(robot, state):
+    q, qd = state
+    control = VelocityControl(robot.tree, TOOL, q + 0.3, PARAMETERS)
+    x, xd, _ = pinocchio_tool(robot, q, qd, np.zeros(7))
+    error, slow, wanted = (
+        np.array([0.01, 0.02, -0.01]),
+        np.array([0.1, 0.0, -0.2]),
+        np.array([1.0, -1.0, 0.5]),
+    )
+    velocity, qdd = control.reference(q, qd, (x + error, xd + slow, wanted))
+    gain = PARAMETERS.tool_1_s
+    reached = pinocchio_tool(robot, q, velocity, np.zeros(7))[1]
+    np.testing.assert_allclose(reached, xd + slow + gain * error, atol=1e-4)  # but for the inverse's damping
+    _, _, acceleration = pinocchio_tool(robot, q, qd, qdd)
+    np.testing.assert_allclose(acceleration, wanted + gain * slow, atol=1e-3)
+    np.testing.assert_allclose(control.position, x, atol=1e-12)
+    np.testing.assert_allclose(control.velocity, xd, atol=1e-12)
+
+
+def test_posture_does_not_move_the_tool(robot, state):
+    q, qd = state
+    wanted = pinocchio_tool(robot, q, qd, np.zeros(7))
+    here, there = (
+        VelocityControl(robot.tree, TOOL, posture, PARAMETERS).reference(q, qd, wanted)[0]
+        for posture in (q, q + 0.5)
+    )
+    assert np.abs(there - here).max() > 0.1
+    moved = pinocchio_tool(robot, q, there - here, np.zeros(7))[1]
+    assert np.abs(moved).max() < 1e-4  # the damping of the pseudo-inverse
+
+
+def test_model_and_law_reach_a_goal_in_exact_dynamics(robot):
+    posture = np.array([0.0, 0.5, 0.0, -1.2, 0.0, 1.0, 0.0])
+    control = VelocityControl(robot.tree, TOOL, posture, PARAMETERS)
+    torques = compiled.inverse_dynamics(robot.tree, robot.inertias)
+    data, q, qd, dt = robot.model.createData(), posture.copy(), np.zeros(7), 4e-3
+    goal = tool_motion(robot.tree, TOOL, q[None], qd[None])[0][0] + [0.05, -0.1, 0.05]
+    for _ in range(1000):
+        velocity, qdd = control.reference(q, qd, (goal, np.zeros(3), np.zeros(3)))
+        tau = torques(q, qd, qdd + 10.0 * (velocity - qd))
+        qd = qd + dt * pinocchio.aba(robot.model, data, q, qd, tau)
+        q = q + dt * qd
+    np.testing.assert_allclose(control.position, goal, atol=1e-4)

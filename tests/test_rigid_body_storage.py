@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+import torch
+from rigid_body_motions import arm, rubbing_motion
+
+from structlearn.artefacts import write_tensors
+from structlearn.errors import InputError
+from structlearn.metrics import nmse
+from structlearn.rigid_body.learning import KINDS, LearningParameters, learner
+from structlearn.rigid_body.prediction import predicted_torques
+from structlearn.rigid_body.storage import DynamicsModels, read_dynamics_models, write_dynamics_models
+
+FRICTION = ("viscous", "offset")
+PARAMETERS = LearningParameters(hidden=(8, 6))
+
+
+def trained(kind):
+    """Two models after two steps: the models, and the errors that their training had."""
+    group = learner(kind, arm().tree, rubbing_motion(arm()), FRICTION, "raw", (0, 1), PARAMETERS)
+    for start in (0, 100):
+        group.step(torch.arange(start, start + 100))
+    perceptron = kind.startswith("mlp")
+    hidden = PARAMETERS.hidden if perceptron or kind == "delan" else ()
+    friction = () if perceptron else FRICTION
+    return DynamicsModels(kind, arm().tree.names, friction, hidden, group.state()), group.nmse()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_models_from_a_file_predict_what_they_predicted_in_training(kind, tmp_path):
+    models, errors = trained(kind)
+    for name in ("models", "again"):
+        write_dynamics_models(models, tmp_path / f"{name}.safetensors")
+    assert (tmp_path / "models.safetensors").read_bytes() == (tmp_path / "again.safetensors").read_bytes()
+    back = read_dynamics_models(tmp_path / "models.safetensors")
+    assert (back.kind, back.joints, back.friction, back.hidden) == (
+        models.kind,
+        models.joints,
+        models.friction,
+        models.hidden,
+    )
+    assert back.count == 2
+    motion = rubbing_motion(arm())
+    torques = predicted_torques(back, arm().tree, motion)
+    for model in range(2):
+        np.testing.assert_allclose(nmse(torques[model], motion.torque), errors[model], rtol=1e-4)
+
+
+def test_files_that_hold_something_else_are_refused(tmp_path):
+    path = tmp_path / "models.safetensors"
+    write_tensors({"friction": np.zeros((1, 7, 0))}, path, '{"dynamics_models": {"kind": "spd"}}')
+    with pytest.raises(
+        InputError, match=r"models\.safetensors: holds no dynamics models \(missing 'joints'\)"
+    ):
+        read_dynamics_models(path)
+    write_tensors({"weights": np.zeros(3)}, path, "something else")
+    with pytest.raises(InputError, match="holds no dynamics models"):
+        read_dynamics_models(path)
+    models, _ = trained("spd")
+    models.state["inertia"][0, 0, 0] = np.nan
+    write_dynamics_models(models, path)
+    with pytest.raises(InputError, match="inertia holds a value that is not finite"):
+        read_dynamics_models(path)

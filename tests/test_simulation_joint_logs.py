@@ -1,0 +1,151 @@
+import numpy as np
+import pytest
+
+from structlearn.errors import InputError
+from structlearn.metrics import nmse
+from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
+from structlearn.rigid_body import compiled
+from structlearn.simulation.arm import ArmParameters, with_payload
+from structlearn.simulation.arm_motion import SineParameters
+from structlearn.simulation.joint_logs import (
+    PayloadParameters,
+    ideal_log,
+    own_log,
+    payload_log,
+    stand_in_log,
+)
+from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
+
+MOTION = SineParameters(duration_s=4.0)
+FRAMES = "/joint_states"
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return ArmParameters().read()
+
+
+@pytest.fixture(scope="module")
+def log(robot):
+    return ideal_log(robot, MOTION)
+
+
+def predicted(robot, inertias, log, friction=None) -> np.ndarray:
+    """Torques of a model at the states of a log; Bullet's accelerations are forward differences."""
+    torques = compiled.inverse_dynamics(robot.tree, inertias, friction)
+    rates = np.diff(log.velocities, axis=0) * MOTION.rate_hz
+    states = zip(log.positions[:-1], log.velocities[:-1], rates, strict=True)
+    return np.array([torques(*state) for state in states])
+
+
+def test_the_ideal_log_obeys_the_urdfs_dynamics(robot, log):
+    np.testing.assert_allclose(predicted(robot, robot.inertias, log), log.torques[:-1], atol=1e-8)
+    assert log.joints == robot.tree.names
+    assert len(log.stamps) == 1000
+    assert (np.diff(log.stamps) == 4_000_000).all()
+    assert log.provenance["origin"] == "simulated"
+
+
+def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path):
+    for name in ("a", "b"):
+        write_joint_log(ideal_log(robot, MOTION), tmp_path / f"{name}.mcap")
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+    back = read_joint_log(tmp_path / "a.mcap")
+    np.testing.assert_array_equal(back.torques, log.torques)
+    assert back.provenance == log.provenance
+
+
+def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
+    parameters = StandInParameters()
+    log = stand_in_log(robot, MOTION, parameters)
+    true = stand_in(robot.tree, robot.inertias, parameters)
+    friction = np.stack([true.viscous, true.coulomb, np.zeros(7)])
+    wrong = nmse(predicted(robot, robot.inertias, log), log.torques[:-1])
+    right = nmse(predicted(robot, true.inertias, log, friction), log.torques[:-1])
+    assert (right < wrong).all()
+    assert wrong[[0, 4, 5, 6]].min() > 0.2  # axes that carry little weight: friction decides
+    assert "stand-in" in log.provenance["arm"]
+    assert stand_in_log(robot, MOTION, parameters).torques.tobytes() == log.torques.tobytes()
+
+
+def test_links_of_the_stand_in_are_real_bodies(robot):
+    mechanics = stand_in(robot.tree, robot.inertias, StandInParameters(mass_spread=0.4))
+    moments = np.linalg.eigvalsh(mechanics.inertias.inertia)
+    assert (mechanics.inertias.mass > 0).all()
+    assert (moments > 0).all()
+    np.testing.assert_allclose(
+        moments / np.linalg.eigvalsh(robot.inertias.inertia),
+        (mechanics.inertias.mass / robot.inertias.mass)[:, None].repeat(3, axis=1),
+    )
+
+
+def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot, log):
+    nothing = StandInParameters(
+        viscous_share=0,
+        coulomb_share=0,
+        ripple_share=0,
+        noise_share=0,
+        mass_spread=0,
+        centre_spread_m=0,
+        latency_ticks=0,
+    )
+    np.testing.assert_allclose(stand_in_log(robot, MOTION, nothing).torques, log.torques, atol=1e-8)
+
+
+def test_the_payload_appears_when_it_is_picked_up(robot):
+    parameters = PayloadParameters()
+    log = payload_log(robot, MOTION, parameters)
+    loaded = with_payload(robot.inertias, parameters.body)
+    without, carrying = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
+    half = 500
+    np.testing.assert_allclose(without[:half], log.torques[:half], atol=1e-8)
+    np.testing.assert_allclose(carrying[half:], log.torques[half:-1], atol=1e-8)
+    assert np.abs(without[half:] - log.torques[half:-1]).max() > 1.0
+    assert log.provenance["payload"] == "1.5 kg from 2 s on"
+
+
+def written(log: JointLog, folder, **changes):
+    fields = {name: getattr(log, name) for name in ("joints", "stamps", "positions", "velocities", "torques")}
+    path = folder / "robot.mcap"
+    write_joint_log(JointLog("robot", **(fields | changes)), path)
+    return path
+
+
+def test_an_own_log_in_another_order_is_put_right(robot, log, tmp_path):
+    order = [3, 1, 0, 2, 6, 5, 4]
+    signals = {name: getattr(log, name)[:, order] for name in ("positions", "velocities", "torques")}
+    written(log, tmp_path, joints=tuple(log.joints[place] for place in order), **signals)
+    back = own_log(tmp_path, FRAMES, robot.tree, 0.1)
+    assert back.joints == robot.tree.names
+    np.testing.assert_array_equal(back.positions, log.positions)
+    np.testing.assert_array_equal(back.torques, log.torques)
+
+
+def test_an_own_log_of_another_robot_is_refused(robot, log, tmp_path):
+    path = written(log, tmp_path, joints=tuple(f"axis_{number}" for number in range(7)))
+    with pytest.raises(InputError, match=r"robot\.mcap: .* lacks .*lbr_iiwa_joint_1, .* it has axis_0"):
+        own_log(path, FRAMES, robot.tree, 0.1)
+
+
+def test_an_own_log_without_effort_is_refused(robot, log, tmp_path):
+    path = tmp_path / "robot.mcap"
+    empty = JointLog("robot", log.joints, log.stamps, log.positions, log.velocities, log.torques)
+    object.__setattr__(empty, "torques", np.zeros((len(log.stamps), 0)))  # as a driver that measures none
+    write_joint_log(empty, path)
+    with pytest.raises(InputError, match=r"robot\.mcap: topic '/joint_states' has no joint torques"):
+        own_log(path, FRAMES, robot.tree, 0.1)
+
+
+def test_an_own_log_with_a_hole_is_refused(robot, log, tmp_path):
+    stamps = log.stamps.copy()
+    stamps[500:] += 300_000_000
+    path = written(log, tmp_path, stamps=stamps)
+    with pytest.raises(InputError, match=r"row 499 .* gap of 0\.304 s, longer than max_gap_s = 0\.1"):
+        own_log(path, FRAMES, robot.tree, 0.1)
+
+
+def test_a_source_needs_one_log(robot, log, tmp_path):
+    with pytest.raises(InputError, match=r"holds 0 \.mcap files"):
+        own_log(tmp_path, FRAMES, robot.tree, 0.1)
+    with pytest.raises(InputError, match="other/topic"):
+        own_log(written(log, tmp_path), "/other/topic", robot.tree, 0.1)

@@ -1,0 +1,101 @@
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from structlearn.rigid_body import compiled
+from structlearn.rigid_body.operational_space_velocity import tool_motion
+from structlearn.simulation.arm import ArmParameters, ideal
+from structlearn.simulation.arm_motion import SineParameters
+from structlearn.simulation.reaching import ReachingParameters, first_posture, reaches
+from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
+from structlearn.simulation.tracking import Candidate, Testbed, known, track
+
+MOTION = SineParameters(duration_s=2.0)
+REACHING = ReachingParameters(goals=2)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def in_this_process():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
+        yield
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return ArmParameters().read()
+
+
+@pytest.fixture(scope="module")
+def testbed(robot):
+    return Testbed("iiwa", robot, ideal(robot.inertias), MOTION, REACHING)
+
+
+def nothing_then_nan():
+    return lambda q, qd, qdd: np.full(7, np.nan)
+
+
+@pytest.fixture(scope="module")
+def tables(testbed):
+    return track(testbed, [*known(testbed, 2), Candidate("broken", (1,), nothing_then_nan)])
+
+
+def test_the_truth_follows_sines_and_reaches(tables):
+    scores = tables[0].query("model == 'ground_truth'")
+    assert len(scores) == 4  # two seeds, two tasks
+    assert (scores.position_nmse < 1e-4).all()
+    assert (scores.velocity_nmse < 1e-3).all()
+    assert (scores.stopped == "").all()
+    assert scores.query("task == 'reach'").position_nmse.nunique() == 2
+
+
+def test_a_model_that_fails_is_told_not_dropped(tables):
+    broken = tables[0].query("model == 'broken'")
+    assert list(broken.stopped) == ["not finite", "not finite"]
+    assert (broken.duration_s == 0).all()
+    assert broken.position_nmse.isna().all()
+
+
+def test_paths_show_arm_and_tool(tables, testbed, robot):
+    paths = tables[1].query("model == 'ground_truth' and task == 'reach'")
+    assert len(paths) == 2 * 4 * 25
+    q = paths[list(robot.tree.names)].to_numpy()
+    tool, _ = tool_motion(robot.tree, REACHING.tool_m, q, np.zeros_like(q))
+    np.testing.assert_allclose(paths[["tool_x", "tool_y", "tool_z"]], tool, atol=1e-9)
+    wanted = reaches(robot.tree, REACHING, MOTION.rate_hz, 0).x[::10]
+    np.testing.assert_allclose(paths[["wanted_x", "wanted_y", "wanted_z"]], wanted)
+
+
+def test_scores_are_those_of_the_definition(testbed, robot):
+    heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
+    wrong = partial(compiled.inverse_dynamics, robot.tree, heavy)
+    scores, paths = track(testbed, [Candidate("wrong", (0,), wrong)])
+    reach = scores.query("task == 'reach'").iloc[0]
+    path = paths.query("task == 'reach'")
+    tool, wanted = (path[[f"{name}_{axis}" for axis in "xyz"]].to_numpy() for name in ("tool", "wanted"))
+    expected = ((tool - wanted) ** 2).mean(axis=0).sum() / wanted.var(axis=0).sum()
+    assert reach.position_nmse == pytest.approx(expected, rel=0.05)  # the path is every tenth tick
+
+
+def test_the_stand_in_has_a_default_model_beside_the_truth(robot, testbed):
+    other = Testbed(
+        "stand_in", robot, stand_in(robot.tree, robot.inertias, StandInParameters()), MOTION, REACHING
+    )
+    assert [candidate.name for candidate in known(testbed, 1)] == ["ground_truth"]
+    assert [candidate.name for candidate in known(other, 1)] == ["ground_truth", "default"]
+    scores = track(other, known(other, 1))[0].query("task == 'reach'").set_index("model").position_nmse
+    assert scores["ground_truth"] < scores["default"]
+
+
+def test_reaches_start_at_rest_and_end_at_goals_in_the_box(robot):
+    path = reaches(robot.tree, REACHING, 250.0, seed=3)
+    posture = first_posture(robot.tree, REACHING)[None]
+    start, _ = tool_motion(robot.tree, REACHING.tool_m, posture, 0 * posture)
+    np.testing.assert_allclose(path.x[0], start[0])
+    assert (np.abs(path.x[[999, 1999]] - start) <= REACHING.half_box_m).all()
+    np.testing.assert_allclose(path.xd[[0, 999, 1000, 1999]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.gradient(path.x, 4e-3, axis=0)[1:-1], path.xd[1:-1], atol=2e-3)
+    np.testing.assert_allclose(np.gradient(path.xd, 4e-3, axis=0)[2:-2], path.xdd[2:-2], atol=2e-2)
+    assert not np.allclose(path.x, reaches(robot.tree, REACHING, 250.0, seed=4).x)

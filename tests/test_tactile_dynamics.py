@@ -1,0 +1,170 @@
+"""Forward and inverse dynamics of the latent state."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from structlearn.tactile.forward_dynamics import (
+    AffineDynamics,
+    LocallyLinearDynamics,
+    NonLinearDynamics,
+    applied,
+    chained,
+)
+from structlearn.tactile.inverse_dynamics import (
+    LatentStep,
+    inferred_action,
+    linearised,
+    negative_gradient,
+    optimal_action,
+    receding_horizon_action,
+)
+
+DT = 0.31
+MODELS, SAMPLES = 2, 5
+
+
+def draw(*shape, seed=0):
+    return torch.tensor(np.random.default_rng([seed, *shape]).normal(size=shape))
+
+
+def doubled(dynamics):
+    """The same models in double precision, as finite differences need."""
+    arrays = {name: values.double() for name, values in dynamics.network.to_arrays().items()}
+    return type(dynamics)(type(dynamics.network).from_arrays(arrays))
+
+
+def nonlinear():
+    return doubled(NonLinearDynamics.initial(MODELS, 15, torch.Generator().manual_seed(0)))
+
+
+def locally_linear():
+    return doubled(LocallyLinearDynamics.initial(MODELS, (8, 15, 23), torch.Generator().manual_seed(0)))
+
+
+def affine(seed=0):
+    shapes = (MODELS, 3, 3, SAMPLES), (MODELS, 3, 6, SAMPLES), (MODELS, 3, SAMPLES)
+    return AffineDynamics(*(draw(*shape, seed=seed) for shape in shapes))
+
+
+def step():
+    return LatentStep(
+        draw(MODELS, 3, SAMPLES),
+        draw(MODELS, 3, SAMPLES, seed=1),
+        draw(MODELS, 6, SAMPLES),
+        torch.tensor([DT], dtype=torch.float64),
+    )
+
+
+def test_jacobians_are_those_of_finite_differences():
+    dynamics, latent, action = nonlinear(), draw(MODELS, 3, SAMPLES), draw(MODELS, 6, SAMPLES)
+    by_latent, by_action = dynamics.jacobians(latent, action)
+    small = 1e-6
+    for component in range(3):
+        change = torch.zeros_like(latent)
+        change[:, component] = small
+        slope = (dynamics.rate(latent + change, action) - dynamics.rate(latent - change, action)) / (
+            2 * small
+        )
+        torch.testing.assert_close(by_latent[:, :, component], slope, atol=1e-8, rtol=1e-6)
+    for component in range(6):
+        change = torch.zeros_like(action)
+        change[:, component] = small
+        slope = (dynamics.rate(latent, action + change) - dynamics.rate(latent, action - change)) / (
+            2 * small
+        )
+        torch.testing.assert_close(by_action[:, :, component], slope, atol=1e-8, rtol=1e-6)
+
+
+def test_locally_linear_rate_is_its_matrices():
+    dynamics, latent, action = locally_linear(), draw(MODELS, 3, SAMPLES), draw(MODELS, 6, SAMPLES)
+    found, rate = dynamics.affine(latent), dynamics.rate(latent, action)
+    for model in range(MODELS):
+        for sample in range(SAMPLES):
+            expected = (
+                found.state[model, :, :, sample] @ latent[model, :, sample]
+                + found.action[model, :, :, sample] @ action[model, :, sample]
+                + found.constant[model, :, sample]
+            )
+            torch.testing.assert_close(rate[model, :, sample], expected)
+
+
+def test_chain_feeds_predictions_back():
+    dynamics, latent, actions = nonlinear(), draw(MODELS, 3, SAMPLES), draw(3, MODELS, 6, SAMPLES)
+    time_step = torch.linspace(0.29, 0.33, SAMPLES, dtype=torch.float64)
+    states = chained(dynamics, latent, actions, time_step)
+    for before, after, action in zip([latent, *states[:-1]], states, actions, strict=True):
+        torch.testing.assert_close(after, before + dynamics.rate(before, action) * time_step)
+
+
+@given(seed=st.integers(0, 1000), penalty=st.floats(1e-3, 10.0))
+def test_appendix_a_is_what_a_numerical_solver_finds(seed, penalty):
+    dynamics, latent, target = affine(seed), draw(MODELS, 3, SAMPLES, seed=seed), draw(MODELS, 3, SAMPLES)
+    found = optimal_action(dynamics, latent, target, torch.tensor([DT], dtype=torch.float64), penalty)
+
+    def cost(action):
+        after = latent[1, :, 2].numpy() + DT * (
+            dynamics.state[1, :, :, 2].numpy() @ latent[1, :, 2].numpy()
+            + dynamics.action[1, :, :, 2].numpy() @ action
+            + dynamics.constant[1, :, 2].numpy()
+        )
+        return 0.5 * np.sum((target[1, :, 2].numpy() - after) ** 2) + 0.5 * penalty * np.sum(action**2)
+
+    solved = minimize(cost, np.zeros(6), method="BFGS", options={"gtol": 1e-10})
+    np.testing.assert_allclose(found[1, :, 2].numpy(), solved.x, atol=2e-5)
+
+
+def test_jacobian_model_is_equation_18_of_the_text():
+    dynamics, at, action = nonlinear(), step(), draw(MODELS, 6, SAMPLES, seed=7)
+    by_latent, by_action = dynamics.jacobians(at.previous_latent, at.previous_action)
+    state = by_latent + torch.eye(3, dtype=torch.float64)[:, :, None] / DT
+    constant = -applied(state, at.previous_latent) - applied(by_action, at.previous_action)
+    expected = applied(state, at.latent) + applied(by_action, action) + constant
+    torch.testing.assert_close(linearised(dynamics, at).rate(at.latent, action), expected)
+
+
+def test_negative_gradient_is_that_of_autograd():
+    dynamics, latent, target = nonlinear(), draw(MODELS, 3, SAMPLES), draw(MODELS, 3, SAMPLES, seed=3)
+    action = torch.zeros(MODELS, 6, SAMPLES, dtype=torch.float64, requires_grad=True)
+    distance = (latent + dynamics.rate(latent, action) * DT - target).square().sum()
+    (gradient,) = torch.autograd.grad(distance, action)
+    time_step = torch.tensor([DT], dtype=torch.float64)
+    torch.testing.assert_close(negative_gradient(dynamics, latent, target, time_step), -gradient)
+
+
+@pytest.mark.parametrize(("inverse", "dynamics"), [("LL", locally_linear()), ("NG", nonlinear())])
+def test_inverse_models_lead_towards_the_target(inverse, dynamics):
+    at, rest = step(), torch.zeros(MODELS, 6, SAMPLES, dtype=torch.float64)
+    idle = at.latent + DT * dynamics.rate(at.latent, rest)
+    target = idle + 1e-3 * draw(MODELS, 3, SAMPLES, seed=4)
+    action = inferred_action(inverse, dynamics, at, target, penalty=0.1)
+    arrived = at.latent + DT * dynamics.rate(at.latent, 1e-2 * action)  # short: the model is not linear
+    assert ((arrived - target).norm(dim=1) < (idle - target).norm(dim=1)).all()
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 5])
+def test_horizon_is_what_a_numerical_solver_finds(horizon):
+    dynamics, latent, target, penalty = (
+        affine(),
+        draw(MODELS, 3, SAMPLES),
+        draw(MODELS, 3, SAMPLES, seed=2),
+        0.2,
+    )
+    found = receding_horizon_action(dynamics, latent, target, DT, penalty, horizon)
+
+    def cost(actions):
+        state, total = latent[0, :, 3].numpy(), 0.5 * penalty * np.sum(actions**2)
+        for action in actions.reshape(horizon, 6):
+            rate = dynamics.state[0, :, :, 3].numpy() @ state + dynamics.action[0, :, :, 3].numpy() @ action
+            state = state + DT * (rate + dynamics.constant[0, :, 3].numpy())
+            total += 0.5 * np.sum((target[0, :, 3].numpy() - state) ** 2)
+        return total
+
+    solved = minimize(cost, np.zeros(6 * horizon), method="BFGS", options={"gtol": 1e-10})
+    np.testing.assert_allclose(found[0, :, 3].numpy(), solved.x[:6], atol=2e-5)
+    if horizon == 1:
+        time_step = torch.tensor([DT], dtype=torch.float64)
+        torch.testing.assert_close(found, optimal_action(dynamics, latent, target, time_step, penalty))

@@ -1,0 +1,301 @@
+"""Training, evaluation, files and runtime of latent spaces of touch, on a toy finger."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from tactile_toy import toy_dataset, toy_geodesics
+
+from structlearn import metrics
+from structlearn.artefacts import write_tensors
+from structlearn.errors import InputError
+from structlearn.parallel import BACKEND
+from structlearn.tactile.comparison import LatentParameters, learn
+from structlearn.tactile.controller import ServoParameters, TactileServo
+from structlearn.tactile.dataset import TEST, TRAIN, chains
+from structlearn.tactile.geodesics import Geodesics
+from structlearn.tactile.inverse_dynamics import JACOBIAN
+from structlearn.tactile.latent_evaluation import ChainData, SplitData, forward_errors, latent_errors
+from structlearn.tactile.latent_models import (
+    FORWARD_OF,
+    NO_INVERSE,
+    NONLINEAR,
+    LatentModels,
+    NetworkParameters,
+)
+from structlearn.tactile.learning import (
+    CHAIN_STEPS,
+    LatentTrainingParameters,
+    autoencoder_loss,
+    direction_loss,
+    draw_pairs,
+    dynamics_loss,
+    train,
+    training_data,
+)
+from structlearn.tactile.storage import read_models, write_models
+from structlearn.tactile.units import touch_units
+from structlearn.tensors import seeded
+
+QUICK = LatentTrainingParameters(steps=250, evaluate_every=125, batch_size=32)
+SMALL = LatentParameters(seeds=2, training=QUICK, pair_pool=5000, evaluation_pairs=500, longest_chain=3)
+
+
+@pytest.fixture(scope="module")
+def touch():
+    dataset = toy_dataset()
+    return dataset, toy_geodesics(dataset)
+
+
+@pytest.fixture(scope="module")
+def lesson(touch):
+    dataset, geodesics = touch
+    taught = chains(dataset, CHAIN_STEPS, split=TRAIN)
+    units = touch_units(dataset, taught, 0.01)
+    pairs = draw_pairs(dataset, geodesics, TRAIN, 5000, np.random.default_rng(0))
+    return training_data(dataset, pairs, taught, units)
+
+
+@pytest.fixture(scope="module")
+def comparison(touch):
+    with pytest.MonkeyPatch.context() as here:
+        here.setenv(BACKEND, "sequential")
+        return learn(*touch, SMALL)
+
+
+def models(seeds=(0, 1)):
+    return LatentModels.initial(seeds, 19, NetworkParameters(), seeded(0))
+
+
+def test_units_make_training_samples_alike(touch):
+    dataset, _ = touch
+    taught = chains(dataset, CHAIN_STEPS, split=TRAIN)
+    units = touch_units(dataset, taught, 0.01)
+    signals = units.signals(dataset.signals[dataset.split == TRAIN])
+    np.testing.assert_allclose(signals.std(axis=0), 1.0, atol=1e-4)
+    actions = taught.actions / units.action_scale
+    assert np.square(actions[..., :3]).mean() == pytest.approx(1.0, rel=1e-4)
+    assert np.square(actions[..., 3:]).mean() == pytest.approx(1.0, rel=1e-4)
+    changed = dataclasses.replace(
+        dataset, signals=np.where((dataset.split == TEST)[:, None], 1e6, dataset.signals)
+    )
+    np.testing.assert_array_equal(touch_units(changed, taught, 0.01).signal_scale, units.signal_scale)
+
+
+def test_units_refuse_a_dead_electrode(touch):
+    dataset, _ = touch
+    signals = dataset.signals.copy()
+    signals[:, 4] = 7.0
+    with pytest.raises(InputError, match="electrode 5 has the same value in all samples"):
+        touch_units(dataclasses.replace(dataset, signals=signals), chains(dataset, 3, split=TRAIN), 0.01)
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (TRAIN, "a chain of 3 steps needs a contact that stays pressed for 0.87 s; the train split has none"),
+        (TEST, "a chain of 4 steps needs a contact that stays pressed for 1.24 s; the test split has none"),
+    ],
+)
+def test_contacts_that_are_too_short_for_chains_are_refused(touch, part, message):
+    dataset, geodesics = touch
+    pressed = (dataset.split != part) | (dataset.time < 0.6)  # s, in every contact
+    with pytest.raises(InputError, match=message):
+        learn(
+            dataclasses.replace(dataset, pressed=pressed),
+            geodesics,
+            SMALL.model_copy(update={"longest_chain": 4}),
+        )
+
+
+def test_without_chains_the_dynamics_stay_as_they_are(lesson):
+    stack, untouched = models(), models()
+    bare = dataclasses.replace(
+        lesson, chains=lesson.chains[:0], actions=lesson.actions[:0], time_step=lesson.time_step[:0]
+    )
+    assert list(train(stack, bare, QUICK.model_copy(update={"steps": 3}))) == [3]
+    for one, other in zip(stack.dynamics_parameters(), untouched.dynamics_parameters(), strict=True):
+        assert torch.equal(one, other)
+    assert not torch.equal(stack.autoencoders.parameters()[0], untouched.autoencoders.parameters()[0])
+
+
+def test_pairs_share_bin_and_split(touch):
+    dataset, geodesics = touch
+    pairs = draw_pairs(dataset, geodesics, TEST, 402, np.random.default_rng(0))
+    assert len(pairs.first) == len(pairs.second) == len(pairs.distance) == 402
+    assert (dataset.split[[pairs.first, pairs.second]] == TEST).all()
+    for first, second, distance in zip(pairs.first, pairs.second, pairs.distance, strict=True):
+        place, row = np.argwhere(geodesics.rows == first)[0]
+        column = np.flatnonzero(geodesics.rows[place] == second)[0]
+        assert distance == geodesics.distance[place, row, column]
+
+
+def test_pairs_need_samples_of_the_split_in_every_bin(touch):
+    dataset, geodesics = touch
+    rows = np.flatnonzero(dataset.split == TRAIN)[:10][None]
+    lacking = Geodesics(rows, geodesics.distance[:1, :10, :10])
+    with pytest.raises(InputError, match="a bin has fewer than two samples of split 2"):
+        draw_pairs(dataset, lacking, TEST, 10, np.random.default_rng(0))
+
+
+def test_the_dynamics_do_not_change_the_encoders(lesson):
+    stack = models()
+    drawn = torch.zeros(2, 8, dtype=torch.long)
+    means = stack.autoencoders.encoder.means[0].clone()
+    loss = dynamics_loss(stack, lesson, drawn, QUICK)
+    spaces, dynamics = stack.autoencoders.parameters(), stack.dynamics_parameters()
+    found = torch.autograd.grad(loss, [*spaces, *dynamics], allow_unused=True)
+    assert all(gradient is None for gradient in found[: len(spaces)])
+    assert all(gradient is not None for gradient in found[len(spaces) :])
+    assert torch.equal(means, stack.autoencoders.encoder.means[0])
+
+
+def test_without_structure_map_and_pressure_are_free(lesson):
+    stack = models(seeds=(0,))
+    drawn = torch.arange(8)[None]
+    encoder = stack.autoencoders.encoder.weights[0]
+
+    def gradient(**changes):
+        weights = QUICK.weights.model_copy(update=changes)
+        loss = autoencoder_loss(stack, lesson, drawn, QUICK.model_copy(update={"weights": weights}))
+        return torch.autograd.grad(loss, encoder)[0]
+
+    with_it, without_it = gradient() - gradient(distances=0.0, pressure=0.0)
+    assert with_it.abs().max() > 1e-3
+    assert without_it.abs().max() < 1e-6
+
+
+def test_direction_loss_is_that_of_the_text():
+    rng = np.random.default_rng(0)
+    found, action = rng.normal(size=(2, 2, 6, 7))
+    scaled = found / np.linalg.norm(found, axis=1, keepdims=True)
+    wanted = np.square(scaled * np.linalg.norm(action, axis=1, keepdims=True) - action).sum(axis=1)
+    loss = direction_loss(torch.tensor(found), torch.tensor(action))
+    assert loss.item() == pytest.approx(wanted.mean(axis=1).sum())
+    assert direction_loss(torch.tensor(3.0 * action), torch.tensor(action)).item() < 1e-9
+
+
+def test_training_is_deterministic(lesson):
+    first, second = models(), models()
+    for stack in (first, second):
+        assert list(train(stack, lesson, QUICK.model_copy(update={"steps": 20}))) == [20]
+    for name, values in first.to_arrays().items():
+        assert torch.equal(values, second.to_arrays()[name]), name
+
+
+def test_structure_gives_a_map_of_the_skin(comparison):
+    test = comparison.latent.query("split == 'test'").groupby("structure").mean(numeric_only=True)
+    assert test.loc[True, "distances"] < 0.15 < test.loc[False, "distances"]
+    assert test.loc[True, "pressure"] < 0.1
+    assert test["reconstruction"].max() < 0.35
+    assert set(comparison.latent["seed"]) == {0, 1}
+
+
+def test_dynamics_beat_standing_still_and_their_loss_turns_the_inverse_right(comparison):
+    forward = comparison.forward.query("structure and steps == 1").groupby(["forward", "trained_with"])[
+        "nmse"
+    ]
+    error = forward.mean()
+    assert error[NONLINEAR, NO_INVERSE] < error["unchanged", NO_INVERSE]
+    asked = comparison.directions.query("structure and comparison == 'encoder'")
+    distance = asked.groupby(["inverse", "trained_with"])["distance"].mean()
+    assert distance[JACOBIAN, JACOBIAN] < distance[JACOBIAN, NO_INVERSE]
+
+
+def test_the_learning_curve_ends_at_the_final_errors(comparison):
+    last = comparison.curve.query("step == @QUICK.steps and quantity == 'reconstruction'")
+    final = comparison.latent.query("split == 'test'")
+    keys = ["structure", "seed"]
+    np.testing.assert_allclose(
+        last.sort_values(keys)["value"], final.sort_values(keys)["reconstruction"], rtol=1e-9
+    )
+    assert set(comparison.curve["step"]) == {125, 250}
+
+
+def test_errors_are_normalised_as_everywhere(comparison, touch):
+    dataset, _ = touch
+    stack, units = comparison.models, comparison.units
+    servo = TactileServo(stack, units, True, ServoParameters(), 3.0)
+    rows = dataset.split == TEST
+    signals = dataset.signals[rows]
+    decoded = servo.decode(servo.encode(np.tile(signals, (2, 1, 1))))
+    for seed in range(2):
+        expected = metrics.nmse(decoded[seed], signals).mean()
+        found = comparison.latent.query("structure and split == 'test' and seed == @seed")["reconstruction"]
+        assert found.item() == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_joined_stack_has_every_model(lesson):
+    stacks = [models((0, 1)), models((2,))]
+    joined = LatentModels.joined(stacks)
+    assert joined.seeds == (0, 1, 2)
+    assert len(joined) == 6
+    inputs = lesson.signals[:10].T
+    whole = joined.autoencoders.encoder.forward(inputs.expand(6, -1, -1))
+    part = stacks[0].autoencoders.encoder.forward(inputs.expand(4, -1, -1))
+    torch.testing.assert_close(whole[[0, 1, 3, 4]], part)  # structure first, then seeds
+    latent, action = torch.randn(6, 3, 5), torch.randn(6, 6, 5)
+    rate = joined.dynamics(NONLINEAR, JACOBIAN).rate(latent, action)
+    own = stacks[1].dynamics(NONLINEAR, JACOBIAN).rate(latent[[2, 5]], action[[2, 5]])
+    torch.testing.assert_close(rate[[2, 5]], own)
+
+
+def test_files_keep_models_and_units(tmp_path, comparison):
+    path = tmp_path / "models.safetensors"
+    write_models(comparison.models, comparison.units, path)
+    stack, units = read_models(path)
+    assert stack.seeds == (0, 1)
+    for name, values in comparison.models.to_arrays().items():
+        assert torch.equal(stack.to_arrays()[name], values), name
+    np.testing.assert_array_equal(units.action_scale, comparison.units.action_scale)
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "other.safetensors"
+    write_tensors({"x": np.zeros(3)}, path, "something else")
+    with pytest.raises(InputError, match="holds no latent spaces of touch"):
+        read_models(path)
+
+
+@pytest.mark.parametrize("chosen", [{"inverse": "LL"}, {"inverse": "NG"}, {"inverse": "NJ"}, {"horizon": 4}])
+def test_controllers_move_the_touch_towards_the_target_in_their_own_model(comparison, touch, chosen):
+    dataset, _ = touch
+    servo = TactileServo(comparison.models, comparison.units, True, ServoParameters(**chosen), 100 / 31)
+    rng = np.random.default_rng(0)
+    samples = dataset.signals[rng.permutation(np.flatnonzero(dataset.split == TEST))[:80]]
+    start, target = (servo.encode(part) for part in samples.reshape(2, 2, 20, 19))
+    action, memory = servo.act(start, target, servo.start(start))
+    assert action.shape == (2, 20, 6)
+    assert memory.latent is start
+    bound = np.linalg.norm(action / comparison.units.action_scale, axis=-1)
+    assert bound.max() <= ServoParameters().largest_action * (1 + 1e-9)
+    again = servo.remembered(start, action)
+    np.testing.assert_allclose(again.action, memory.action)
+    inverse = ServoParameters(**chosen).inverse
+    dynamics = comparison.models.dynamics(FORWARD_OF[inverse], inverse).part(slice(0, 2))
+    latent, goal = (torch.tensor(values, dtype=torch.float32).mT for values in (start, target))
+    done = torch.tensor(memory.action, dtype=torch.float32).mT
+    left, idle = (
+        (goal - latent - dynamics.rate(latent, which) * 0.31).norm(dim=1).mean()
+        for which in (done, torch.zeros_like(done))
+    )
+    assert left < idle
+
+
+def test_gradient_has_no_horizon(comparison):
+    with pytest.raises(InputError, match="its horizon must be 1"):
+        TactileServo(comparison.models, comparison.units, True, ServoParameters(inverse="NG", horizon=2), 3.0)
+
+
+def test_evaluation_leaves_models_as_they_are(comparison, lesson):
+    stack = comparison.models
+    before = {name: values.clone() for name, values in stack.to_arrays().items()}
+    chain = ChainData(lesson.signals, lesson.chains[:50], lesson.actions[:50], lesson.time_step[:50])
+    first, second = lesson.pairs[:50].T
+    pairs = lesson.signals[first], lesson.signals[second], lesson.geodesic[:50]
+    split = SplitData(lesson.signals[:50], lesson.pressure[:50], *pairs)
+    latent_errors(stack, {"train": split})
+    forward_errors(stack, chain)
+    for name, values in stack.to_arrays().items():
+        assert torch.equal(values, before[name]), name

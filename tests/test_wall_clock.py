@@ -1,0 +1,87 @@
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from structlearn.wall_clock import RUN_BY_DVC, TIMES, StageTime, read_times, record
+
+STAGE = """
+import sys, time
+from structlearn.parallel import parallel_map
+from structlearn.stage import run
+
+def work(seconds):
+    while time.process_time() < seconds:
+        pass
+
+def main():
+    parallel_map(work, [float(word) for word in sys.argv[1:]], "work")
+    if len(sys.argv) == 1:
+        raise ValueError("a bug")
+
+if __name__ == "__main__":
+    run(main)
+"""
+
+
+def run_stage(folder, *words, **variables):
+    (folder / "stage.py").write_text(STAGE)
+    unset = {name: value for name, value in os.environ.items() if name != RUN_BY_DVC}
+    return subprocess.run(
+        [sys.executable, "stage.py", *words],
+        cwd=folder,
+        env=unset | variables,
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_a_stage_of_dvc_leaves_its_time_with_that_of_its_workers(tmp_path):
+    """Every process works until it has used so many seconds, so no less can be counted."""
+    done = run_stage(tmp_path, "2", "1.5", **{RUN_BY_DVC: "some/dvc.yaml:stage"})
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    (found,) = read_times(tmp_path / TIMES).items()
+    assert found[0] == "stage.py 2 1.5"
+    assert found[1].cpu_s >= 2.0
+
+
+def test_a_stage_run_by_hand_or_that_fails_leaves_none(tmp_path):
+    assert run_stage(tmp_path, "0").returncode == 0
+    assert run_stage(tmp_path, **{RUN_BY_DVC: "stage"}).returncode == 1
+    assert not (tmp_path / "reports").exists()
+
+
+def test_times_are_kept_by_command_the_last_one_counts(tmp_path):
+    path = tmp_path / TIMES
+    record("stages/b.py", StageTime(3.0, 4.0), path)
+    record("stages/a.py", StageTime(1.26, 0.04), path)
+    record("stages/b.py", StageTime(5.0, 6.0), path)
+    assert read_times(path) == {"stages/a.py": StageTime(1.3, 0.0), "stages/b.py": StageTime(5.0, 6.0)}
+    written = json.loads(path.read_text())
+    assert list(written) == ["stages/a.py", "stages/b.py"]
+    assert written["stages/b.py"] == {"wall_s": 5.0, "cpu_s": 6.0}
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b'{"a": ', b"\xff\xfe", b"[1]", b'{"a": 1}', b'{"a": {"wall_s": null, "cpu_s": 1}}']
+)
+def test_a_damaged_file_is_started_anew(tmp_path, content):
+    path = tmp_path / "stages.json"
+    path.write_bytes(content)
+    assert read_times(path) == {}
+    record("stages/a.py", StageTime(1.0, 2.0), path)
+    assert read_times(path) == {"stages/a.py": StageTime(1.0, 2.0)}
+
+
+def test_a_time_that_cannot_be_written_is_told_and_fails_nothing(tmp_path, capsys):
+    (tmp_path / "reports").write_text("a file where the folder should be")
+    record("stages/a.py", StageTime(1.0, 2.0), tmp_path / TIMES)
+    assert "the time of stages/a.py is not written" in capsys.readouterr().err
+
+
+def test_a_stage_starts_without_pandas():
+    code = "import structlearn.stage, sys; sys.exit('pandas' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
