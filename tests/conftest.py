@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The end-to-end test first: it takes as long as all others, which fill the other processes meanwhile."""
-    items.sort(key=lambda item: item.path.name != "test_pipeline.py")
+    """The pipelines first: they take longest, and all others fill the other processes meanwhile."""
+    items.sort(key=lambda item: not item.path.name.startswith("test_pipeline"))
 
 
 @pytest.fixture(scope="session")
