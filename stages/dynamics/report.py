@@ -36,7 +36,17 @@ PARAMETERS = {
     "online": OnlineParameters,
 }
 COMPARED = ("kuka_iiwa/model.urdf", "franka_panda/panda.urdf", "xarm/xarm6_robot.urdf")
-RUBBING = ("cov", f"cov{COULOMB}")
+FRICTION_MODELS = ("cov", f"cov{COULOMB}")
+TABLES = {
+    "errors": "models/errors",
+    "outcomes": "models/outcomes",
+    "links": "models/links",
+    "base": "models/base_parameters",
+    "scores": "tracking/scores",
+    "paths": "tracking/paths",
+    "online": "online/errors",
+    "payload": "online/payload",
+}
 RECORDINGS = {
     "reaches": "the arm reaches with the ground truth and with learned models",
     "robot_reaches": "likewise the stand-in for the robot, with the default model and learned ones",
@@ -51,35 +61,19 @@ def main() -> None:
     simulated = parameters["record_motion"].source == SIMULATED
     mechanics = stand_in(robot.tree, robot.inertias, parameters["stand_in"]) if simulated else None
     log = read_joint_log("data/raw/dynamics/stand_in/log.mcap")
-    motion = measured_motion(
-        log.name,
-        log.time,
-        log.positions,
-        log.velocities,
-        log.torques,
-        cutoff_hz=parameters["train_dynamics"].smoothing_hz,
-    )
-    loss = parameters["track"].loss
-    rubbing = {
-        name: read_dynamics_models(f"{DATA}/models/stand_in/{loss}/{name}.safetensors") for name in RUBBING
-    }
+    signals = (log.time, log.positions, log.velocities, log.torques)
+    motion = measured_motion(log.name, *signals, cutoff_hz=parameters["train_dynamics"].smoothing_hz)
+    rate_hz = (len(motion) - 1) / (log.time[-1] - log.time[0])
+    folder = f"{DATA}/models/stand_in/{parameters['track'].loss}"
+    learned = {name: read_dynamics_models(f"{folder}/{name}.safetensors") for name in FRICTION_MODELS}
     compared = dict.fromkeys([*COMPARED, parameters["arm"].urdf])
     agreement = [{"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name))) for name in compared]
     results = DynamicsResults(
-        errors=read_table(f"{DATA}/models/errors.parquet"),
-        outcomes=read_table(f"{DATA}/models/outcomes.parquet"),
-        links=read_table(f"{DATA}/models/links.parquet"),
-        base=read_table(f"{DATA}/models/base_parameters.parquet"),
-        scores=read_table(f"{DATA}/tracking/scores.parquet"),
-        paths=read_table(f"{DATA}/tracking/paths.parquet"),
-        online=read_table(f"{DATA}/online/errors.parquet"),
-        payload=read_table(f"{DATA}/online/payload.parquet"),
+        **{name: read_table(f"{DATA}/{file}.parquet") for name, file in TABLES.items()},
         agreement=pd.DataFrame(agreement),
         known=known_errors(robot, mechanics, motion),
-        friction=friction_table(rubbing, mechanics),
-        residuals=residual_torques(
-            robot, rubbing[RUBBING[-1]], motion, (len(motion) - 1) / (log.time[-1] - log.time[0])
-        ),
+        friction=friction_table(learned, mechanics),
+        residuals=residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, rate_hz),
         stand_in=parameters["stand_in"] if simulated else None,
         motion=parameters["arm_motion"],
         training=parameters["train_dynamics"],

@@ -50,13 +50,14 @@ def main() -> None:
     with publish("reports/recordings/dynamics") as folder:
         folder.mkdir()
         reaches = reaching(paths, scores, "iiwa", chosen.models, tree.names)
-        write_reaches(folder / "reaches.rrd", urdf, tree.names, reaches, "Dynamics: reaches")
+        write_reaches(folder / "reaches.rrd", urdf, tree.names, reaches, "Dynamics: reaches (simulated)")
         if source.source == SIMULATED:
             reaches = reaching(paths, scores, "stand_in", chosen.robot_models, tree.names)
-            title = "Dynamics: reaches of the stand-in"
+            title = "Dynamics: reaches of the stand-in (simulated)"
             write_reaches(folder / "robot_reaches.rrd", urdf, tree.names, reaches, title)
-        write_torques(folder / "torques.rrd", urdf, torques, "Dynamics: torques of the robot")
-        write_payload(folder / "payload.rrd", urdf, payload, "Dynamics: a payload picked up")
+        whose = "stand-in (simulated)" if source.source == SIMULATED else "robot"
+        write_torques(folder / "torques.rrd", urdf, torques, f"Dynamics: torques of the {whose}")
+        write_payload(folder / "payload.rrd", urdf, payload, "Dynamics: a payload picked up (simulated)")
 
 
 def _motion(log: JointLog, cutoff_hz: float) -> tuple[Motion, float]:

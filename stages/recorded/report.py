@@ -2,6 +2,8 @@
 
 from dataclasses import fields
 
+import pandas as pd
+
 from structlearn.artefacts import read_metrics, read_table
 from structlearn.primitives.storage import read_primitives
 from structlearn.recorded.avoidance import RecordedAvoidanceParameters, RecordedAvoidanceResults
@@ -19,6 +21,7 @@ from structlearn.reporting.recorded_results import RecordedResults, metrics, tab
 from structlearn.segmentation.learning import FitParameters, segment_paths, whole
 from structlearn.stage import run, stage_parameters
 
+DATA = "data/recorded"
 PARAMETERS = {
     "recorded_reaches": ReachParameters,
     "recorded_corrections": CorrectionParameters,
@@ -53,50 +56,29 @@ def main() -> None:
         parameters["recorded_reaches"].fit.smoothing_hz,
         parameters["recorded_unscrewing"].smoothing_hz,
     )
-    data = "data/recorded"
     results = RecordedResults(
         reach_segments=segment_paths(reaches, whole(reaches), smoothing[0]),
-        reach_primitive=read_primitives(f"{data}/reaches/primitive.safetensors")[0],
-        reach_errors=read_table(f"{data}/reaches/reproduction.parquet"),
-        reach_cut_errors=read_table(f"{data}/reaches/cut_errors.parquet"),
-        own_spread_mm=read_metrics(f"{data}/reaches/spread.json")["own_spread_mm"],
-        corrections=CorrectionResults(
-            **{
-                field.name: read_table(f"{data}/corrected_reaches/{field.name}.parquet")
-                for field in fields(CorrectionResults)
-            }
-        ),
+        reach_primitive=read_primitives(f"{DATA}/reaches/primitive.safetensors")[0],
+        reach_errors=read_table(f"{DATA}/reaches/reproduction.parquet"),
+        reach_cut_errors=read_table(f"{DATA}/reaches/cut_errors.parquet"),
+        own_spread_mm=read_metrics(f"{DATA}/reaches/spread.json")["own_spread_mm"],
+        corrections=CorrectionResults(**_tables(CorrectionResults, "corrected_reaches")),
         unscrewing_segments=segment_paths(logs, whole(logs), smoothing[1]),
-        unscrewing_primitive=read_primitives(f"{data}/unscrewing/primitive.safetensors")[0],
-        unscrewing_errors=read_table(f"{data}/unscrewing/errors.parquet"),
+        unscrewing_primitive=read_primitives(f"{DATA}/unscrewing/primitive.safetensors")[0],
+        unscrewing_errors=read_table(f"{DATA}/unscrewing/errors.parquet"),
         execution=read_demonstrations("data/raw/recorded/scraping"),
-        execution_path=read_table(f"{data}/scraping/sequence.parquet"),
-        execution_errors=read_table(f"{data}/scraping/errors.parquet"),
-        electrode_scores=read_table(f"{data}/scraping/electrode_scores.parquet"),
-        electrode_traces=read_table(f"{data}/scraping/electrode_traces.parquet"),
-        clock_errors=read_table(f"{data}/slides/clock_errors.parquet"),
-        slide_deviations=read_table(f"{data}/slides/deviations.parquet"),
-        slide_statistics=read_table(f"{data}/slides/statistics.parquet"),
-        avoidance=RecordedAvoidanceResults(
-            **{
-                field.name: read_table(f"{data}/avoidance/{field.name}.parquet")
-                for field in fields(RecordedAvoidanceResults)
-            }
-        ),
-        latent_touch=LatentTouchResults(
-            **{
-                field.name: read_table(f"{data}/latent_touch/{field.name}.parquet")
-                for field in fields(LatentTouchResults)
-            }
-        ),
-        dynamics=RecordedDynamicsResults(
-            **{
-                field.name: read_table(f"{data}/dynamics/{field.name}.parquet")
-                for field in fields(RecordedDynamicsResults)
-            }
-        ),
-        slide_torques=read_table(f"{data}/dynamics/slide_torques.parquet"),
-        slide_payloads=read_table(f"{data}/dynamics/slide_payloads.parquet"),
+        execution_path=read_table(f"{DATA}/scraping/sequence.parquet"),
+        execution_errors=read_table(f"{DATA}/scraping/errors.parquet"),
+        electrode_scores=read_table(f"{DATA}/scraping/electrode_scores.parquet"),
+        electrode_traces=read_table(f"{DATA}/scraping/electrode_traces.parquet"),
+        clock_errors=read_table(f"{DATA}/slides/clock_errors.parquet"),
+        slide_deviations=read_table(f"{DATA}/slides/deviations.parquet"),
+        slide_statistics=read_table(f"{DATA}/slides/statistics.parquet"),
+        avoidance=RecordedAvoidanceResults(**_tables(RecordedAvoidanceResults, "avoidance")),
+        latent_touch=LatentTouchResults(**_tables(LatentTouchResults, "latent_touch")),
+        dynamics=RecordedDynamicsResults(**_tables(RecordedDynamicsResults, "dynamics")),
+        slide_torques=read_table(f"{DATA}/dynamics/slide_torques.parquet"),
+        slide_payloads=read_table(f"{DATA}/dynamics/slide_payloads.parquet"),
     )
     publish_report(
         "reports/recorded",
@@ -105,6 +87,11 @@ def main() -> None:
         metrics(results),
         lambda sizes: recorded_page(results, sizes, parameters, RECORDINGS),
     )
+
+
+def _tables(results: type, folder: str) -> dict[str, pd.DataFrame]:
+    """A table of the same name for every field."""
+    return {field.name: read_table(f"{DATA}/{folder}/{field.name}.parquet") for field in fields(results)}
 
 
 if __name__ == "__main__":
