@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench ablations view deps clean
+.PHONY: repro test lint recorded bench ablations view clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -40,10 +40,6 @@ ablations: $(INSTALLED)
 TESTBED ?= scraping
 view: $(INSTALLED)
 	$(BIN)/rerun reports/recordings/$(TESTBED)/*.rrd
-
-# Bring the source files among the deps of all stages up to date.
-deps: $(INSTALLED)
-	$(BIN)/python -m structlearn.source_dependencies
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache .hypothesis

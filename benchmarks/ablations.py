@@ -14,8 +14,9 @@ import dvc.api
 import pandas as pd
 from tqdm import tqdm
 
-from structlearn.params import read_parameters
-from structlearn.reporting.ablation_page import (
+from structlearn.ground.params import read_parameters
+from structlearn.reporting.publishing import publish_report
+from structlearn.testbeds.scraping.page.ablation_page import (
     Experiment,
     Protocol,
     Variant,
@@ -24,8 +25,7 @@ from structlearn.reporting.ablation_page import (
     outcomes,
     tables,
 )
-from structlearn.reporting.publishing import publish_report
-from structlearn.simulation.board_refinement import BoardRefinementParameters
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 
 VARIANTS = (
     Variant("default", "as in params.yaml"),

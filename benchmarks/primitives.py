@@ -26,7 +26,7 @@ from primitive_inputs import (
 )
 from timing import Case, Contender
 
-from structlearn.feedback.compiled import compiled_coupling
+from structlearn.feedback.compiled_pmnn import compiled_coupling
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.primitives import kernels, trajectory, transformation
 from structlearn.primitives.kernels import KERNEL_COUNT

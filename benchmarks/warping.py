@@ -18,8 +18,8 @@ from functools import cache, partial
 import numpy as np
 from timing import Case, Contender, measure
 
+from structlearn.ground.signals import standardise
 from structlearn.segmentation.dtw import correspondences
-from structlearn.signals import standardise
 
 SEED = 4
 LONGEST = 3000  # samples of the signals that are down-sampled

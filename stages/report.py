@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from structlearn.artefacts import publish, read_metrics
+from structlearn.ground.artefacts import publish, read_metrics
+from structlearn.ground.stage import run
 from structlearn.reporting.overview import DYNAMICS, OBSTACLES, SCRAPING, SERVOING, overview_page
 from structlearn.reporting.page import render
-from structlearn.stage import run
 
 CARDS = (SCRAPING, OBSTACLES, DYNAMICS, SERVOING)
 

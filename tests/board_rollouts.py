@@ -3,13 +3,14 @@
 import numpy as np
 from scraping_motions import NAMES, scraping_skill
 
-from structlearn.feedback.cost import nominal_orientation
 from structlearn.feedback.runtime import Limits
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.source import ClockParameters
-from structlearn.simulation.board_rollouts import Board
-from structlearn.simulation.trials import TestbedParameters, execute_run, nominal_runs
+from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
+from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 RATE_HZ = 300.0
 TESTBED = TestbedParameters()

@@ -7,7 +7,7 @@ import pytest
 import recordings_bags
 from hypothesis import settings
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.recordings.demonstration import Demonstration
 
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=30)

@@ -7,18 +7,18 @@ import numpy as np
 import pandas as pd
 import pybullet_data
 
-from structlearn.recorded import dynamics as recorded
-from structlearn.reporting.dynamics_results import IDEAL, ROBOT, DynamicsResults
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
-from structlearn.rigid_body.learning import KINDS, LOSSES
+from structlearn.rigid_body.model_learning import KINDS, LOSSES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
-from structlearn.rigid_body.online import OnlineParameters
-from structlearn.rigid_body.training import DynamicsTrainingParameters
+from structlearn.rigid_body.online_learning import OnlineParameters
+from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters
 from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.simulation.arm_motion import SineParameters
-from structlearn.simulation.joint_logs import PayloadParameters
-from structlearn.simulation.stand_in_robot import StandInParameters
-from structlearn.simulation.tracking import TrackingParameters
+from structlearn.testbeds.dynamics.page.dynamics_results import IDEAL, ROBOT, DynamicsResults
+from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
+from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
+from structlearn.testbeds.recorded.protocol import panda_identification as recorded
 
 SEEDS, JOINTS = 3, 7
 

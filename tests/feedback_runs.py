@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.recordings.demonstration import Demonstration
 
 RATE_HZ = 100.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.primitives import canonical
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.policy_search.rollouts import Rollout
 from structlearn.primitives import canonical, kernels
 

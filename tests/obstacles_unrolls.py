@@ -3,7 +3,7 @@
 import numpy as np
 from primitives_movements import ramp
 
-from structlearn.obstacles.clouds import cloud_batch
+from structlearn.avoidance.clouds import cloud_batch
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 

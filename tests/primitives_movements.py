@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.primitives import canonical
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.recordings import Recording, Stream
 
 _NESTED = {

@@ -6,17 +6,17 @@ import numpy as np
 import pandas as pd
 from reporting_scraping import DT, ease
 
-from structlearn import quaternion
-from structlearn.feedback.comparison import REPRESENTATIONS, STOPPINGS, paired_orderings
-from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS, paired_orderings
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervision import learn_expected
+from structlearn.ground import quaternion
 from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting.board_results import BoardResults
-from structlearn.reporting.feedback_results import FeedbackResults
-from structlearn.segmentation.executions import commanded_cuts
-from structlearn.simulation.demonstrator import FLAT_ORIENTATION
+from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.testbeds.scraping.page.board_results import BoardResults
+from structlearn.testbeds.scraping.page.feedback_results import FeedbackResults
+from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
 ADAPTED = PRIMITIVES[1:]

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 from reporting_feedback import ADAPTED, AXIS, execution
 
-from structlearn.feedback.closed_loop import AFTER, BEFORE, NOMINAL
-from structlearn.policy_search.comparison import CMA_ES, PI2
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
-from structlearn.reporting.refinement_results import RefinementResults
-from structlearn.simulation.board_refinement import BoardRefinementParameters
-from structlearn.simulation.layout import CONTACT_M
+from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
+from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.world.layout import CONTACT_M
 
 REFINED_DEG = 10.0
 LEARNED = (5.0, 7.5)

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.primitives import sequence
+from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting.scraping_results import ScrapingResults
-from structlearn.segmentation.evaluation import downsampling_effect
-from structlearn.segmentation.learning import FitParameters, cross_validation, learn_sequence
+from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.result import METHODS
 from structlearn.segmentation.segments import cut
+from structlearn.testbeds.scraping.page.scraping_results import ScrapingResults
 
 DT = 0.01
 PARAMETERS = SegmentParameters(
@@ -76,7 +76,7 @@ def scraping_results(demonstrations: list[Demonstration]) -> ScrapingResults:
     """Everything that the stages would have written for these demonstrations."""
     parameters = PARAMETERS.model_copy(update={"skip_failures": True})
     segmentation = cut(demonstrations, parameters)
-    primitives = learn_sequence(demonstrations, segmentation, FIT)
+    primitives = learn_sequence(demonstrations, segmentation.results, FIT)
     situation = sequence.GeneraliseParameters(
         start_offset_m=(0.01, 0.0, 0.0),
         goal_offset_m=(0.0, 0.01, 0.0),
@@ -90,7 +90,7 @@ def scraping_results(demonstrations: list[Demonstration]) -> ScrapingResults:
         noise=noise_table(),
         downsampling=downsampling_effect(demonstrations, parameters, (1, 2)),
         primitives=primitives,
-        reproduction=cross_validation(demonstrations, segmentation, FIT),
+        reproduction=cross_validation(demonstrations, segmentation.results, FIT),
         nominal=sequence.sequence_table(sequence.unroll(primitives, DT), names),
         generalised=sequence.sequence_table(sequence.generalised(primitives, DT, situation), names),
         segment_parameters=parameters,

@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from structlearn import quaternion
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill
+from structlearn.ground import quaternion
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
-from structlearn.simulation.demonstrator import CONTACT_M, orientation_of
-from structlearn.simulation.execution import Conditions, ControlParameters
+from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M, orientation_of
+from structlearn.testbeds.scraping.world.execution import Conditions, ControlParameters
 
 NAMES = ("down", "turn", "scrape")
 DURATIONS_S = (0.6, 1.0, 0.8)

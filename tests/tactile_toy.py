@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from structlearn.tactile.dataset import OTHER, TEST, TRAIN, VALIDATION, TouchDataset
 from structlearn.tactile.geodesics import Geodesics
+from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, VALIDATION, TouchDataset
 
 RADIUS = 0.007
 LENGTH = 0.014

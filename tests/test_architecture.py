@@ -1,46 +1,81 @@
-"""Imports run downwards only, and the big libraries stay in their rooms."""
+"""Imports run downwards only, big libraries stay in their rooms, deps of stages cover what they import."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "structlearn"
 FLOORS = (
-    ("recordings", "primitives", "rigid_body", "tactile"),
+    ("ground",),
+    ("networks", "recordings"),
+    ("primitives", "rigid_body", "tactile"),
     ("segmentation", "feedback"),
-    ("policy_search", "obstacles"),
-    ("simulation", "recorded"),
+    ("policy_search", "avoidance"),
+    ("simulation",),
     ("reporting", "viewer"),
+    ("testbeds",),
 )
 ROOMS = {
-    "rerun": ("viewer",),
-    "matplotlib": ("reporting",),
-    "pybullet": ("simulation",),
-    "pinocchio": ("simulation", "rigid_body"),
-    "torch": ("feedback", "rigid_body", "tactile", "tensors.py"),
+    "rerun": ("viewer", "recordings"),
+    "matplotlib": ("reporting", "page"),
+    "pybullet": ("simulation", "world"),
+    "pinocchio": ("simulation", "world", "rigid_body"),
+    "torch": ("networks", "feedback", "rigid_body", "tactile"),
     "mcap": ("recordings",),
+}
+PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml")
+STAGES = {
+    name: stage
+    for pipeline in PIPELINES
+    for name, stage in yaml.safe_load((ROOT / pipeline).read_text())["stages"].items()
 }
 
 
-def modules(root: Path) -> dict[Path, set[str]]:
-    """Every module of the package with the names that it imports."""
-    found = {}
-    for path in sorted((root / "src" / "structlearn").rglob("*.py")):
-        names = set()
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                names |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
-        found[path.relative_to(root / "src" / "structlearn")] = names
+@cache
+def imported(path: Path) -> frozenset[str]:
+    """Every name that a file imports, at its top or inside its functions; `package.name` for each name."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return frozenset(names)
+
+
+def modules() -> dict[Path, frozenset[str]]:
+    """Every module of the package, relative to it, with the names that it imports."""
+    return {path.relative_to(PACKAGE): imported(path) for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+def files(name: str) -> list[Path]:
+    """The project's files that importing a dotted name runs: the module, and the packages above it."""
+    parts = name.split(".")
+    above = [ROOT.joinpath("src", *parts[:depth], "__init__.py") for depth in range(1, len(parts) + 1)]
+    return [file for file in (*above, ROOT.joinpath("src", *parts).with_suffix(".py")) if file.is_file()]
+
+
+def everything_run(script: Path) -> set[Path]:
+    """All of the project's own files that a script imports, directly or not."""
+    found, waiting = set(), [script]
+    while waiting:
+        for file in {file for name in imported(waiting.pop()) for file in files(name)} - found:
+            found.add(file)
+            waiting.append(file)
     return found
 
 
 def floor(room: str) -> int:
-    """Height of a package; modules beside the packages are the ground."""
-    return next((height for height, rooms in enumerate(FLOORS, start=1) if room in rooms), 0)
+    """Height of a package; modules beside the packages belong to the ground."""
+    return next((height for height, rooms in enumerate(FLOORS) if room in rooms), 0)
 
 
-def test_imports_run_downwards(root):
-    for path, names in modules(root).items():
+def test_imports_run_downwards():
+    for path, names in modules().items():
         room = path.parts[0] if len(path.parts) > 1 else ""
         for name in names:
             parts = name.split(".")
@@ -49,13 +84,70 @@ def test_imports_run_downwards(root):
                 assert same or floor(parts[1]) < floor(room), f"{path} imports {name}"
 
 
-def test_big_libraries_stay_in_their_rooms(root):
-    for path, names in modules(root).items():
+def test_no_testbed_imports_another():
+    for path, names in modules().items():
+        if path.parts[0] == "testbeds" and len(path.parts) > 2:
+            others = {name.split(".")[2] for name in names if name.startswith("structlearn.testbeds.")}
+            assert others <= {path.parts[1]}, f"{path} imports another testbed"
+
+
+def test_computing_knows_nothing_of_pages_and_recordings():
+    for path, names in modules().items():
+        if {"world", "protocol"} & set(path.parts):
+            shown = {"page", "recordings"}
+            assert not any(shown & set(name.split(".")[3:4]) for name in names if "testbeds" in name), path
+
+
+def test_big_libraries_stay_in_their_rooms():
+    for path, names in modules().items():
         for library, rooms in ROOMS.items():
             if any(name.split(".")[0] == library for name in names):
-                assert path.parts[0] in rooms, f"{path} imports {library}"
+                assert set(rooms) & set(path.parts), f"{path} imports {library}"
 
 
-def test_nothing_is_pickled(root):
-    for path, names in modules(root).items():
+def test_nothing_is_pickled():
+    for path, names in modules().items():
         assert not {"pickle", "joblib.dump", "joblib.load", "torch.save"} & names, path
+
+
+def test_a_module_name_means_one_thing():
+    """Modules of one name are the same part of different testbeds."""
+    places: dict[str, list[Path]] = {}
+    for path in modules():
+        if path.name != "__init__.py":
+            places.setdefault(path.name, []).append(path)
+    for paths in places.values():
+        parts = {
+            ("testbeds", *path.parts[2:]) if path.parts[0] == "testbeds" else path.parts for path in paths
+        }
+        assert len(parts) == 1, paths
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_the_deps_of_a_stage_cover_what_it_imports(name):
+    """Its script, and folders or files of the package; `__init__` files that only describe do not count."""
+    script = ROOT / STAGES[name]["cmd"].split()[1]
+    declared = [ROOT / dep for dep in STAGES[name]["deps"]]
+    assert declared[0] == script
+    assert all(dep.exists() for dep in declared if {"src", "stages"} & {dep.relative_to(ROOT).parts[0]})
+    run = {file for file in everything_run(script) if file.name != "__init__.py" or imported(file)}
+    run -= {PACKAGE / "__init__.py"}  # the version, and where compiled code is kept
+    missing = {file for file in run if not any(file.is_relative_to(dep) for dep in declared)}
+    assert not missing, f"{name} imports what its deps do not cover: {sorted(missing)}"
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_a_stage_declares_no_source_that_it_does_not_import(name):
+    run = everything_run(ROOT / STAGES[name]["cmd"].split()[1])
+    for dep in STAGES[name]["deps"]:
+        if dep.startswith("src/"):
+            assert any(file.is_relative_to(ROOT / dep) for file in run), f"{name} does not use {dep}"
+
+
+def test_every_data_dependency_is_the_output_of_some_stage():
+    outputs = set()
+    for stage in STAGES.values():
+        for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
+            outputs.add(out if isinstance(out, str) else next(iter(out)))
+    for stage in STAGES.values():
+        assert {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/"))} <= outputs

@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from structlearn import artefacts
-from structlearn.errors import InputError
+from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
 
 TABLE = pd.DataFrame(
     {"name": ["a", "b", "c"] * 2000, "value": np.linspace(0, 1, 6000) ** 0.5, "count": np.arange(6000)}

@@ -10,13 +10,13 @@ from feedback_toy import toy_dataset
 from recordings_bags import header, pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill
 
-from structlearn.artefacts import write_table
-from structlearn.feedback.dataset import to_table
-from structlearn.feedback.models import MODELS
+from structlearn.feedback.coupling_dataset import to_table
+from structlearn.feedback.feedback_models import MODELS
 from structlearn.feedback.pmnn import read_networks, write_networks
-from structlearn.primitives.storage import write_primitives, write_vector_primitive
+from structlearn.ground.artefacts import write_table
+from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.recordings import write_recordings
-from structlearn.simulation.demonstrator import DemonstratorParameters, simulate_demonstrations
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters, simulate_demonstrations
 
 TOPIC = "/tool"
 

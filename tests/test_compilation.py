@@ -1,6 +1,6 @@
 import os
 
-from structlearn import compilation
+from structlearn.ground import compilation
 
 
 def write(folder, name, text):

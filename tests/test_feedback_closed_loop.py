@@ -3,11 +3,11 @@ import pytest
 from feedback_runs import Y, cuts, execution
 from feedback_skills import random_network
 
-from structlearn.feedback.closed_loop import NOMINAL, ExecutedSet, scores, traces
-from structlearn.feedback.cost import nominal_orientation
-from structlearn.feedback.evaluation import cost_ratios, execution_scores
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL, ExecutedSet, scores, traces
+from structlearn.testbeds.scraping.protocol.execution_scores import cost_ratios, execution_scores
+from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
 PARAMETERS = SupervisionParameters(
     primitives=("turn", "scrape"), settings_deg=(5.0,), axis=(0, 2.0, 0), rate_hz=50.0

@@ -3,17 +3,17 @@ import pandas as pd
 import pytest
 from feedback_toy import toy_dataset
 
-from structlearn.errors import InputError
-from structlearn.feedback import comparison
+from structlearn.feedback import model_comparison
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training import TrainingParameters
+from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.ground.errors import InputError
 
 QUICK = TrainingParameters(steps=40, evaluate_every=20, batch_size=16)
 
 
 @pytest.fixture(scope="module")
 def table():
-    return comparison.compare_representations(toy_dataset(), QUICK)
+    return model_comparison.compare_representations(toy_dataset(), QUICK)
 
 
 def test_every_representation_is_tested_on_every_fold_with_both_stoppings(table):
@@ -28,7 +28,7 @@ def test_every_representation_is_tested_on_every_fold_with_both_stoppings(table)
         "generalization",
         "dimensions",
     ]
-    assert list(table["representation"].unique()) == list(comparison.REPRESENTATIONS)
+    assert list(table["representation"].unique()) == list(model_comparison.REPRESENTATIONS)
     for _, rows in table.groupby(["representation", "stopping"]):
         assert rows["fold"].tolist() == [0, 1, 2, 3]
     errors = table[["train", "validation", "test", "generalization"]].to_numpy()
@@ -51,7 +51,7 @@ def test_each_stopping_is_the_lowest_of_its_own_part(table):
 def test_processes_do_not_change_a_number(table, monkeypatch):
     monkeypatch.setenv("STRUCTLEARN_BACKEND", "sequential")
     names = ("ffnn_phase", "pmnn_6")
-    again = comparison.compare_representations(toy_dataset(), QUICK, names)
+    again = model_comparison.compare_representations(toy_dataset(), QUICK, names)
     expected = pd.concat([table[table["representation"] == name] for name in names], ignore_index=True)
     pd.testing.assert_frame_equal(again, expected, check_exact=True)
 
@@ -59,14 +59,14 @@ def test_processes_do_not_change_a_number(table, monkeypatch):
 def test_too_few_demonstrations_are_named(monkeypatch):
     monkeypatch.setenv("STRUCTLEARN_BACKEND", "sequential")
     with pytest.raises(InputError, match="1 demonstration per setting"):
-        comparison.compare_representations(toy_dataset(demonstrations=1), QUICK, ("pmnn_0",))
+        model_comparison.compare_representations(toy_dataset(demonstrations=1), QUICK, ("pmnn_0",))
 
 
 def made_up(errors):
     """A table with given generalisation errors per representation and fold."""
     rows = [
         (name, fold, stopping, error)
-        for stopping in comparison.STOPPINGS
+        for stopping in model_comparison.STOPPINGS
         for name, values in errors.items()
         for fold, error in enumerate(values)
     ]
@@ -82,9 +82,9 @@ def test_orderings_are_told_in_pairs_over_the_folds():
         "pca": level - 0.05 + 0.01 * rng.normal(size=15),
         "autoencoder": level + 0.02 * np.resize([-1.0, 1.0], 15),
     }
-    found = comparison.paired_orderings(made_up(errors)).set_index(["stopping", "better", "worse"])
+    found = model_comparison.paired_orderings(made_up(errors)).set_index(["stopping", "better", "worse"])
     assert len(found) == 2 * 5
-    for stopping in comparison.STOPPINGS:
+    for stopping in model_comparison.STOPPINGS:
         rows = found.loc[stopping]
         assert rows["verdict"].to_dict() == {
             ("pmnn_100", "pmnn_6"): "better",
@@ -95,7 +95,7 @@ def test_orderings_are_told_in_pairs_over_the_folds():
         }
         assert rows.loc[("pmnn_100", "pmnn_6"), "p_value"] == pytest.approx(2 / 2**15)  # all 15 agree
         assert rows.loc[("pmnn_100", "pmnn_6"), "difference"] == pytest.approx(0.05, abs=0.01)
-    same = comparison.paired_orderings(made_up({"pmnn_100": level, "pmnn_0": level}))
+    same = model_comparison.paired_orderings(made_up({"pmnn_100": level, "pmnn_0": level}))
     assert same["verdict"].eq("undecided").all()
     assert same["p_value"].eq(1.0).all()
 
@@ -103,6 +103,6 @@ def test_orderings_are_told_in_pairs_over_the_folds():
 def test_the_dominant_features_are_those_with_the_largest_weights():
     weights = np.array([[0.1, -5.0, 2.0, 0.0], [3.0, 0.2, -0.1, -4.0]])
     network = PhaseModulatedNetwork(np.zeros(1), np.ones(1), (), weights, np.zeros(2), np.ones(2))
-    found = comparison.dominant_features(network, 2)
+    found = model_comparison.dominant_features(network, 2)
     np.testing.assert_array_equal(found, [[False, True, True, False], [True, False, False, True]])
-    assert comparison.dominant_features(network, 10).all()
+    assert model_comparison.dominant_features(network, 10).all()

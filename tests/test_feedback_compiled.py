@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 
-from structlearn.feedback.compiled import compiled_coupling, pack, readout
-from structlearn.feedback.networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.compiled_pmnn import compiled_coupling, pack, readout
+from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
 from structlearn.primitives import canonical, kernels
 
 SHAPES = [(6, ()), (6, (4,)), (38, (100,)), (5, (7, 3)), (0, ()), (0, (4,))]

@@ -4,9 +4,13 @@ from feedback_runs import RATE_HZ, SEGMENTS, execution
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn import quaternion
-from structlearn.errors import InputError
-from structlearn.feedback.cost import accumulated, nominal_orientation, orientation_cost
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.testbeds.scraping.protocol.orientation_cost import (
+    accumulated,
+    nominal_orientation,
+    orientation_cost,
+)
 
 angles = st.floats(-1.5, 1.5)
 

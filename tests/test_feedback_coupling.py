@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from primitives_movements import few, reach, rngs, wobbly_turn
 
-from structlearn import quaternion
 from structlearn.feedback.coupling import orientation_target, position_target
+from structlearn.ground import quaternion
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.vector import fit_vector

@@ -2,16 +2,16 @@ import numpy as np
 import pytest
 from feedback_toy import toy_dataset
 
-from structlearn import artefacts
-from structlearn.errors import InputError
-from structlearn.feedback import dataset
+from structlearn.feedback import coupling_dataset
+from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 
 
 def test_a_stored_dataset_is_the_same_bit_for_bit(tmp_path):
     data = toy_dataset(channels=38)
-    artefacts.write_table(dataset.to_table(data), tmp_path / "data.parquet")
-    found = dataset.from_table(artefacts.read_table(tmp_path / "data.parquet"))
+    artefacts.write_table(coupling_dataset.to_table(data), tmp_path / "data.parquet")
+    found = coupling_dataset.from_table(artefacts.read_table(tmp_path / "data.parquet"))
     for name, values in vars(data).items():
         np.testing.assert_array_equal(getattr(found, name), values)
     assert found.demonstration.dtype.kind == "i"
@@ -19,7 +19,7 @@ def test_a_stored_dataset_is_the_same_bit_for_bit(tmp_path):
 
 def test_channels_keep_their_order_beyond_ten():
     data = toy_dataset(channels=12)
-    assert [name for name in dataset.to_table(data) if name.startswith("channel")][9:] == [
+    assert [name for name in coupling_dataset.to_table(data) if name.startswith("channel")][9:] == [
         "channel_09",
         "channel_10",
         "channel_11",
@@ -29,7 +29,7 @@ def test_channels_keep_their_order_beyond_ten():
 def test_a_file_that_is_no_table_is_named(tmp_path):
     (tmp_path / "data.parquet").write_text("x,y\n1,2\n")
     with pytest.raises(InputError, match=r"data\.parquet: not a readable Parquet file"):
-        dataset.from_table(artefacts.read_table(tmp_path / "data.parquet"))
+        coupling_dataset.from_table(artefacts.read_table(tmp_path / "data.parquet"))
 
 
 def test_a_mask_and_indices_choose_the_same_samples():
@@ -55,7 +55,7 @@ def test_modulation_is_that_of_the_forcing_term():
 def test_datasets_are_put_one_after_the_other():
     whole = toy_dataset()
     parts = [whole.where(whole.demonstration == number) for number in np.unique(whole.demonstration)]
-    together = dataset.concatenated(parts)
+    together = coupling_dataset.concatenated(parts)
     order = np.argsort(whole.demonstration, kind="stable")
     for name, values in vars(together).items():
         np.testing.assert_array_equal(values, getattr(whole, name)[order])

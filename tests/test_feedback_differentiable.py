@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, rngs, wobbly_turn
 
-from structlearn import quaternion
-from structlearn.feedback import differentiable
+from structlearn.feedback import differentiable_primitive
+from structlearn.ground import quaternion
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
 
@@ -33,13 +33,13 @@ def reference(dt, tau, coupling, **situation):
 def test_the_torch_primitive_is_the_sequential_unroll(rng):
     dt, tau = rng.uniform(0.001, 0.05), rng.uniform(0.5, 8.0)
     situation = random_batch(rng)
-    path = differentiable.unroll(dt=dt, tau=tau, **situation)
+    path = differentiable_primitive.unroll(dt=dt, tau=tau, **situation)
     np.testing.assert_allclose(path.numpy(), reference(dt, tau, **situation), rtol=1e-9, atol=1e-9)
 
 
 def test_at_rest_at_the_goal_it_stays_there():
     here, nothing = torch.full((2, 3), 0.7, dtype=torch.float64), torch.zeros(2, 50, 3, dtype=torch.float64)
-    path = differentiable.unroll(here, here, nothing, nothing, dt=0.01, tau=1.0)
+    path = differentiable_primitive.unroll(here, here, nothing, nothing, dt=0.01, tau=1.0)
     torch.testing.assert_close(path, here[:, None].expand(2, 50, 3), rtol=0, atol=1e-12)
 
 
@@ -49,7 +49,7 @@ def test_gradients_agree_with_finite_differences():
 
     def path(*values):
         named = dict(zip(situation, values, strict=True))
-        return differentiable.unroll(dt=0.05, tau=1.3, **named)
+        return differentiable_primitive.unroll(dt=0.05, tau=1.3, **named)
 
     assert torch.autograd.gradcheck(path, tensors)
 
@@ -61,7 +61,7 @@ def test_coupling_adds_its_response_to_any_nominal_movement(rng):
     situation = random_batch(rng, samples=60)
     with_coupling = reference(dt, tau, **situation)
     without = reference(dt, tau, **situation | {"coupling": torch.zeros_like(situation["coupling"])})
-    response = differentiable.responses(60, dt / tau).coupling
+    response = differentiable_primitive.responses(60, dt / tau).coupling
     expected = response @ situation["coupling"].numpy()
     np.testing.assert_allclose(with_coupling - without, expected, rtol=1e-9, atol=1e-9)
 
@@ -69,7 +69,7 @@ def test_coupling_adds_its_response_to_any_nominal_movement(rng):
 @given(st.floats(1e-4, 0.1))
 @few
 def test_a_coupling_acts_later_only_and_alike_at_all_times(step):
-    held = differentiable.responses(30, step).held
+    held = differentiable_primitive.responses(30, step).held
     assert not np.triu(held).any()
     np.testing.assert_array_equal(held[1:, 1:], held[:-1, :-1])
     # critically damped: the response to a constant coupling is closed-form
@@ -83,7 +83,8 @@ def test_the_response_depends_on_normalised_time_only():
     coupling = torch.tensor(np.random.default_rng(1).normal(size=(1, 40, 1)))
     nothing, zero = torch.zeros_like(coupling), torch.zeros(1, 1, dtype=torch.float64)
     slow, fast = (
-        differentiable.unroll(zero, zero, nothing, coupling, dt, tau) for dt, tau in ((0.1, 8.0), (0.01, 0.8))
+        differentiable_primitive.unroll(zero, zero, nothing, coupling, dt, tau)
+        for dt, tau in ((0.1, 8.0), (0.01, 0.8))
     )
     torch.testing.assert_close(slow, fast, rtol=0, atol=1e-12)
 
@@ -94,7 +95,7 @@ def roll_correction(nominal, amplitude, dt):
     times = dt * np.arange(round(nominal.duration / dt) + 1)
     _, u = canonical.phase(times, tau)
     coupling = u * np.sin(4 * times / nominal.duration + 1)
-    angle = differentiable.responses(len(times), dt / tau).coupling @ coupling
+    angle = differentiable_primitive.responses(len(times), dt / tau).coupling @ coupling
     scale = amplitude / np.abs(angle).max()
     return scale * coupling, scale * angle
 

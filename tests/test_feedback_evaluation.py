@@ -4,12 +4,17 @@ import pytest
 from feedback_runs import RATE_HZ, SEGMENTS, Y, cuts, execution
 from feedback_skills import random_network
 
-from structlearn.feedback.cost import nominal_orientation
-from structlearn.feedback.evaluation import SETTLED_S, cost_ratios, execution_scores, feedback_traces
 from structlearn.feedback.supervision import SupervisionParameters, executed_primitive
-from structlearn.metrics import mean_interval
+from structlearn.ground.metrics import mean_interval
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    SETTLED_S,
+    cost_ratios,
+    execution_scores,
+    feedback_traces,
+)
+from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
 SCORED = ("turn", "scrape")
 NOMINAL = nominal_orientation([execution()])

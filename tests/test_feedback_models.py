@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from feedback_toy import toy_dataset
 
-from structlearn.errors import InputError
-from structlearn.feedback.models import MODELS, FeedbackParameters, path_errors, train_models
-from structlearn.feedback.training import TrainingParameters, train_final
+from structlearn.feedback.feedback_models import MODELS, FeedbackParameters, path_errors, train_models
+from structlearn.feedback.supervised_training import TrainingParameters, train_final
 from structlearn.feedback.unrolled_training import (
     UnrolledTrainingParameters,
     corrected_paths,
     split,
     unrolled_error,
 )
+from structlearn.ground.errors import InputError
 
 FEW = FeedbackParameters(
     hidden=(8,),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from structlearn.feedback.networks import (
+from structlearn.feedback.stacked_networks import (
     StackedFeedForwardNetworks,
     StackedPhaseModulatedNetworks,
     kernel_scale,

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn import artefacts
-from structlearn.errors import InputError
 from structlearn.feedback import pmnn
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
 
 INPUTS, KERNELS = 4, 5
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, random_orientations, random_vectors, rngs
 
-from structlearn import quaternion
-from structlearn.errors import InputError
 from structlearn.feedback.runtime import Controller, Limits, Status, largest_coupling, tick_latency
 from structlearn.feedback.skill import ReactiveSkill, open_loop
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels, sequence
 from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
 from structlearn.primitives.sequence import PoseGoal

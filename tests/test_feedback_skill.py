@@ -5,12 +5,12 @@ import pytest
 from feedback_skills import NAMES, random_network, random_skill
 from primitives_movements import wobbly_turn
 
-from structlearn.errors import InputError
 from structlearn.feedback.pmnn import write_networks
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, open_loop, read_skill
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
-from structlearn.primitives.storage import write_primitives, write_vector_primitive
+from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.twist_swing import fit_twist_swing
 
 

@@ -3,14 +3,14 @@ import pytest
 from feedback_toy import toy_dataset
 from recordings_bags import make_recording
 
-from structlearn.artefacts import write_table
-from structlearn.errors import InputError
-from structlearn.feedback.dataset import to_table
-from structlearn.feedback.storage import read_datasets, read_expected, read_sets
+from structlearn.feedback.coupling_dataset import to_table
+from structlearn.ground.artefacts import write_table
+from structlearn.ground.errors import InputError
+from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.primitives.sensor_traces import fit_expected_traces
-from structlearn.primitives.storage import write_vector_primitive
 from structlearn.recordings import write_recordings
 from structlearn.recordings.source import ClockParameters
+from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_sets
 
 CLOCK = ClockParameters(rate_hz=100.0)
 

@@ -9,8 +9,6 @@ from feedback_runs import Y
 from pydantic import ValidationError
 from scraping_motions import minimum_jerk
 
-from structlearn import quaternion
-from structlearn.errors import InputError
 from structlearn.feedback.supervision import (
     SupervisionParameters,
     corrected_primitive,
@@ -19,6 +17,8 @@ from structlearn.feedback.supervision import (
     learn_expected,
     require_parts,
 )
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position

@@ -6,11 +6,9 @@ import torch
 from feedback_toy import toy_dataset
 from pydantic import ValidationError
 
-from structlearn.errors import InputError
 from structlearn.feedback.folds import PARTS, leave_one_out
-from structlearn.feedback.networks import StackedPhaseModulatedNetworks
-from structlearn.feedback.optimiser import RootMeanSquarePropagation
-from structlearn.feedback.training import (
+from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.supervised_training import (
     LearningCurves,
     StackedData,
     TrainingParameters,
@@ -21,8 +19,10 @@ from structlearn.feedback.training import (
     train,
     train_final,
 )
-from structlearn.metrics import nmse
-from structlearn.tensors import as_tensor
+from structlearn.ground.errors import InputError
+from structlearn.ground.metrics import nmse
+from structlearn.networks.rmsprop import RootMeanSquarePropagation
+from structlearn.networks.torch_settings import as_tensor
 
 QUICK = TrainingParameters(steps=60, evaluate_every=20, batch_size=16)
 

@@ -6,12 +6,10 @@ import torch
 from primitives_movements import ramp, wobbly_turn
 from pydantic import ValidationError
 
-from structlearn import quaternion
-from structlearn.errors import InputError
 from structlearn.feedback.coupling import orientation_target
-from structlearn.feedback.dataset import CouplingDataset
-from structlearn.feedback.networks import StackedPhaseModulatedNetworks
-from structlearn.feedback.training import TrainingParameters, train_final
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.supervised_training import TrainingParameters, train_final
 from structlearn.feedback.unrolled_training import (
     UnrolledTrainingParameters,
     corrected_paths,
@@ -19,6 +17,8 @@ from structlearn.feedback.unrolled_training import (
     train_unrolled,
     unrolled_error,
 )
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels, transformation
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.trajectory import OrientationTrajectory

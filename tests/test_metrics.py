@@ -5,7 +5,15 @@ from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 from scipy.stats import binomtest
 
-from structlearn.metrics import BETTER, UNDECIDED, WORSE, nmse, pairwise_spread, verdict, wilson_interval
+from structlearn.ground.metrics import (
+    BETTER,
+    UNDECIDED,
+    WORSE,
+    nmse,
+    pairwise_spread,
+    verdict,
+    wilson_interval,
+)
 
 
 @given(rngs)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.obstacles.clouds import cloud_batch, constant_velocity
+from structlearn.avoidance.clouds import cloud_batch, constant_velocity
+from structlearn.ground.errors import InputError
 
 CORNERS = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1.0, 1) for z in (-1.0, 1)])
 

@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from structlearn.artefacts import read_table, write_table
-from structlearn.errors import InputError
-from structlearn.obstacles.dataset import (
+from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
     avoidance_dataset,
     baseline_axes,
@@ -15,10 +13,12 @@ from structlearn.obstacles.dataset import (
     to_local,
     to_table,
 )
-from structlearn.obstacles.demonstrator import AvoiderParameters, reaches
-from structlearn.obstacles.scenarios import SceneParameters, scenarios
+from structlearn.ground.artefacts import read_table, write_table
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, reaches
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 SCENE = SceneParameters()
 PERSON = AvoiderParameters(count=3, baseline_count=8)
@@ -42,7 +42,7 @@ def sets():
 
 @pytest.fixture(scope="module")
 def dataset(sets, baseline):
-    return avoidance_dataset(sets, baseline, PARAMETERS)
+    return avoidance_dataset([(scenario.obstacle, its) for scenario, its in sets], baseline, PARAMETERS)
 
 
 def test_smooth_path_has_the_derivatives_of_a_known_movement():
@@ -120,7 +120,7 @@ def test_a_reach_along_gravity_has_a_frame_of_its_own():
     vertical = fit_baseline(demonstrations(None, scene), PARAMETERS)
     assert vertical.frame == "side"
     (scenario,) = scenarios(SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, 0.7), settings=1), ("cube",))
-    found = avoidance_dataset([(scenario, demonstrations(scenario, scene))], vertical, PARAMETERS)
+    found = avoidance_dataset([(scenario.obstacle, demonstrations(scenario, scene))], vertical, PARAMETERS)
     assert np.isfinite(found.features).all()
     assert found.features[0, 12] == pytest.approx(0.0, abs=0.3)
     assert found.features[:, 12].max() > 1.0  # x is along the reach

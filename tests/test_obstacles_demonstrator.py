@@ -2,17 +2,17 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from structlearn.errors import InputError
-from structlearn.obstacles.demonstrator import (
+from structlearn.avoidance.shapes import SHAPES, obstacle
+from structlearn.ground.errors import InputError
+from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.testbeds.obstacles.world.reaching_person import (
     FIXED_POINTS,
     AvoiderParameters,
     demonstrate,
     jerk_metric,
     reaches,
 )
-from structlearn.obstacles.scenarios import Scenario, SceneParameters, reach_frame, scenarios
-from structlearn.obstacles.shapes import SHAPES, obstacle
-from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, reach_frame, scenarios
 
 SCENE = SceneParameters()
 AXES = reach_frame(SCENE.start, SCENE.goal)

@@ -3,16 +3,16 @@ import pandas as pd
 import pytest
 from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres
 
-from structlearn.errors import InputError
-from structlearn.obstacles.clouds import constant_velocity
-from structlearn.obstacles.evaluation import (
+from structlearn.avoidance.avoiding_unroll import no_coupling, unroll
+from structlearn.avoidance.clouds import constant_velocity
+from structlearn.ground.errors import InputError
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import (
     closest_approaches,
     demonstration_scores,
     scores,
     summary,
     unitless_distance,
 )
-from structlearn.obstacles.unroll import no_coupling, unroll
 
 TIME = 0.01 * np.arange(101)
 LINE = np.stack([TIME, 0 * TIME, 0 * TIME], axis=1)[None]  # 1 m/s along x

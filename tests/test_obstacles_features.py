@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from primitives_movements import quick, random_orientations, rngs
 
-from structlearn import quaternion
-from structlearn.errors import InputError
-from structlearn.obstacles import features as module
-from structlearn.obstacles.features import NAMES, closest_distance, features
+from structlearn.avoidance import features as module
+from structlearn.avoidance.features import NAMES, closest_distance, features
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 
 RECORDED = "clmc/obs_avoid/pmnn_unroll_test_dataset/subsampled_test_unroll_prim_1_X_raw_obs_avoid.txt"
 

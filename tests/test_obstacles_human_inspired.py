@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from structlearn import artefacts
-from structlearn.errors import InputError
-from structlearn.obstacles import human_inspired
-from structlearn.obstacles.features import features
+from structlearn.avoidance import human_inspired
+from structlearn.avoidance.features import features
+from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
 
 GRID = len(human_inspired.BETA_PER_RAD) * len(human_inspired.DECAY_PER_M)
 

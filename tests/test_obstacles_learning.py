@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from test_obstacles_models import toy_dataset
 
-from structlearn import parallel
-from structlearn.errors import InputError
-from structlearn.feedback.training import TrainingParameters
-from structlearn.metrics import nmse
-from structlearn.obstacles.learned_models import read_models, write_models
-from structlearn.obstacles.learning import AvoidanceTrainingParameters, learn
-from structlearn.obstacles.models import NetworkParameters, held_out_rows
-from structlearn.obstacles.scenarios import Scenario
-from structlearn.obstacles.shapes import obstacle
+from structlearn.avoidance.learned_models import read_models, write_models
+from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.shapes import obstacle
+from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.ground import parallel
+from structlearn.ground.errors import InputError
+from structlearn.ground.metrics import nmse
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
+from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 SCENARIOS = [
     Scenario(number, obstacle(shape, np.zeros(3))) for shape in ("sphere", "cube") for number in (1, 2)

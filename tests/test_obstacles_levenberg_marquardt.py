@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from structlearn.obstacles import levenberg_marquardt as lm
-from structlearn.obstacles.levenberg_marquardt import LevenbergMarquardtParameters
-from structlearn.obstacles.network import forward
-from structlearn.obstacles.normal_equations import Samples
+from structlearn.avoidance import levenberg_marquardt as lm
+from structlearn.avoidance.avoidance_network import forward
+from structlearn.avoidance.levenberg_marquardt import LevenbergMarquardtParameters
+from structlearn.avoidance.normal_equations import Samples
 
 SIZES = (3, 6, 4, 2)
 

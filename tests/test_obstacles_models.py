@@ -1,18 +1,18 @@
 import numpy as np
 import pytest
 
-from structlearn import parallel
-from structlearn.errors import InputError
-from structlearn.feedback.pmnn import write_networks
-from structlearn.feedback.training import TrainingParameters
-from structlearn.obstacles import models
-from structlearn.obstacles.dataset import AvoidanceDataset
-from structlearn.obstacles.models import NetworkParameters, SplitParameters
-from structlearn.obstacles.phase_modulated import (
+from structlearn.avoidance import network_training
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
+from structlearn.avoidance.network_training import NetworkParameters, SplitParameters
+from structlearn.avoidance.phase_modulated import (
     read_phase_modulated,
     train_phase_modulated,
     write_phase_modulated,
 )
+from structlearn.feedback.pmnn import write_networks
+from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.ground import parallel
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 
 QUICK = {"iterations": 6}
@@ -46,46 +46,52 @@ def toy_dataset(scenarios=2, demonstrations=5, samples=25, noise=0.05, size=(0.0
 
 def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
     dataset = toy_dataset(scenarios=3, demonstrations=10)
-    mask = models.held_out_rows(dataset, SplitParameters(test_share=0.2))
+    mask = network_training.held_out_rows(dataset, SplitParameters(test_share=0.2))
     chosen = []
-    for one, its in zip(models.by_scenario(dataset), np.split(mask, 3), strict=True):
+    for one, its in zip(network_training.by_scenario(dataset), np.split(mask, 3), strict=True):
         tested = {int(number) for number in np.unique(one.demonstration[its])}
         assert len(tested) == 2
         assert not tested & set(one.demonstration[~its].tolist())  # no demonstration is on both sides
         chosen.append(tested)
     assert len({tuple(sorted(one)) for one in chosen}) > 1  # scenarios draw on their own
-    alone = models.held_out_rows(models.by_scenario(dataset)[1], SplitParameters(test_share=0.2))
+    alone = network_training.held_out_rows(
+        network_training.by_scenario(dataset)[1], SplitParameters(test_share=0.2)
+    )
     np.testing.assert_array_equal(alone, np.split(mask, 3)[1])
-    assert not np.array_equal(mask, models.held_out_rows(dataset, SplitParameters(test_share=0.2, seed=1)))
+    assert not np.array_equal(
+        mask, network_training.held_out_rows(dataset, SplitParameters(test_share=0.2, seed=1))
+    )
 
 
 def test_one_demonstration_cannot_be_split():
     dataset = toy_dataset(demonstrations=1)
     with pytest.raises(InputError, match="scenario 0 has one demonstration only"):
-        models.held_out_rows(dataset, SplitParameters())
+        network_training.held_out_rows(dataset, SplitParameters())
     parameters = NetworkParameters(training={"rule": "validation"})
     with pytest.raises(InputError, match="none would be left to validate"):
-        models.train_member(models.by_scenario(dataset)[0], parameters, (0, 0))
+        network_training.train_member(network_training.by_scenario(dataset)[0], parameters, (0, 0))
 
 
 @pytest.mark.parametrize("rule", ["validation", "evidence"])
 def test_a_network_learns_the_same_alone_and_among_others(rule):
-    sets = models.by_scenario(toy_dataset())
+    sets = network_training.by_scenario(toy_dataset())
     parameters = NetworkParameters(hidden=(6, 4), training={"rule": rule} | QUICK)
-    stack = models.fit_networks(sets, parameters, "test")
-    again = models.fit_networks(sets[:1], parameters, "test")
+    stack = network_training.fit_networks(sets, parameters, "test")
+    again = network_training.fit_networks(sets[:1], parameters, "test")
     for layer, alone in zip(stack.layers, again.layers, strict=True):
         np.testing.assert_array_equal(layer[0], alone[0])
     assert not np.array_equal(stack.layers[0][0], stack.layers[0][1])
 
 
 def test_members_are_averaged():
-    sets = models.by_scenario(toy_dataset(scenarios=1))
+    sets = network_training.by_scenario(toy_dataset(scenarios=1))
     parameters = NetworkParameters(hidden=(6, 4), members=3, inputs="phase", training=QUICK)
-    stack = models.fit_networks(sets, parameters, "test")
+    stack = network_training.fit_networks(sets, parameters, "test")
     its = sets[0]
     alone = [
-        models.stacked([models.train_member(its, parameters, (0, member))], sets, parameters)
+        network_training.stacked(
+            [network_training.train_member(its, parameters, (0, member))], sets, parameters
+        )
         for member in range(3)
     ]
     states = its.features, its.phase, its.phase_velocity
@@ -96,12 +102,12 @@ def test_members_are_averaged():
 
 def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
     dataset = toy_dataset(scenarios=1, demonstrations=15)
-    mask = models.held_out_rows(dataset, SplitParameters())
+    mask = network_training.held_out_rows(dataset, SplitParameters())
     errors = {}
     for inputs in ("features", "phase"):
         parameters = NetworkParameters(hidden=(10, 6), inputs=inputs, training={"iterations": 20})
-        stack = models.fit_networks([dataset.where(~mask)], parameters, "test")
-        errors[inputs] = models.fit_errors([dataset], [mask], [stack])
+        stack = network_training.fit_networks([dataset.where(~mask)], parameters, "test")
+        errors[inputs] = network_training.fit_errors([dataset], [mask], [stack])
     for table in errors.values():
         train, test = (table[table["part"] == part].iloc[0] for part in ("train", "test"))
         assert train["nmse"] == pytest.approx(np.mean([train[f"nmse_{axis}"] for axis in "xyz"]))
@@ -122,14 +128,14 @@ def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
     ],
 )
 def test_dominant_axis(size, axis):
-    assert models.dominant_axis(toy_dataset(scenarios=1, size=size)) == axis
+    assert network_training.dominant_axis(toy_dataset(scenarios=1, size=size)) == axis
 
 
 def test_human_inspired_models_stack():
-    sets = models.by_scenario(toy_dataset(scenarios=3))
-    stack = models.fit_human_inspired_models(sets, "test")
+    sets = network_training.by_scenario(toy_dataset(scenarios=3))
+    stack = network_training.fit_human_inspired_models(sets, "test")
     assert len(stack) == 3
-    alone = models.fit_human_inspired_models(sets[2:], "test")
+    alone = network_training.fit_human_inspired_models(sets[2:], "test")
     np.testing.assert_array_equal(stack.weights[2], alone.weights[0])
 
 

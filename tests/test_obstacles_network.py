@@ -4,19 +4,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from structlearn import artefacts
-from structlearn.errors import InputError
-from structlearn.obstacles import network
+from structlearn.avoidance import avoidance_network
+from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
 
 SIZES = (4, 3)
 
 
-def random_networks(count=3, columns=network.FEATURES, seed=0):
+def random_networks(count=3, columns=avoidance_network.FEATURES, seed=0):
     rng = np.random.default_rng(seed)
     widths = (len(columns), *SIZES, 3)
     low = rng.normal(size=(count, len(columns)))
     middle = rng.normal(size=(count, 3))
-    return network.AvoidanceNetworks(
+    return avoidance_network.AvoidanceNetworks(
         columns=np.array(columns),
         input_low=low,
         input_high=low + rng.uniform(0.5, 2.0, low.shape),
@@ -50,7 +50,12 @@ def by_hand(networks, index, features, p, u):
 
 
 @pytest.mark.parametrize(
-    "columns", [network.FEATURES, network.FEATURES_AND_PHASE, network.FEATURES_AND_PHASE_VELOCITY]
+    "columns",
+    [
+        avoidance_network.FEATURES,
+        avoidance_network.FEATURES_AND_PHASE,
+        avoidance_network.FEATURES_AND_PHASE_VELOCITY,
+    ],
 )
 def test_network_of_each_sample_node_by_node(columns):
     networks, (features, p, u) = random_networks(columns=columns), states(3)
@@ -79,8 +84,10 @@ def test_outputs_stay_in_the_range_of_the_training_targets():
 def test_mean_of_networks_is_one_network():
     members = [[layer[index] for layer in random_networks(seed=5).layers] for index in range(3)]
     inputs = np.random.default_rng(0).normal(size=(7, 17))
-    mean = np.mean([network.forward(layers, inputs) for layers in members], axis=0)
-    np.testing.assert_allclose(network.forward(network.averaged(members), inputs), mean, atol=1e-12)
+    mean = np.mean([avoidance_network.forward(layers, inputs) for layers in members], axis=0)
+    np.testing.assert_allclose(
+        avoidance_network.forward(avoidance_network.averaged(members), inputs), mean, atol=1e-12
+    )
 
 
 def test_scaling_takes_training_data_to_the_unit_range():
@@ -89,7 +96,7 @@ def test_scaling_takes_training_data_to_the_unit_range():
     inputs[0][:, 4] = 7.0  # constant: no range to divide by
     targets = [rng.normal(size=(20, 3)), 5.0 + rng.normal(size=(30, 3))]
     layers = [np.zeros((18, 2)), np.zeros((3, 3))]
-    stack = network.scaled_networks([layers, layers], inputs, targets, network.FEATURES)
+    stack = avoidance_network.scaled_networks([layers, layers], inputs, targets, avoidance_network.FEATURES)
     assert len(stack) == 2
     np.testing.assert_allclose(stack.input_low[1], inputs[1].min(axis=0))
     assert (stack.input_high > stack.input_low).all()
@@ -99,19 +106,22 @@ def test_scaling_takes_training_data_to_the_unit_range():
 
 def test_constant_target_is_an_error():
     with pytest.raises(InputError, match="constant"):
-        network.output_scale(np.ones((5, 3)))
+        avoidance_network.output_scale(np.ones((5, 3)))
 
 
 def test_files_hold_the_networks(tmp_path):
-    stacks = {"sphere": random_networks(1), "cube": random_networks(2, network.FEATURES_AND_PHASE, seed=3)}
+    stacks = {
+        "sphere": random_networks(1),
+        "cube": random_networks(2, avoidance_network.FEATURES_AND_PHASE, seed=3),
+    }
     path = tmp_path / "networks.safetensors"
-    network.write_avoidance_networks(stacks, path)
+    avoidance_network.write_avoidance_networks(stacks, path)
     first = path.read_bytes()
-    found = network.read_avoidance_networks(path)
+    found = avoidance_network.read_avoidance_networks(path)
     for name, stack in stacks.items():
         features, p, u = states(len(stack))
         np.testing.assert_array_equal(found[name](features, p, u), stack(features, p, u))
-    network.write_avoidance_networks(found, path)
+    avoidance_network.write_avoidance_networks(found, path)
     assert path.read_bytes() == first
 
 
@@ -119,9 +129,9 @@ def test_other_files_are_refused(tmp_path):
     path = tmp_path / "other.safetensors"
     artefacts.write_tensors({"a": np.zeros(2)}, path, "{}")
     with pytest.raises(InputError, match="holds no avoidance networks"):
-        network.read_avoidance_networks(path)
+        avoidance_network.read_avoidance_networks(path)
     broken = random_networks(1)
     broken.layers[0][0, 0, 0] = np.nan
-    network.write_avoidance_networks({"sphere": broken}, path)
+    avoidance_network.write_avoidance_networks({"sphere": broken}, path)
     with pytest.raises(InputError, match=r"sphere\.layers\.0 holds a value that is not finite"):
-        network.read_avoidance_networks(path)
+        avoidance_network.read_avoidance_networks(path)

@@ -2,9 +2,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from structlearn.obstacles.levenberg_marquardt import initial_layers
-from structlearn.obstacles.network import forward
-from structlearn.obstacles.normal_equations import CHUNK_SAMPLES, Samples, normal_equations
+from structlearn.avoidance.avoidance_network import forward
+from structlearn.avoidance.levenberg_marquardt import initial_layers
+from structlearn.avoidance.normal_equations import CHUNK_SAMPLES, Samples, normal_equations
 
 
 def jacobian(layers, inputs, step=1e-6):

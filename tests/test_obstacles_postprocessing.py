@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 from pydantic import ValidationError
 
-from structlearn.obstacles.postprocessing import TEXT_ONLY, PostprocessingParameters, post_processed
+from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters, post_processed
 
 DECAY = PostprocessingParameters().passed_decay_per_m2
 

@@ -3,15 +3,15 @@ import pytest
 from obstacles_unrolls import GOAL, START, baseline, random_network
 from pydantic import ValidationError
 
-from structlearn.obstacles import protocols
-from structlearn.obstacles.evaluation import closest_approaches
-from structlearn.obstacles.human_inspired import HumanInspiredModels
-from structlearn.obstacles.learned_models import AvoidanceModels
-from structlearn.obstacles.postprocessing import PostprocessingParameters
-from structlearn.obstacles.protocols import AvoidanceEvaluationParameters
-from structlearn.obstacles.scenarios import Scenario
-from structlearn.obstacles.shapes import SHAPES, obstacle
+from structlearn.avoidance.human_inspired import HumanInspiredModels
+from structlearn.avoidance.learned_models import AvoidanceModels
+from structlearn.avoidance.postprocessing import PostprocessingParameters
+from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import closest_approaches
+from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 PARAMETERS = AvoidanceEvaluationParameters(rate_hz=50.0, kept_every=2, speeds_m_s=(0.1, 0.3), pairs=12)
 SETTINGS = ([0.4, -0.15, 0.25], [0.4, -0.45, 0.3])
@@ -36,13 +36,18 @@ MODELS = AvoidanceModels(
 
 def closest(situation):
     primitive = baseline()
-    path = protocols.unrolled(situation, protocols.no_coupling, primitive, PARAMETERS, None)
+    path = avoidance_protocols.unrolled(
+        situation, avoidance_protocols.no_coupling, primitive, PARAMETERS, None
+    )
     until = path.path.time <= primitive.duration
     return closest_approaches(path.path.time[until], path.path.position[:, until], situation.obstacles)[0]
 
 
 def test_moving_spheres_are_where_the_unseen_ones_are_when_the_hand_is_there():
-    unseen, moving = protocols.unseen(baseline()), protocols.moving(baseline(), PARAMETERS)
+    unseen, moving = (
+        avoidance_protocols.unseen(baseline()),
+        avoidance_protocols.moving(baseline(), PARAMETERS),
+    )
     assert len(moving.numbers) == 2 * len(unseen.numbers)
     resting = np.tile(closest(unseen), 2)
     assert (closest(moving) <= resting + 1e-3).all()  # they get nearer still before or after
@@ -53,39 +58,44 @@ def test_moving_spheres_are_where_the_unseen_ones_are_when_the_hand_is_there():
 
 
 def test_pairs_are_of_unseen_spheres_apart_from_each_other():
-    found = protocols.pairs(baseline(), PARAMETERS)
+    found = avoidance_protocols.pairs(baseline(), PARAMETERS)
     first, second = (one.centre for one in found.obstacles)
     assert len(found.numbers) == 12
-    assert (second[:, 0] - first[:, 0] >= protocols.PAIR_SPACING_M - 1e-9).all()
+    assert (second[:, 0] - first[:, 0] >= avoidance_protocols.PAIR_SPACING_M - 1e-9).all()
     assert len(np.unique(np.hstack([first, second]), axis=0)) == 12
-    grid = protocols.unseen(baseline()).obstacles[0].centre
+    grid = avoidance_protocols.unseen(baseline()).obstacles[0].centre
     for centres in (first, second):
         assert (np.linalg.norm(grid[:, None] - centres, axis=-1).min(axis=0) < 1e-12).all()
 
 
 def test_the_goal_shifts_in_the_frame_of_the_reach():
-    shift = protocols.goal_change(baseline(), PARAMETERS).goal_change.goals - GOAL
+    shift = avoidance_protocols.goal_change(baseline(), PARAMETERS).goal_change.goals - GOAL
     along = (GOAL - START) / np.linalg.norm(GOAL - START)
     assert np.linalg.norm(shift) == pytest.approx(np.hypot(0.1, 0.05))
     assert shift @ along == pytest.approx(0.0, abs=1e-3)  # the fitted goal is a hair off
 
 
 def test_models_meet_what_they_are_for():
-    known = protocols.trained(SCENARIOS, "cube", baseline())
-    named = [(one.model, one.learned_from) for one in protocols.contenders(MODELS, known)]
+    known = avoidance_protocols.trained(SCENARIOS, "cube", baseline())
+    named = [(one.model, one.learned_from) for one in avoidance_protocols.contenders(MODELS, known)]
     sources = ("setting", "cube", "all")
     assert named == [("none", ""), *(("human_inspired", source) for source in sources)]
-    own = next(one for one in protocols.contenders(MODELS, known) if one.learned_from == "setting").coupling
+    own = next(
+        one for one in avoidance_protocols.contenders(MODELS, known) if one.learned_from == "setting"
+    ).coupling
     np.testing.assert_array_equal(own.weights, MODELS.human_inspired["setting"].weights[2:4])  # the cubes
-    unknown = protocols.contenders(MODELS, protocols.unseen(baseline()))
+    unknown = avoidance_protocols.contenders(MODELS, avoidance_protocols.unseen(baseline()))
     assert [one.learned_from for one in unknown] == ["", *SHAPES, "all"]
 
 
 def test_every_contender_is_scored_in_every_situation_with_its_rules():
     primitive = baseline()
-    for situation in protocols.situations(SCENARIOS, primitive, PARAMETERS):
-        scores, paths = protocols.evaluate(situation, MODELS, primitive, PARAMETERS)
-        contenders, count = len(list(protocols.contenders(MODELS, situation))), len(situation.numbers)
+    for situation in avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS):
+        scores, paths = avoidance_protocols.evaluate(situation, MODELS, primitive, PARAMETERS)
+        contenders, count = (
+            len(list(avoidance_protocols.contenders(MODELS, situation))),
+            len(situation.numbers),
+        )
         both = situation.protocol in ("trained", "unseen")
         assert len(scores) == contenders * count * (1 + both)
         assert not scores.isna().any().any()
@@ -97,7 +107,10 @@ def test_every_contender_is_scored_in_every_situation_with_its_rules():
         assert samples["time_s"].max().min() == pytest.approx(1.5 * primitive.duration, abs=0.05)
         assert (paths["coupling_x"] == 0.0).all()
         if situation.protocol == "unseen":  # the table's distances are those of the written paths
-            centre = primitive.start + situation.obstacles[0].centre @ protocols.baseline_axes(primitive).T
+            centre = (
+                primitive.start
+                + situation.obstacles[0].centre @ avoidance_protocols.baseline_axes(primitive).T
+            )
             own = paths[(paths["learned_from"] == "sphere") & (paths["scenario"] == 30)]
             own = own[own["time_s"] <= primitive.duration]
             away = np.linalg.norm(own[["x_m", "y_m", "z_m"]] - centre[29], axis=1).min()
@@ -109,13 +122,14 @@ def test_every_contender_is_scored_in_every_situation_with_its_rules():
 def test_goals_are_reached_whatever_a_model_asks_for(seed):
     primitive, rng = baseline(), np.random.default_rng(seed)
     wild = random_network(rng, 80.0)
-    for situation in protocols.situations(SCENARIOS, primitive, PARAMETERS):
+    for situation in avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS):
         limits = PARAMETERS.postprocessing
         bare, coupled = (
-            protocols.evaluation.scores(
-                protocols.unrolled(situation, model, primitive, PARAMETERS, limits), situation.obstacles
+            avoidance_protocols.avoidance_scores.scores(
+                avoidance_protocols.unrolled(situation, model, primitive, PARAMETERS, limits),
+                situation.obstacles,
             )
-            for model in (protocols.no_coupling, wild)
+            for model in (avoidance_protocols.no_coupling, wild)
         )
         for column, limit in (
             ("goal_distance_m", limits.end_limit_m),
@@ -129,7 +143,7 @@ def test_demonstrations_are_scored_one_by_one():
     path = primitive.unroll(0.02)
     through = Demonstration("a", path.time, path.position)
     beside = Demonstration("b", path.time, path.position + 0.3)
-    found = protocols.demonstration_scores([[through, beside]] * 6, SCENARIOS, primitive)
+    found = avoidance_protocols.demonstration_scores([[through, beside]] * 6, SCENARIOS, primitive)
     assert found[["obstacle", "scenario", "demonstration"]].drop_duplicates().shape == (12, 3)
     first = found[(found["obstacle"] == "sphere") & (found["scenario"] == 1)]
     assert first["hit"].tolist() == [True, False]

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.obstacles.scenarios import (
+from structlearn.avoidance.shapes import SHAPES, obstacle
+from structlearn.ground.errors import InputError
+from structlearn.testbeds.obstacles.world.scenarios import (
     END_CLEARANCE_M,
     FAR_CLEARANCE_M,
     UNSEEN_RADIUS_M,
@@ -13,7 +14,6 @@ from structlearn.obstacles.scenarios import (
     unseen_centres,
     unseen_clouds,
 )
-from structlearn.obstacles.shapes import SHAPES, obstacle
 
 SCENE = SceneParameters()
 

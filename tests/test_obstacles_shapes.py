@@ -4,8 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from structlearn.errors import InputError
-from structlearn.obstacles.shapes import (
+from structlearn.avoidance.shapes import (
     HALF_SIZE_M,
     SHAPES,
     Obstacle,
@@ -14,6 +13,7 @@ from structlearn.obstacles.shapes import (
     ringed_sphere,
     virtual_radius,
 )
+from structlearn.ground.errors import InputError
 
 CENTRE = np.array([0.3, -0.2, 0.1])
 places = st.tuples(*[st.floats(-0.3, 0.3)] * 3).map(np.array)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import yaml
 
-from structlearn import parallel
-from structlearn.artefacts import read_table
-from structlearn.errors import InputError
-from structlearn.obstacles.learned_models import read_models
-from structlearn.obstacles.scenarios import SceneParameters, scenarios
-from structlearn.obstacles.shapes import SHAPES
-from structlearn.obstacles.storage import read_baseline, read_scenarios
+from structlearn.avoidance.learned_models import read_models
+from structlearn.avoidance.shapes import SHAPES
+from structlearn.ground import parallel
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.errors import InputError
 from structlearn.recordings import read_recordings
+from structlearn.testbeds.obstacles.files import read_baseline, read_scenarios
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 STAGES = ("demonstrate", "dataset", "train", "evaluate")
 NETWORK = {"hidden": [4], "training": {"iterations": 3}}

@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 from obstacles_unrolls import DT, DURATION, GOAL, START, baseline, beside_the_reach, random_network, spheres
 from primitives_movements import few, quick, rngs
 
-from structlearn.errors import InputError
-from structlearn.obstacles.clouds import constant_velocity
-from structlearn.obstacles.features import SCALED_VELOCITY, TO_CENTRE, features
-from structlearn.obstacles.postprocessing import TEXT_ONLY, PostprocessingParameters
-from structlearn.obstacles.unroll import GoalChange, no_coupling, unroll
+from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, unroll
+from structlearn.avoidance.clouds import constant_velocity
+from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
+from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 
 PRIMITIVE = baseline()

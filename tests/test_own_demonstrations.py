@@ -11,20 +11,16 @@ from conftest import minimum_jerk
 from recordings_bags import pose_messages, write_bag
 
 from structlearn.feedback.skill import ReactiveSkill, read_skill
+from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.recordings import write_recordings
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.recording import Recording
-from structlearn.segmentation.learning import FitParameters, learn_sequence
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.simulation.demonstrator import DemonstratorParameters
-from structlearn.simulation.trials import (
-    TestbedParameters,
-    corrected_runs,
-    executions,
-    guided_demonstrations,
-    nominal_runs,
-)
+from structlearn.testbeds.scraping.protocol.executions import corrected_runs, executions, nominal_runs
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
+from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 STAGES = (
     "scraping/record_nominal.py",
@@ -88,7 +84,7 @@ def test_own_executions_and_corrections_give_feedback_models(root, tmp_path, mon
     demonstrations = [synchronise(recording, 300.0) for recording in nominal]
     parameters = yaml.safe_load((root / "params.yaml").read_text())
     segmentation = cut(demonstrations, SegmentParameters(**parameters["segment"]))
-    skill = ReactiveSkill(learn_sequence(demonstrations, segmentation, FitParameters()))
+    skill = ReactiveSkill(learn_sequence(demonstrations, segmentation.results, FitParameters()))
     write_recordings(as_recorded(nominal), tmp_path / "bags" / "nominal")
     write_recordings(
         as_recorded(executions(skill, nominal_runs(2), testbed)), tmp_path / "bags" / "executions"

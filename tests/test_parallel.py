@@ -22,10 +22,10 @@ from parallel_work import (
     square_at_the_second_try,
 )
 
-from structlearn import parallel
-from structlearn.errors import InputError
 from structlearn.feedback.skill import open_loop
-from structlearn.parallel import parallel_map
+from structlearn.ground import parallel
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
 
 POLICIES = [open_loop(POLICY), open_loop(np.zeros(25)), open_loop(-POLICY)]
 SEEDS = [SEED, SEED, (1, 0, 3)]
@@ -208,7 +208,10 @@ def test_work_on_files_of_this_machine_stays_here(chosen):
 
 def test_the_environment_alone_chooses_the_cluster(cluster):
     """Nothing is printed that the program did not say."""
-    script = "from structlearn.parallel import parallel_map; print(parallel_map(abs, range(-9, 0), 'sizes'))"
+    script = (
+        "from structlearn.ground.parallel import parallel_map; "
+        "print(parallel_map(abs, range(-9, 0), 'sizes'))"
+    )
     chosen = {"STRUCTLEARN_BACKEND": "dask", "DASK_SCHEDULER_ADDRESS": cluster.scheduler_address}
     done = subprocess.run(
         [sys.executable, "-c", script], env={**os.environ, **chosen}, capture_output=True, text=True

@@ -4,9 +4,9 @@ import pytest
 import yaml
 from pydantic import Field, ValidationError
 
-from structlearn.errors import InputError
-from structlearn.params import Parameters, read_parameters
-from structlearn.simulation.trials import TestbedParameters
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters, read_parameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 class FilterParameters(Parameters):

@@ -9,9 +9,11 @@ import pandas as pd
 import pytest
 from made_up_environment import KERNELS, MadeUp
 
-from structlearn.errors import InputError
 from structlearn.feedback.skill import open_loop
-from structlearn.policy_search.comparison import (
+from structlearn.ground.errors import InputError
+from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
+from structlearn.policy_search.rollouts import Rollout
+from structlearn.policy_search.sample_efficiency import (
     CMA_ES,
     JUDGED,
     PI2,
@@ -21,8 +23,6 @@ from structlearn.policy_search.comparison import (
     PathIntegralSearch,
     compare,
 )
-from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
-from structlearn.policy_search.rollouts import Rollout
 
 START, EXPLORATION = np.zeros(KERNELS), 4.0
 SEARCH = PI2Parameters(samples=20)

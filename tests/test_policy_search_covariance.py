@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.policy_search.covariance import CovarianceParameters, adapted, factor, moments
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)

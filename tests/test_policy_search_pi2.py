@@ -8,7 +8,7 @@ from primitives_movements import reach
 from pydantic import ValidationError
 from scipy.optimize import minimize_scalar
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.policy_search.covariance import CovarianceParameters
 from structlearn.policy_search.pi2 import (
     PI2Parameters,

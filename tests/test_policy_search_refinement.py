@@ -21,20 +21,15 @@ from made_up_environment import (
     wanted,
 )
 
-from structlearn.errors import InputError
-from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.skill import open_loop
-from structlearn.feedback.training import TrainingParameters, train_final
+from structlearn.feedback.supervised_training import TrainingParameters, train_final
+from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
 from structlearn.policy_search.checkpoint import Checkpoint
 from structlearn.policy_search.covariance import factor
 from structlearn.policy_search.pi2 import PI2Parameters
-from structlearn.policy_search.refinement import (
-    RefinementParameters,
-    ScaleParameters,
-    compress,
-    refine,
-)
+from structlearn.policy_search.refinement import RefinementParameters, ScaleParameters, compress, refine
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE, Rollout
 from structlearn.primitives import kernels
 

@@ -6,13 +6,7 @@ from primitives_movements import quick, rngs
 from scipy.optimize import brentq
 
 from structlearn.primitives.canonical import phase, time_constant
-from structlearn.primitives.kernels import (
-    KERNEL_COUNT,
-    OVERLAP,
-    centres_and_widths,
-    features,
-    unit_features,
-)
+from structlearn.primitives.kernels import KERNEL_COUNT, OVERLAP, centres_and_widths, features, unit_features
 
 
 @pytest.mark.parametrize("count", [2, 10, 25, 60])

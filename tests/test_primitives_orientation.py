@@ -15,7 +15,7 @@ from primitives_movements import (
 )
 from scipy.integrate import solve_ivp
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.canonical import phase, time_constant
 from structlearn.primitives.kernels import features

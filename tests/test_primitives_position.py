@@ -11,8 +11,8 @@ from primitives_movements import (
     rngs,
 )
 
-from structlearn import quaternion
-from structlearn.frames import local_frame
+from structlearn.ground import quaternion
+from structlearn.ground.frames import local_frame
 from structlearn.primitives.position import PositionPrimitive, fit_position, in_local_frame
 
 DT = 0.005

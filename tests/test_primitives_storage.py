@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from primitives_movements import random_orientations, reach, wobbly_turn
 
-from structlearn import artefacts
-from structlearn.errors import InputError
-from structlearn.primitives import sequence, storage
+from structlearn.ground import artefacts
+from structlearn.ground.errors import InputError
+from structlearn.primitives import primitive_files, sequence
 from structlearn.primitives.orientation import QuaternionPrimitive, fit_quaternion
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.sequence import PosePrimitive
@@ -38,8 +38,8 @@ def expected_traces():
 @pytest.mark.parametrize("oriented", [True, False])
 def test_stored_primitives_unroll_bit_for_bit_as_before(tmp_path, oriented):
     primitives = learned(oriented)
-    storage.write_primitives(primitives, tmp_path / "p.safetensors")
-    found = storage.read_primitives(tmp_path / "p.safetensors")
+    primitive_files.write_primitives(primitives, tmp_path / "p.safetensors")
+    found = primitive_files.read_primitives(tmp_path / "p.safetensors")
     assert [primitive.name for primitive in found] == ["approach", "scrape along", "stay"]
     assert [primitive.position.frame for primitive in found] == ["side", "up", "world"]
     before, after = sequence.unroll(primitives, DT), sequence.unroll(found, DT)
@@ -53,8 +53,8 @@ def test_stored_primitives_unroll_bit_for_bit_as_before(tmp_path, oriented):
 
 def test_stored_primitives_keep_every_field(tmp_path):
     primitives = learned()
-    storage.write_primitives(primitives, tmp_path / "p.safetensors")
-    found = storage.read_primitives(tmp_path / "p.safetensors")
+    primitive_files.write_primitives(primitives, tmp_path / "p.safetensors")
+    found = primitive_files.read_primitives(tmp_path / "p.safetensors")
     forms = [QuaternionPrimitive, TwistSwingPrimitive, QuaternionPrimitive]
     for before, after, form in zip(primitives, found, forms, strict=True):
         assert type(after.orientation) is form
@@ -69,23 +69,27 @@ def test_stored_primitives_keep_every_field(tmp_path):
 
 def test_the_same_primitives_give_the_same_bytes(tmp_path):
     for name in ("a", "b"):
-        storage.write_primitives(learned(), tmp_path / f"{name}.safetensors")
-        storage.write_vector_primitive(expected_traces(), tmp_path / f"{name}_traces.safetensors", "traces")
+        primitive_files.write_primitives(learned(), tmp_path / f"{name}.safetensors")
+        primitive_files.write_vector_primitive(
+            expected_traces(), tmp_path / f"{name}_traces.safetensors", "traces"
+        )
     for suffix in ("", "_traces"):
         first, second = (tmp_path / f"{name}{suffix}.safetensors" for name in ("a", "b"))
         assert first.read_bytes() == second.read_bytes()
 
 
 def test_reading_and_writing_again_gives_the_same_bytes(tmp_path):
-    storage.write_primitives(learned(), tmp_path / "a.safetensors")
-    storage.write_primitives(storage.read_primitives(tmp_path / "a.safetensors"), tmp_path / "b.safetensors")
+    primitive_files.write_primitives(learned(), tmp_path / "a.safetensors")
+    primitive_files.write_primitives(
+        primitive_files.read_primitives(tmp_path / "a.safetensors"), tmp_path / "b.safetensors"
+    )
     assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
 
 
 def test_a_stored_vector_primitive_unrolls_bit_for_bit_as_before(tmp_path):
     primitive, path = expected_traces(), tmp_path / "traces.safetensors"
-    storage.write_vector_primitive(primitive, path, "expected traces")
-    found = storage.read_vector_primitive(path)
+    primitive_files.write_vector_primitive(primitive, path, "expected traces")
+    found = primitive_files.read_vector_primitive(path)
     assert artefacts.read_description(path) == "expected traces"
     assert type(found.duration) is float
     for name, values in vars(primitive.unroll(DT)).items():
@@ -107,8 +111,8 @@ def test_a_foreign_file_is_named(tmp_path):
     paths = foreign_files(tmp_path)
     assert len(paths) == 4
     for read, content in (
-        (storage.read_primitives, "holds no pose primitives"),
-        (storage.read_vector_primitive, "holds no vector primitive"),
+        (primitive_files.read_primitives, "holds no pose primitives"),
+        (primitive_files.read_vector_primitive, "holds no vector primitive"),
     ):
         for path in paths:
             complaint = "not a readable safetensors file" if path.stem == "text" else content
@@ -117,15 +121,17 @@ def test_a_foreign_file_is_named(tmp_path):
 
 
 def test_one_kind_of_primitive_is_not_read_as_the_other(tmp_path):
-    storage.write_primitives(learned(), tmp_path / "poses.safetensors")
-    storage.write_vector_primitive(expected_traces(), tmp_path / "traces.safetensors", "expected traces")
+    primitive_files.write_primitives(learned(), tmp_path / "poses.safetensors")
+    primitive_files.write_vector_primitive(
+        expected_traces(), tmp_path / "traces.safetensors", "expected traces"
+    )
     with pytest.raises(InputError, match=r"traces\.safetensors: holds no pose primitives"):
-        storage.read_primitives(tmp_path / "traces.safetensors")
+        primitive_files.read_primitives(tmp_path / "traces.safetensors")
     with pytest.raises(InputError, match=r"poses\.safetensors: holds no vector primitive"):
-        storage.read_vector_primitive(tmp_path / "poses.safetensors")
+        primitive_files.read_vector_primitive(tmp_path / "poses.safetensors")
 
 
-@pytest.mark.parametrize("read", [storage.read_primitives, storage.read_vector_primitive])
+@pytest.mark.parametrize("read", [primitive_files.read_primitives, primitive_files.read_vector_primitive])
 def test_a_missing_file_is_named(tmp_path, read):
     with pytest.raises(InputError, match=r"nothing\.safetensors: no such file"):
         read(tmp_path / "nothing.safetensors")

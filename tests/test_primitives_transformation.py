@@ -4,14 +4,7 @@ from hypothesis import given
 from primitives_movements import few, quick, reach, rngs
 from scipy.integrate import solve_ivp
 
-from structlearn.primitives.transformation import (
-    ALPHA,
-    ALPHA_G,
-    BETA,
-    forcing_target,
-    initial_goal,
-    unroll,
-)
+from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, forcing_target, initial_goal, unroll
 
 
 def random_situation(rng, axes=2):

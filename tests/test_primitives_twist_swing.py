@@ -13,7 +13,7 @@ from primitives_movements import (
     wobbly_turn,
 )
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.primitives.trajectory import differentiated_orientation
 from structlearn.primitives.twist_swing import (
     angular_rates,

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from structlearn import quaternion
-from structlearn.params import read_parameters
-from structlearn.recorded import reaches, scraping, slides, unscrewing
+from structlearn.ground import quaternion
+from structlearn.ground.params import read_parameters
+from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.recordings import clmc, slide, synchronise
-from structlearn.segmentation.evaluation import mean_cut_errors_ms
-from structlearn.segmentation.learning import FitParameters, segment_paths, whole
+from structlearn.segmentation.cut_errors import mean_cut_errors_ms
+from structlearn.testbeds.recorded.protocol import human_reaches, scraping_execution, slides, unscrewing
 
 
 @pytest.fixture(scope="module")
@@ -24,24 +24,24 @@ def reach_demonstrations(recorded_data):
 
 
 def test_reaches_are_found_between_rests(reach_demonstrations, parameter_file):
-    parameters = read_parameters(parameter_file, "recorded_reaches", reaches.ReachParameters)
+    parameters = read_parameters(parameter_file, "recorded_reaches", human_reaches.ReachParameters)
     few = parameters.model_copy(update={"noise_mm": (0.5, 2.0), "seeds": 1})
-    errors = reaches.reach_cut_errors(reach_demonstrations, few)
+    errors = human_reaches.reach_cut_errors(reach_demonstrations, few)
     mean = {level: mean_cut_errors_ms(part)["mean_ms"]["wls"] for level, part in errors.groupby("noise_mm")}
     assert mean[0.5] < 25.0
     assert mean[2.0] <= 40.0
 
 
 def test_one_primitive_serves_all_reaches(reach_demonstrations, parameter_file):
-    parameters = read_parameters(parameter_file, "recorded_reaches", reaches.ReachParameters)
-    _, errors = reaches.learn_reaches(reach_demonstrations, parameters)
+    parameters = read_parameters(parameter_file, "recorded_reaches", human_reaches.ReachParameters)
+    _, errors = human_reaches.learn_reaches(reach_demonstrations, parameters)
     learned = errors[errors["variant"] == "learned from"]
     assert len(learned) == 97
     assert learned["mean_mm"].mean() <= 16.7
     assert learned["end_mm"].max() <= 0.4
     assert set(errors["variant"].value_counts()) == {97}  # also left out, and without scaling
     segments = segment_paths(reach_demonstrations, whole(reach_demonstrations), parameters.fit.smoothing_hz)
-    assert abs(reaches.own_spread_mm(segments) - 17.3) < 0.2
+    assert abs(human_reaches.own_spread_mm(segments) - 17.3) < 0.2
 
 
 def test_unscrewing_turns_nearly_all_the_way_round(recorded_data, parameter_file):
@@ -56,15 +56,15 @@ def test_unscrewing_turns_nearly_all_the_way_round(recorded_data, parameter_file
 
 
 def test_scraping_execution_is_reproduced_as_a_sequence(recorded_data, parameter_file):
-    parameters = read_parameters(parameter_file, "recorded_scraping", scraping.ExecutionParameters)
+    parameters = read_parameters(parameter_file, "recorded_scraping", scraping_execution.ExecutionParameters)
     parts = [synchronise(recording) for recording in clmc.read_scraping_execution(recorded_data / "clmc")]
-    _, path, errors = scraping.learn_execution(parts, parameters.fit)
+    _, path, errors = scraping_execution.learn_execution(parts, parameters.fit)
     assert errors["mean_mm"].max() < 1.0
     assert errors["mean_deg"].max() < 1.0
     for signal in (path.position.acceleration, path.orientation.angular_acceleration):
         jumps = np.abs(np.diff(signal, axis=0))[path.switches[1:-1] - 1]
         assert jumps.max() < 0.05 * np.abs(signal).max()
-    _, scores, _ = scraping.learn_traces(parts, parameters)
+    _, scores, _ = scraping_execution.learn_traces(parts, parameters)
     assert len(scores) == 3 * 38
     assert scores[scores["range"] > 20]["nmse"].mean() < 0.1
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
-from structlearn import parallel
-from structlearn.errors import InputError
-from structlearn.feedback.training import TrainingParameters
-from structlearn.obstacles.dataset import AvoidanceDataset
-from structlearn.obstacles.models import NetworkParameters
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
+from structlearn.avoidance.network_training import NetworkParameters
+from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.ground import parallel
+from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
-from structlearn.recorded import avoidance, avoidance_samples
+from structlearn.testbeds.recorded.protocol import avoidance_representations, avoidance_samples
 
 ROWS = 12
 
@@ -81,15 +81,15 @@ def phase_dependent(count=120, seed=0):
 
 def test_representations_are_compared_on_the_same_held_out_samples():
     dataset = phase_dependent()
-    parameters = avoidance.RecordedAvoidanceParameters(
+    parameters = avoidance_representations.RecordedAvoidanceParameters(
         folds=2,
         network=NetworkParameters(hidden=(6,), members=2, training={"iterations": 12}),
         pmnn=TrainingParameters(steps=60, dropout=0.0, evaluate_every=30),
         pmnn_hidden=(8,),
     )
-    results = avoidance.compare_on_recorded(dataset, parameters)
+    results = avoidance_representations.compare_on_recorded(dataset, parameters)
     pairs = list(dict.fromkeys(zip(results.scores["representation"], results.scores["inputs"], strict=True)))
-    assert pairs == list(avoidance.REPRESENTATIONS)
+    assert pairs == list(avoidance_representations.REPRESENTATIONS)
     scores = results.scores.set_index(["representation", "inputs", "axis"])
     # the pooled error is the mean over folds of the share of each, and ridge regression can be redone by hand
     folds = results.folds.groupby(["representation", "inputs", "axis"])["nmse"].mean()
@@ -109,13 +109,15 @@ def test_representations_are_compared_on_the_same_held_out_samples():
     assert scores.loc[("ridge", "features", "y"), "nmse"] == pytest.approx(expected)
     worth = results.phase_worth.set_index(["representation", "inputs", "axis"])
     assert worth.loc[("ensemble", "phase_velocity", "y"), "gain"] > 0.0
-    again = avoidance.compare_on_recorded(dataset, parameters)
+    again = avoidance_representations.compare_on_recorded(dataset, parameters)
     assert again.scores.equals(results.scores)
 
 
 def test_too_few_samples_for_the_folds():
     with pytest.raises(InputError, match="too few for 10 folds"):
-        avoidance.compare_on_recorded(phase_dependent(15), avoidance.RecordedAvoidanceParameters())
+        avoidance_representations.compare_on_recorded(
+            phase_dependent(15), avoidance_representations.RecordedAvoidanceParameters()
+        )
 
 
 def test_the_recorded_samples():

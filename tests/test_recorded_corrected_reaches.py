@@ -3,15 +3,17 @@
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
 from structlearn.feedback.pmnn import read_networks, write_networks
-from structlearn.params import read_parameters
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import read_parameters
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.primitives.vector import fit_vector
-from structlearn.recorded import correction_splits, reaches
-from structlearn.recorded.corrected_reaches import (
+from structlearn.recordings import clmc, synchronise
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.recorded.protocol import correction_splits, human_reaches
+from structlearn.testbeds.recorded.protocol.corrected_reaches import (
     adapted_path,
     complete,
     corrected_reaches,
@@ -19,9 +21,7 @@ from structlearn.recorded.corrected_reaches import (
     phase_networks,
     typical_paths,
 )
-from structlearn.recorded.correction_splits import CorrectionParameters, learn_corrections
-from structlearn.recordings import clmc, synchronise
-from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, learn_corrections
 
 START, GOAL = np.array([0.67, -0.19, 0.14]), np.array([0.40, 0.20, 0.17])
 PARAMETERS = CorrectionParameters(smoothing_hz=20.0, learned_from=4, splits=3, seed=1)
@@ -190,7 +190,7 @@ def test_of_the_second_set_the_first_thirty_are_read(tmp_path):
 @pytest.fixture(scope="module")
 def recorded(recorded_data, root):
     """The primitive of 97 reaches, the complete higher ones and the parameters."""
-    fit = read_parameters(root / "params.yaml", "recorded_reaches", reaches.ReachParameters).fit
+    fit = read_parameters(root / "params.yaml", "recorded_reaches", human_reaches.ReachParameters).fit
     parameters = read_parameters(root / "params.yaml", "recorded_corrections", CorrectionParameters)
     flat = [synchronise(one) for one in clmc.read_reaches(recorded_data / "clmc")]
     paths = [differentiated(one.position, one.dt, fit.smoothing_hz) for one in flat]

@@ -6,24 +6,24 @@ from recordings_bags import recorded_data
 from rigid_body_motions import COULOMB, rubbing_motion
 from rigid_body_robots import pinocchio_torques, robot
 
-from structlearn.errors import InputError
-from structlearn.recorded.dynamics import (
+from structlearn.ground.errors import InputError
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.panda import read_exciting_trajectory
+from structlearn.rigid_body.friction import friction_coefficients
+from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.inertia_parameters import link_inertias
+from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.regressor import link_parameters
+from structlearn.rigid_body.structured_learning import MotionRegressor
+from structlearn.testbeds.recorded.protocol.panda_identification import (
     LEAST_SQUARES,
     URDF,
     RecordedDynamicsParameters,
     identify,
     panda_motion,
 )
-from structlearn.recorded.slide_torques import torque_check
-from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.panda import read_exciting_trajectory
-from structlearn.rigid_body.friction import friction_coefficients
-from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
-from structlearn.rigid_body.inertia_parameters import link_inertias
-from structlearn.rigid_body.learning import LearningParameters
-from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.regressor import link_parameters
-from structlearn.rigid_body.structured_learning import MotionRegressor
+from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
 PARAMETERS = RecordedDynamicsParameters(
     iterations=150, seeds=2, epochs=1, learning=LearningParameters(hidden=(6, 6)), trace_stride=10

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from tactile_toy import toy_dataset, toy_geodesics
 
-from structlearn import parallel
-from structlearn.errors import InputError
-from structlearn.recorded import latent_touch, touch_sets
-from structlearn.recorded.latent_touch import LatentTouchParameters
-from structlearn.recorded.touch_sets import TouchSet
+from structlearn.ground import parallel
+from structlearn.ground.errors import InputError
 from structlearn.recordings import clmc, slide, synchronise
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.tactile.dataset import TEST, TRAIN
 from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.latent_spaces import LatentSpaceParameters
-from structlearn.tactile.learning import LatentTrainingParameters
+from structlearn.tactile.latent_training import LatentTrainingParameters
+from structlearn.tactile.touch_dataset import TEST, TRAIN
+from structlearn.testbeds.recorded.protocol import latent_touch, touch_sets
+from structlearn.testbeds.recorded.protocol.latent_touch import LatentTouchParameters
+from structlearn.testbeds.recorded.protocol.touch_sets import TouchSet
 
 SKIN = biotac()
 FEW = LatentTouchParameters(

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.recorded import calibration, touch_statistics
-from structlearn.recorded.touch_traces import FingerTrace, finger_traces, joined
+from structlearn.ground.errors import InputError
 from structlearn.recordings.recording import Recording, Stream
+from structlearn.testbeds.recorded.protocol import touch_calibration, touch_statistics
+from structlearn.testbeds.recorded.protocol.touch_traces import FingerTrace, finger_traces, joined
 
 RATE_HZ = 100.0
-PARAMETERS = calibration.CalibrationParameters(
+PARAMETERS = touch_calibration.CalibrationParameters(
     rate_hz=RATE_HZ,
     settling_s=0.0,
     average_s=0.1,
@@ -133,11 +133,11 @@ def test_recordings_without_fingers(counts, rate_hz, message):
 
 def traces(gain: float) -> list[FingerTrace]:
     recorded = [
-        FingerTrace(calibration.REFERENCE, "run", finger, execution(seed), 300)
+        FingerTrace(touch_calibration.REFERENCE, "run", finger, execution(seed), 300)
         for seed, finger in enumerate(("left", "right"))
     ]
     simulated = [
-        FingerTrace(calibration.SIMULATED, f"{run}", finger, execution(10 * run + place, gain), 300)
+        FingerTrace(touch_calibration.SIMULATED, f"{run}", finger, execution(10 * run + place, gain), 300)
         for run in range(3)
         for place, finger in enumerate(("left", "right"))
     ]
@@ -146,10 +146,10 @@ def traces(gain: float) -> list[FingerTrace]:
 
 def compared(gain: float):
     fingers = traces(gain)
-    electrodes = calibration.electrode_table(fingers, PARAMETERS)
-    spectra = calibration.spectrum_table(fingers, PARAMETERS)
-    table = calibration.finger_table(fingers, electrodes, PARAMETERS)
-    return table, calibration.comparison(table, spectra, PARAMETERS).set_index("statistic")
+    electrodes = touch_calibration.electrode_table(fingers, PARAMETERS)
+    spectra = touch_calibration.spectrum_table(fingers, PARAMETERS)
+    table = touch_calibration.finger_table(fingers, electrodes, PARAMETERS)
+    return table, touch_calibration.comparison(table, spectra, PARAMETERS).set_index("statistic")
 
 
 def test_the_comparison_finds_the_same_in_the_same():
@@ -172,7 +172,7 @@ def test_the_comparison_finds_a_factor():
 
 
 def test_traces_to_look_at_start_at_zero():
-    table = calibration.trace_table(traces(1.0), PARAMETERS)
-    assert set(table["group"]) == {calibration.REFERENCE, calibration.SIMULATED}
+    table = touch_calibration.trace_table(traces(1.0), PARAMETERS)
+    assert set(table["group"]) == {touch_calibration.REFERENCE, touch_calibration.SIMULATED}
     assert abs(table[table["time_s"] < -2.0]["change"]).max() < 10
     assert table["time_s"].min() == -3.0

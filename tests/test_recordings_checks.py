@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from recordings_bags import pose_rows
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings import Recording, Stream
 from structlearn.recordings.checks import at_row, check_recording
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
-from structlearn import quaternion
-from structlearn.errors import InputError
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.recordings import clmc, read_demonstrations, synchronise, write_recordings
 
 ROWS = 6

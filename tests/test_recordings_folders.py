@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings import (
     TopicMap,
     folders,

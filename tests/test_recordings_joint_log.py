@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from recordings_bags import write_bag
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings.joint_log import JOINT_STATES, JointLog, read_joint_log, write_joint_log
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

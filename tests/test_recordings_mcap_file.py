@@ -9,7 +9,7 @@ from mcap.writer import Writer as PlainWriter
 from mcap_ros2.decoder import DecoderFactory
 from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings import OWN_TOPICS, Recording, Stream, TopicMap, read_recording, write_recording
 from structlearn.recordings.schemas import MESSAGE_TYPES, definition
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings_bags import header, pose_messages, pose_rows, ros_pose, ros_quaternion, vector, write_bag
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings import TopicMap, read_recording
 
 STAMPS = [10**9 + 7_000_001 * row for row in range(5)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings import panda
 
 

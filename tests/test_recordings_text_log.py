@@ -5,13 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.errors import InputError
-from structlearn.recordings.text_log import (
-    read_stamped_table,
-    read_table,
-    source_provenance,
-    uniform_stamps,
-)
+from structlearn.ground.errors import InputError
+from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance, uniform_stamps
 
 
 @pytest.fixture

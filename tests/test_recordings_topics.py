@@ -1,8 +1,8 @@
 import pytest
 from pydantic import ValidationError
 
-from structlearn.errors import InputError
-from structlearn.params import read_parameters
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import read_parameters
 from structlearn.recordings import OWN_TOPICS, TopicMap
 
 

@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from structlearn.feedback.closed_loop import AFTER, BEFORE, NOMINAL
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
-from structlearn.reporting.ablation_page import (
+from structlearn.reporting.page import render
+from structlearn.testbeds.scraping.page.ablation_page import (
     Experiment,
     Protocol,
     Variant,
@@ -14,7 +14,7 @@ from structlearn.reporting.ablation_page import (
     outcomes,
     summary,
 )
-from structlearn.reporting.page import render
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
 
 PROTOCOL = Protocol(refined_deg=10.0, seen_deg=(5.0, 7.5))
 VARIANTS = (Variant("default", "as it is"), Variant("few", "K = 2", "refine.search.samples=2"))

@@ -3,25 +3,30 @@
 import pytest
 from test_recorded_touch_statistics import PARAMETERS, traces
 
-from structlearn.recorded import calibration
-from structlearn.reporting.calibration_page import calibration_page, pictures
-from structlearn.reporting.calibration_results import STATISTICS, CalibrationResults, metrics, tables
 from structlearn.reporting.figures import save
 from structlearn.reporting.page import render
+from structlearn.testbeds.recorded.page.calibration_page import calibration_page, pictures
+from structlearn.testbeds.recorded.page.calibration_results import (
+    STATISTICS,
+    CalibrationResults,
+    metrics,
+    tables,
+)
+from structlearn.testbeds.recorded.protocol import touch_calibration
 
 
 def gathered(gain: float) -> CalibrationResults:
     fingers = traces(gain)
-    electrodes = calibration.electrode_table(fingers, PARAMETERS)
-    spectra = calibration.spectrum_table(fingers, PARAMETERS)
-    table = calibration.finger_table(fingers, electrodes, PARAMETERS)
+    electrodes = touch_calibration.electrode_table(fingers, PARAMETERS)
+    spectra = touch_calibration.spectrum_table(fingers, PARAMETERS)
+    table = touch_calibration.finger_table(fingers, electrodes, PARAMETERS)
     return CalibrationResults(
-        comparison=calibration.comparison(table, spectra, PARAMETERS),
+        comparison=touch_calibration.comparison(table, spectra, PARAMETERS),
         electrodes=electrodes,
         fingers=table,
         spectra=spectra,
-        components=calibration.component_table(fingers),
-        traces=calibration.trace_table(fingers, PARAMETERS),
+        components=touch_calibration.component_table(fingers),
+        traces=touch_calibration.trace_table(fingers, PARAMETERS),
     )
 
 

@@ -15,16 +15,23 @@ from dynamics_tables import (
     slide_tables,
 )
 
-from structlearn.artefacts import write_metrics
-from structlearn.reporting import recorded_dynamics
-from structlearn.reporting.dynamics_claims import dynamics_claims
-from structlearn.reporting.dynamics_page import dynamics_page
-from structlearn.reporting.dynamics_published import ROBOT as PRINTED_ROBOT
-from structlearn.reporting.dynamics_published import SIMULATION
-from structlearn.reporting.dynamics_results import IDEAL, ROBOT, metrics
-from structlearn.reporting.dynamics_robot import friction_table, known_errors, residual_torques
-from structlearn.reporting.dynamics_sections import pictures
-from structlearn.reporting.dynamics_tables import (
+from structlearn.ground.artefacts import write_metrics
+from structlearn.reporting.figures import save
+from structlearn.reporting.page import Link, Page, render
+from structlearn.rigid_body.agreement import agreement_with_pinocchio
+from structlearn.rigid_body.friction import free_friction
+from structlearn.rigid_body.inertia_parameters import free_parameters
+from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, in_order
+from structlearn.rigid_body.motion import Motion
+from structlearn.testbeds.dynamics.page.dynamics_claims import dynamics_claims
+from structlearn.testbeds.dynamics.page.dynamics_page import dynamics_page
+from structlearn.testbeds.dynamics.page.dynamics_published import ROBOT as PRINTED_ROBOT
+from structlearn.testbeds.dynamics.page.dynamics_published import SIMULATION
+from structlearn.testbeds.dynamics.page.dynamics_results import IDEAL, ROBOT, metrics
+from structlearn.testbeds.dynamics.page.dynamics_robot import friction_table, known_errors, residual_torques
+from structlearn.testbeds.dynamics.page.dynamics_sections import pictures
+from structlearn.testbeds.dynamics.page.dynamics_tables import (
     bodies,
     epochs,
     links,
@@ -33,15 +40,8 @@ from structlearn.reporting.dynamics_tables import (
     simulation,
     tables,
 )
-from structlearn.reporting.figures import save
-from structlearn.reporting.page import Link, Page, render
-from structlearn.rigid_body.agreement import agreement_with_pinocchio
-from structlearn.rigid_body.friction import free_friction
-from structlearn.rigid_body.inertia_parameters import free_parameters
-from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, in_order
-from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.storage import DynamicsModels
-from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
+from structlearn.testbeds.recorded.page import recorded_dynamics
 
 
 @pytest.fixture(scope="module")

@@ -23,15 +23,15 @@ from reporting_feedback import (
 )
 from reporting_scraping import FIT, PARAMETERS, demonstration, scraping_results
 
-from structlearn.artefacts import write_metrics
-from structlearn.metrics import BETTER, UNDECIDED, WORSE
-from structlearn.reporting import board_figures, feedback_figures
-from structlearn.reporting.feedback_claims import feedback_claims
-from structlearn.reporting.feedback_results import informative_channel, unroll_traces
+from structlearn.ground.artefacts import write_metrics
+from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE
 from structlearn.reporting.figures import save
 from structlearn.reporting.page import render
-from structlearn.reporting.scraping_page import pictures, scraping_page
-from structlearn.reporting.scraping_results import metrics, tables
+from structlearn.testbeds.scraping.page import board_figures, feedback_figures
+from structlearn.testbeds.scraping.page.feedback_claims import feedback_claims
+from structlearn.testbeds.scraping.page.feedback_results import informative_channel, unroll_traces
+from structlearn.testbeds.scraping.page.scraping_page import pictures, scraping_page
+from structlearn.testbeds.scraping.page.scraping_results import metrics, tables
 
 HEADINGS = {
     "The board, the robot and the fingers",

@@ -9,27 +9,27 @@ import pandas as pd
 import pytest
 from obstacles_unrolls import baseline
 
-from structlearn.artefacts import write_metrics
-from structlearn.obstacles import protocols
-from structlearn.obstacles.dataset import AvoidanceDataParameters
-from structlearn.obstacles.demonstrator import AvoiderParameters
-from structlearn.obstacles.human_inspired import HumanInspiredModels
-from structlearn.obstacles.learned_models import AvoidanceModels
-from structlearn.obstacles.learning import AvoidanceTrainingParameters
-from structlearn.obstacles.models import NetworkParameters
-from structlearn.obstacles.protocols import AvoidanceEvaluationParameters
-from structlearn.obstacles.scenarios import Scenario, SceneParameters
-from structlearn.obstacles.shapes import SHAPES, obstacle
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.avoidance.human_inspired import HumanInspiredModels
+from structlearn.avoidance.learned_models import AvoidanceModels
+from structlearn.avoidance.network_training import NetworkParameters
+from structlearn.avoidance.shapes import SHAPES, obstacle
+from structlearn.ground.artefacts import write_metrics
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.figures import save
-from structlearn.reporting.obstacle_claims import obstacle_claims
-from structlearn.reporting.obstacle_page import obstacle_page
-from structlearn.reporting.obstacle_path_figures import beyond_figure, worst
-from structlearn.reporting.obstacle_published import PER_SETTING, PER_SHAPE, UNSEEN
-from structlearn.reporting.obstacle_results import ObstacleResults, example_setting, metrics
-from structlearn.reporting.obstacle_sections import pictures
-from structlearn.reporting.obstacle_tables import limits, per_setting, per_shape, tables, unseen
 from structlearn.reporting.page import Link, render
+from structlearn.testbeds.obstacles.page.obstacle_claims import obstacle_claims
+from structlearn.testbeds.obstacles.page.obstacle_page import obstacle_page
+from structlearn.testbeds.obstacles.page.obstacle_path_figures import beyond_figure, worst
+from structlearn.testbeds.obstacles.page.obstacle_published import PER_SETTING, PER_SHAPE, UNSEEN
+from structlearn.testbeds.obstacles.page.obstacle_results import ObstacleResults, example_setting, metrics
+from structlearn.testbeds.obstacles.page.obstacle_sections import pictures
+from structlearn.testbeds.obstacles.page.obstacle_tables import limits, per_setting, per_shape, tables, unseen
+from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters
 
 NEAR, FAR = [0.4, -0.15, 0.25], [0.4, -0.45, 0.6]
 SCENARIOS = [
@@ -89,8 +89,8 @@ def error_table(network=0.04, rai=0.6):
 def results():
     primitive = baseline()
     models = AvoidanceModels(networks=kind(20.0), human_inspired=kind(2.0), phase_modulated=kind(20.0))
-    situations = protocols.situations(SCENARIOS, primitive, PARAMETERS)
-    found = [protocols.evaluate(one, models, primitive, PARAMETERS) for one in situations]
+    situations = avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS)
+    found = [avoidance_protocols.evaluate(one, models, primitive, PARAMETERS) for one in situations]
     scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*found, strict=True))
     path = primitive.unroll(0.04)
     provenance = {"origin": "simulated"}
@@ -106,7 +106,7 @@ def results():
     return ObstacleResults(
         scores=scores,
         paths=paths,
-        people=protocols.demonstration_scores([people] * len(SCENARIOS), SCENARIOS, primitive),
+        people=avoidance_protocols.demonstration_scores([people] * len(SCENARIOS), SCENARIOS, primitive),
         errors=error_table(),
         baseline=primitive,
         scenarios=SCENARIOS,

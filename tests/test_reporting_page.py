@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from structlearn.params import Parameters
+from structlearn.ground.params import Parameters
 from structlearn.reporting.overview import DYNAMICS, OBSTACLES, SCRAPING, SERVOING, overview_page
 from structlearn.reporting.page import (
     Figure,

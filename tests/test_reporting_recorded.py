@@ -6,34 +6,34 @@ import pytest
 from dynamics_tables import recorded_results, slide_tables
 from scipy import stats
 
-from structlearn.params import read_parameters
+from structlearn.ground.params import read_parameters
+from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.primitives.sequence import sequence_table
-from structlearn.recorded import (
-    avoidance,
+from structlearn.recordings import clmc, slide, synchronise
+from structlearn.reporting.page import Page, render
+from structlearn.testbeds.recorded.page import recorded_avoidance, recorded_corrections, recorded_latent_touch
+from structlearn.testbeds.recorded.page.recorded_page import pictures, recorded_page
+from structlearn.testbeds.recorded.page.recorded_results import RecordedResults, metrics, tables
+from structlearn.testbeds.recorded.protocol import (
+    avoidance_representations,
     correction_splits,
+    human_reaches,
     latent_touch,
-    reaches,
-    scraping,
+    scraping_execution,
     slides,
     touch_sets,
     unscrewing,
 )
-from structlearn.recorded.corrected_reaches import complete, corrected_reaches
-from structlearn.recorded.dynamics import RecordedDynamicsParameters
-from structlearn.recordings import clmc, slide, synchronise
-from structlearn.reporting import recorded_avoidance, recorded_corrections, recorded_latent_touch
-from structlearn.reporting.page import Page, render
-from structlearn.reporting.recorded_page import pictures, recorded_page
-from structlearn.reporting.recorded_results import RecordedResults, metrics, tables
-from structlearn.segmentation.learning import FitParameters, segment_paths, whole
+from structlearn.testbeds.recorded.protocol.corrected_reaches import complete, corrected_reaches
+from structlearn.testbeds.recorded.protocol.panda_identification import RecordedDynamicsParameters
 
 MODELS = {
-    "recorded_reaches": reaches.ReachParameters,
+    "recorded_reaches": human_reaches.ReachParameters,
     "recorded_corrections": correction_splits.CorrectionParameters,
     "recorded_unscrewing": FitParameters,
-    "recorded_scraping": scraping.ExecutionParameters,
+    "recorded_scraping": scraping_execution.ExecutionParameters,
     "recorded_slides": slides.SlideParameters,
-    "recorded_avoidance": avoidance.RecordedAvoidanceParameters,
+    "recorded_avoidance": avoidance_representations.RecordedAvoidanceParameters,
     "recorded_latent_touch": latent_touch.LatentTouchParameters,
     "recorded_dynamics": RecordedDynamicsParameters,
 }
@@ -54,16 +54,16 @@ def avoidance_results(best=0.2, gain=0.1):
     keys = ["representation", "inputs", "axis"]
     spread = np.array([-0.01, 0.0, 0.01, 0.0])
     rows = []
-    for name, inputs in avoidance.REPRESENTATIONS:
+    for name, inputs in avoidance_representations.REPRESENTATIONS:
         for place, axis in enumerate("xyz"):
             error = best + 0.1 * place + (0.0 if inputs == "phase" else gain)
-            error += 0.0 if name == avoidance.ENSEMBLE else 0.5
+            error += 0.0 if name == avoidance_representations.ENSEMBLE else 0.5
             rows += [(name, inputs, axis, fold, error + part) for fold, part in enumerate(spread)]
     folds = pd.DataFrame(rows, columns=[*keys, "fold", "nmse"])
     scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
     worth = scores[scores["inputs"] != "features"].query("representation != 'pmnn'")[keys].copy()
     worth["gain"] = np.where(worth["inputs"] == "phase", gain, 0.0)
-    return avoidance.RecordedAvoidanceResults(scores, folds, worth.assign(half_width=0.02))
+    return avoidance_representations.RecordedAvoidanceResults(scores, folds, worth.assign(half_width=0.02))
 
 
 def touch_results(own=0.1, carried=0.7, components=0.05):
@@ -99,7 +99,7 @@ def results(recorded_data, parameters):
     execution = [synchronise(one) for one in clmc.read_scraping_execution(recorded_data / "clmc")]
     names = ("mat9_1", "mat9_2", "mat9_12", "mat15_1")
     raw = [slide.read_slide(recorded_data / "slide", name) for name in names]
-    primitive, errors = reaches.learn_reaches(movements, parameters["recorded_reaches"])
+    primitive, errors = human_reaches.learn_reaches(movements, parameters["recorded_reaches"])
     segments = segment_paths(movements, whole(movements), 10.0)
     higher = [synchronise(one) for one in clmc.read_reaches(recorded_data / "clmc", "dataset2_part")]
     corrected = corrected_reaches(complete(higher), primitive.position, 10.0)
@@ -107,8 +107,8 @@ def results(recorded_data, parameters):
         corrected, primitive.position.local, parameters["recorded_corrections"]
     )
     joint, turns = unscrewing.learn_unscrewing(logs, parameters["recorded_unscrewing"])
-    _, path, distances = scraping.learn_execution(execution, parameters["recorded_scraping"].fit)
-    _, scores, traces = scraping.learn_traces(execution, parameters["recorded_scraping"])
+    _, path, distances = scraping_execution.learn_execution(execution, parameters["recorded_scraping"].fit)
+    _, scores, traces = scraping_execution.learn_traces(execution, parameters["recorded_scraping"])
     _, deviations, statistics = slides.learn_slides(
         [synchronise(one, 100.0) for one in raw], parameters["recorded_slides"]
     )
@@ -116,8 +116,8 @@ def results(recorded_data, parameters):
         reach_segments=segments,
         reach_primitive=primitive,
         reach_errors=errors,
-        reach_cut_errors=reaches.reach_cut_errors(movements, parameters["recorded_reaches"]),
-        own_spread_mm=reaches.own_spread_mm(segments),
+        reach_cut_errors=human_reaches.reach_cut_errors(movements, parameters["recorded_reaches"]),
+        own_spread_mm=human_reaches.own_spread_mm(segments),
         corrections=corrections,
         unscrewing_segments=segment_paths(logs, whole(logs), 3.0),
         unscrewing_primitive=joint,
@@ -202,7 +202,7 @@ def test_obstacle_metrics_are_those_of_one_best_model():
     assert [values[f"obstacle_nmse_{axis}"] for axis in "xyz"] == pytest.approx([0.2, 0.3, 0.4])
     assert values["obstacle_phase_gain_y"] == pytest.approx(0.1)
     table = recorded_avoidance.score_table(avoidance_results())
-    assert len(table) == len(avoidance.REPRESENTATIONS)
+    assert len(table) == len(avoidance_representations.REPRESENTATIONS)
     best = table.iloc[recorded_avoidance.best_row(avoidance_results())]
     assert (best["model"], best["sees"]) == ("ensemble of networks", "features, phase and its velocity")
 
@@ -228,7 +228,7 @@ def test_the_figure_of_avoidance_has_a_panel_per_axis():
     figure = recorded_avoidance.errors_figure(avoidance_results())
     assert [panel.get_title(loc="left") for panel in figure.axes] == ["Local x", "Local y", "Local z"]
     rows = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert len(rows) == len(avoidance.REPRESENTATIONS)
+    assert len(rows) == len(avoidance_representations.REPRESENTATIONS)
 
 
 def touch_page(made_up):

@@ -23,23 +23,23 @@ from reporting_refinement import (
 from reporting_scraping import FIT, PARAMETERS, demonstration, scraping_results
 from scipy import stats
 
-from structlearn.artefacts import write_metrics, write_table
-from structlearn.feedback.closed_loop import AFTER, BEFORE, NOMINAL
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.metrics import BETTER, UNDECIDED, WORSE
-from structlearn.policy_search.comparison import CMA_ES, PI2
+from structlearn.ground.artefacts import write_metrics, write_table
+from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE
+from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.recordings.source import ClockParameters
-from structlearn.reporting import refinement_figures, refinement_sections, refinement_snapshots
-from structlearn.reporting.feedback_files import read_refinement
 from structlearn.reporting.figures import save
 from structlearn.reporting.page import Page, render
-from structlearn.reporting.refinement_claims import refinement_claims
-from structlearn.reporting.refinement_results import metrics
-from structlearn.reporting.refinement_snapshots import HEIGHT_DRAWN, snapshots, turned
-from structlearn.reporting.scraping_page import pictures, scraping_page
-from structlearn.reporting.scraping_results import metrics as all_metrics
-from structlearn.reporting.scraping_results import tables
-from structlearn.simulation.layout import EDGE_M, EDGE_WIDTH_M
+from structlearn.testbeds.scraping.page import refinement_figures, refinement_sections, refinement_snapshots
+from structlearn.testbeds.scraping.page.feedback_files import read_refinement
+from structlearn.testbeds.scraping.page.refinement_claims import refinement_claims
+from structlearn.testbeds.scraping.page.refinement_results import metrics
+from structlearn.testbeds.scraping.page.refinement_snapshots import HEIGHT_DRAWN, snapshots, turned
+from structlearn.testbeds.scraping.page.scraping_page import pictures, scraping_page
+from structlearn.testbeds.scraping.page.scraping_results import metrics as all_metrics
+from structlearn.testbeds.scraping.page.scraping_results import tables
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
 NOTHING = pd.DataFrame()
 

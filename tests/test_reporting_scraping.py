@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from reporting_scraping import FIT, PARAMETERS, demonstration, noise_table, positions_only, scraping_results
 
-from structlearn.artefacts import write_metrics
+from structlearn.ground.artefacts import write_metrics
 from structlearn.reporting.figures import save
 from structlearn.reporting.page import render
-from structlearn.reporting.primitive_figures import sequence_figure
-from structlearn.reporting.scraping_page import pictures, scraping_page
-from structlearn.reporting.scraping_results import metrics, tables
+from structlearn.testbeds.scraping.page.primitive_figures import sequence_figure
+from structlearn.testbeds.scraping.page.scraping_page import pictures, scraping_page
+from structlearn.testbeds.scraping.page.scraping_results import metrics, tables
 
 PARAMETER_MODELS = {"segment": PARAMETERS, "fit_primitives": FIT}
 

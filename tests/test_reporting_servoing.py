@@ -9,27 +9,33 @@ import pandas as pd
 import pytest
 from tactile_toy import toy_dataset
 
-from structlearn.artefacts import write_metrics
+from structlearn.ground.artefacts import write_metrics
 from structlearn.reporting.figures import save
 from structlearn.reporting.page import Link, render
-from structlearn.reporting.servoing_claims import servoing_claims
-from structlearn.reporting.servoing_figures import forward_figure
-from structlearn.reporting.servoing_loop import ACTING, TEXT, ServoLoop
-from structlearn.reporting.servoing_loop_sections import shown
-from structlearn.reporting.servoing_other_skins import OtherSkins
-from structlearn.reporting.servoing_page import servoing_page
-from structlearn.reporting.servoing_results import ServoingResults, metrics
-from structlearn.reporting.servoing_sections import pictures
-from structlearn.reporting.servoing_tables import directions, forward_at_test, latent, tables, test_chains
-from structlearn.simulation.other_skins import OtherSkinsParameters
-from structlearn.simulation.servo_trials import MOTIONS, ServoTrialParameters, variants
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.comparison import SPLITS, LatentParameters
-from structlearn.tactile.dataset import OTHER
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import GeodesicParameters
+from structlearn.tactile.latent_comparison import SPLITS, LatentParameters
 from structlearn.tactile.latent_models import TRAINED_WITH
-from structlearn.tactile.preparation import TouchDataParameters
+from structlearn.tactile.touch_dataset import OTHER
+from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.testbeds.servoing.page.servoing_claims import servoing_claims
+from structlearn.testbeds.servoing.page.servoing_figures import forward_figure
+from structlearn.testbeds.servoing.page.servoing_loop import ACTING, TEXT, ServoLoop
+from structlearn.testbeds.servoing.page.servoing_loop_sections import shown
+from structlearn.testbeds.servoing.page.servoing_other_skins import OtherSkins
+from structlearn.testbeds.servoing.page.servoing_page import servoing_page
+from structlearn.testbeds.servoing.page.servoing_results import ServoingResults, metrics
+from structlearn.testbeds.servoing.page.servoing_sections import pictures
+from structlearn.testbeds.servoing.page.servoing_tables import (
+    directions,
+    forward_at_test,
+    latent,
+    tables,
+    test_chains,
+)
+from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS, ServoTrialParameters, variants
 
 test_chains.__test__ = False  # a table of the page, not a test
 SEEDS = 4

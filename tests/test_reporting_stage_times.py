@@ -2,11 +2,10 @@ import json
 
 import yaml
 
+from structlearn.ground.wall_clock import TIMES, StageTime
 from structlearn.reporting import stage_times as reported
 from structlearn.reporting.page import render
-from structlearn.reporting.stage_times import OVERVIEW, stage_times, this_machine, times_page
-from structlearn.source_dependencies import PIPELINES
-from structlearn.wall_clock import TIMES, StageTime
+from structlearn.reporting.stage_times import OVERVIEW, PIPELINES, stage_times, this_machine, times_page
 
 MAIN = {
     "stages": {

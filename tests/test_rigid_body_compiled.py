@@ -4,7 +4,7 @@ import pybullet_data
 import pytest
 import torch
 
-from structlearn.rigid_body import compiled, newton_euler
+from structlearn.rigid_body import compiled_dynamics, newton_euler
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, read_urdf
@@ -26,7 +26,7 @@ def states(count: int, joints: int) -> np.ndarray:
 
 
 def test_torques_are_those_of_pinocchio(robot):
-    torques = compiled.inverse_dynamics(robot.tree, robot.inertias)
+    torques = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     data = robot.model.createData()
     for q, qd, qdd in states(20, len(robot.tree.names)):
         expected = pinocchio.rnea(robot.model, data, q, qd, qdd)
@@ -38,7 +38,7 @@ def test_torques_of_learned_inertias_are_those_of_the_recursion_that_is_trained(
     count = len(robot.tree.names)
     free = draw(structure, count, [torch.Generator().manual_seed(1)])[0]
     inertias = link_inertias(structure, free)
-    torques = compiled.inverse_dynamics(robot.tree, inertias.arrays())
+    torques = compiled_dynamics.inverse_dynamics(robot.tree, inertias.arrays())
     q, qd, qdd = states(10, count).transpose(1, 0, 2)
     expected = newton_euler.inverse_dynamics(
         robot.tree, inertias.tensors(), *(torch.tensor(values) for values in (q, qd, qdd))
@@ -50,9 +50,9 @@ def test_torques_of_learned_inertias_are_those_of_the_recursion_that_is_trained(
 def test_friction_is_added_joint_by_joint(robot):
     count = len(robot.tree.names)
     coefficients = np.random.default_rng(0).uniform(0.1, 1.0, (count, 2))
-    rows = compiled.friction_rows(coefficients, ("viscous", "coulomb"))
-    smooth = compiled.inverse_dynamics(robot.tree, robot.inertias)
-    rubbing = compiled.inverse_dynamics(robot.tree, robot.inertias, rows)
+    rows = compiled_dynamics.friction_rows(coefficients, ("viscous", "coulomb"))
+    smooth = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    rubbing = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias, rows)
     q, qd, qdd = states(1, count)[0]
     expected = (friction_columns(qd, ("viscous", "coulomb")) * coefficients).sum(axis=-1)
     np.testing.assert_allclose(rubbing(q, qd, qdd) - smooth(q, qd, qdd), expected, atol=1e-9)
@@ -76,6 +76,6 @@ def test_a_pendulum_has_its_closed_form():
     body = LinkInertias(
         np.array([mass]), np.array([[0.0, 0.0, -mass * length]]), np.diag([own, own, own])[None]
     )
-    torque = compiled.inverse_dynamics(tree, body)(np.array([0.4]), np.array([1.5]), np.array([2.0]))
+    torque = compiled_dynamics.inverse_dynamics(tree, body)(np.array([0.4]), np.array([1.5]), np.array([2.0]))
     expected = (mass * length**2 + own) * 2.0 + mass * 9.81 * length * np.sin(0.4)
     assert torque[0] == pytest.approx(expected, abs=1e-12)

@@ -3,13 +3,13 @@ import pybullet_data
 import pytest
 import torch
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.rigid_body.compiled_models import compiled_model
 from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.learning import LearningParameters, learner
+from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.model_learning import LearningParameters, learner
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.newton_euler import inverse_dynamics
-from structlearn.rigid_body.storage import DynamicsModels
 from structlearn.rigid_body.tree import LinkInertias, read_urdf
 
 FRICTION = ("viscous", "coulomb")

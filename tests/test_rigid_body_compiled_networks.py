@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from structlearn.rigid_body import compiled, compiled_networks
+from structlearn.rigid_body import compiled_dynamics, compiled_networks
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
 
@@ -18,7 +18,7 @@ def generators() -> list[torch.Generator]:
     return [torch.Generator().manual_seed(model) for model in range(MODELS)]
 
 
-def one_by_one(torques: compiled.InverseDynamics, states: torch.Tensor) -> np.ndarray:
+def one_by_one(torques: compiled_dynamics.InverseDynamics, states: torch.Tensor) -> np.ndarray:
     return np.array([torques(*state) for state in np.moveaxis(states.numpy(), -1, 0)]).T
 
 
@@ -44,7 +44,7 @@ def test_a_lagrangian_network_gives_what_the_trained_batch_gives(states):
 
 def test_friction_acts_beside_a_lagrangian_network(states):
     networks = StackedLagrangianNetworks(JOINTS, HIDDEN, generators()).double()
-    rows = compiled.friction_rows(np.full((JOINTS, 1), 0.5), ("viscous",))
+    rows = compiled_dynamics.friction_rows(np.full((JOINTS, 1), 0.5), ("viscous",))
     without, rubbing = (
         one_by_one(compiled_networks.lagrangian(networks, 0, friction), states) for friction in (None, rows)
     )

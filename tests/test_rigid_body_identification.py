@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 
-from structlearn.metrics import nmse
+from structlearn.ground.metrics import nmse
 from structlearn.rigid_body.base_parameters import base_parameters
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle

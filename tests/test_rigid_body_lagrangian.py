@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch.autograd.functional import hessian, jacobian
 
+from structlearn.networks.torch_settings import seeded
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
-from structlearn.tensors import seeded
 
 JOINTS = 4
 

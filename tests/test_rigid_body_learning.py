@@ -3,11 +3,11 @@ import pytest
 import torch
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
 
-from structlearn.metrics import nmse
-from structlearn.rigid_body.adam import Adam, AdamParameters
+from structlearn.ground.metrics import nmse
+from structlearn.networks.adam import Adam, AdamParameters
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
-from structlearn.rigid_body.learning import (
+from structlearn.rigid_body.model_learning import (
     KINDS,
     LearningParameters,
     error_table,

@@ -1,8 +1,8 @@
 import torch
 from torch import nn
 
+from structlearn.networks.torch_settings import seeded
 from structlearn.rigid_body.multilayer_perceptron import StackedLayers, StackedPerceptrons
-from structlearn.tensors import seeded
 
 
 def test_a_stack_is_so_many_ordinary_networks():

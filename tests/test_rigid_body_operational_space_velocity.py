@@ -3,7 +3,7 @@ import pinocchio
 import pybullet_data
 import pytest
 
-from structlearn.rigid_body import compiled
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.operational_space_velocity import (
     VelocityControl,
     VelocityControlParameters,
@@ -84,7 +84,7 @@ def test_posture_does_not_move_the_tool(robot, state):
 def test_model_and_law_reach_a_goal_in_exact_dynamics(robot):
     posture = np.array([0.0, 0.5, 0.0, -1.2, 0.0, 1.0, 0.0])
     control = VelocityControl(robot.tree, TOOL, posture, PARAMETERS)
-    torques = compiled.inverse_dynamics(robot.tree, robot.inertias)
+    torques = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     data, q, qd, dt = robot.model.createData(), posture.copy(), np.zeros(7), 4e-3
     goal = tool_motion(robot.tree, TOOL, q[None], qd[None])[0][0] + [0.05, -0.1, 0.05]
     for _ in range(1000):

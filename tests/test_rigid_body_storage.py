@@ -3,12 +3,12 @@ import pytest
 import torch
 from rigid_body_motions import arm, rubbing_motion
 
-from structlearn.artefacts import write_tensors
-from structlearn.errors import InputError
-from structlearn.metrics import nmse
-from structlearn.rigid_body.learning import KINDS, LearningParameters, learner
+from structlearn.ground.artefacts import write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.ground.metrics import nmse
+from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models, write_dynamics_models
+from structlearn.rigid_body.model_learning import KINDS, LearningParameters, learner
 from structlearn.rigid_body.prediction import predicted_torques
-from structlearn.rigid_body.storage import DynamicsModels, read_dynamics_models, write_dynamics_models
 
 FRICTION = ("viscous", "offset")
 PARAMETERS = LearningParameters(hidden=(8, 6))

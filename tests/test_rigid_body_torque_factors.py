@@ -1,6 +1,6 @@
 import numpy as np
 
-from structlearn.metrics import nmse
+from structlearn.ground.metrics import nmse
 from structlearn.rigid_body.torque_factors import torque_factors
 
 

@@ -4,15 +4,15 @@ import pytest
 from rigid_body_motions import arm, rubbing_motion, sine_motion
 from rigid_body_robots import pinocchio_torques
 
-from structlearn.rigid_body.learning import LearningParameters
+from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.online import (
+from structlearn.rigid_body.online_learning import (
     OnlineParameters,
     PayloadLearningParameters,
     follow_payload,
     learn_once_through,
 )
-from structlearn.rigid_body.training import (
+from structlearn.rigid_body.seeded_training import (
     PLAIN,
     SCHEDULED,
     DynamicsTrainingParameters,

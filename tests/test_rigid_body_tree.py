@@ -5,7 +5,7 @@ import pybullet_data
 import pytest
 from rigid_body_robots import FINGERS, joint, link, robot
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.rigid_body.tree import joint_order, read_urdf
 
 BODY = link("moved")

@@ -3,13 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.errors import InputError
-from structlearn.segmentation.alignment import (
-    Alignment,
-    least_squares,
-    velocity_weights,
-    with_crossings,
-)
+from structlearn.ground.errors import InputError
+from structlearn.segmentation.alignment import Alignment, least_squares, velocity_weights, with_crossings
 
 
 @given(st.floats(0.3, 3.0), st.floats(-500, 500), st.integers(0, 1000))

@@ -5,15 +5,15 @@ import pandas as pd
 import pytest
 from reporting_scraping import PARAMETERS, demonstration, noise_table
 
-from structlearn.metrics import mean_interval
+from structlearn.ground.metrics import mean_interval
 from structlearn.primitives.sequence import largest_acceleration_jump
-from structlearn.segmentation.comparison import (
+from structlearn.segmentation.cut_errors import distances_to_reference_mm
+from structlearn.segmentation.method_comparison import (
     errors_by_level,
     errors_by_seed,
     paired_comparison,
     wins_at_every_noise_level,
 )
-from structlearn.segmentation.evaluation import distances_to_reference_mm
 from structlearn.segmentation.segments import cut
 
 

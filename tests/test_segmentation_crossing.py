@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.segmentation.crossing import moving_interval
 
 

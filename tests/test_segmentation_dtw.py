@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from structlearn.ground.signals import standardise
 from structlearn.segmentation.dtw import correspondences
-from structlearn.signals import standardise
 
 
 def slow_correspondences(reference: np.ndarray, guess: np.ndarray) -> list[tuple[int, int]]:

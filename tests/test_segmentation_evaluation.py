@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.evaluation import (
+from structlearn.segmentation.cut_errors import (
     Dwells,
     aligned_segments,
     aligned_spread_mm,

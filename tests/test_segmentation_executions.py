@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.segmentation.executions import execution_cuts
+from structlearn.ground.errors import InputError
+from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
 
 NAMES = ("down", "turn", "forward")

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.segmentation.learning import (
+from structlearn.ground.errors import InputError
+from structlearn.primitives.fitting import (
     FitParameters,
     cross_validation,
     learn_primitive,
@@ -48,7 +48,7 @@ def test_learned_primitives_reproduce_the_demonstrations(two_move_demonstrations
 
 
 def test_cross_validation_covers_every_demonstration_and_choice(two_move_demonstrations, segmentation):
-    errors = cross_validation(two_move_demonstrations, segmentation, FIT)
+    errors = cross_validation(two_move_demonstrations, segmentation.results, FIT)
     assert len(errors) == 3 * 5 * 2 * 2  # primitives, demonstrations, regressions, learned from or left out
     assert not errors.duplicated(["primitive", "demonstration", "regression", "left_out"]).any()
     joint = errors[errors["regression"] == "joint"].groupby("left_out")["mean_mm"].mean()
@@ -57,7 +57,7 @@ def test_cross_validation_covers_every_demonstration_and_choice(two_move_demonst
 
 def test_left_out_demonstration_was_not_learned_from(two_move_demonstrations, segmentation):
     """Its own fold is the primitive learned from the others alone."""
-    errors = cross_validation(two_move_demonstrations, segmentation, FIT)
+    errors = cross_validation(two_move_demonstrations, segmentation.results, FIT)
     fold = errors.query("primitive == 'down' and regression == 'joint' and left_out").iloc[1]
     segments = segment_paths(two_move_demonstrations, segmentation.result("down"), 8.0)
     others = learn_primitive("down", [segments[0], *segments[2:]], FIT)
@@ -75,7 +75,7 @@ def test_whole_is_the_whole(two_move_demonstrations):
 
 def test_position_only_demonstrations_make_position_primitives(two_move_demonstrations, segmentation):
     bare = [replace(demonstration, orientation=None) for demonstration in two_move_demonstrations]
-    primitives = learn_sequence(bare, segmentation, FIT)
+    primitives = learn_sequence(bare, segmentation.results, FIT)
     assert all(primitive.orientation is None for primitive in primitives)
 
 

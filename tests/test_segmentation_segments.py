@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from structlearn.errors import InputError
-from structlearn.segmentation.evaluation import cut_errors
+from structlearn.ground.errors import InputError
+from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import METHODS, read_segmentation, write_segmentation
 from structlearn.segmentation.segments import cut

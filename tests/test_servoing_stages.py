@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 import yaml
 
-from structlearn import parallel
-from structlearn.artefacts import read_table
-from structlearn.errors import InputError
+from structlearn.ground import parallel
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.errors import InputError
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.recordings.recording import Recording
-from structlearn.simulation.servo_trials import Variant, variants
-from structlearn.tactile.dataset import chains, read_dataset
 from structlearn.tactile.geodesics import read_geodesics
+from structlearn.tactile.touch_dataset import chains, read_dataset
+from structlearn.testbeds.servoing.protocol.servo_trials import Variant, variants
 
 STAGES = ("record_touch", "touch_dataset", "geodesics", "train_latent", "servo", "other_skins")
 SMALL = {

@@ -2,8 +2,8 @@ import numpy as np
 import pinocchio
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.rigid_body import compiled
+from structlearn.ground.errors import InputError
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.simulation.arm import Arm, ArmParameters, Mechanics, Payload, ideal, urdf_path, with_payload
 
 DT = 1.0 / 250.0
@@ -36,8 +36,8 @@ def test_a_step_is_pinocchios_forward_dynamics(robot):
 
 
 def test_a_payload_weighs_from_when_it_is_taken(robot):
-    loaded = compiled.inverse_dynamics(robot.tree, with_payload(robot.inertias, PAYLOAD))
-    free = compiled.inverse_dynamics(robot.tree, robot.inertias)
+    loaded = compiled_dynamics.inverse_dynamics(robot.tree, with_payload(robot.inertias, PAYLOAD))
+    free = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     with Arm(robot.tree, ideal(robot.inertias), DT, PAYLOAD) as arm:
         for dynamics in (free, loaded):
             for q, qd, qdd in states(robot, 5):
@@ -62,7 +62,7 @@ def test_friction_slows_what_moves(robot):
     viscous, coulomb = np.full(joints, 0.02), np.full(joints, 0.001)
     mechanics = Mechanics(robot.inertias, viscous, coulomb, ripple=np.zeros(joints))
     data = robot.model.createData()
-    dynamics = compiled.inverse_dynamics(robot.tree, robot.inertias)
+    dynamics = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     with Arm(robot.tree, mechanics, DT) as arm:
         for q, qd, qdd in states(robot, 10):
             fast = qd + 3.0 * np.sign(qd)  # no joint stops within the step
@@ -78,7 +78,9 @@ def test_friction_holds_a_joint_that_is_pushed_less(robot):
     joints = len(robot.tree.names)
     mechanics = Mechanics(robot.inertias, np.zeros(joints), np.full(joints, 2.0), ripple=np.zeros(joints))
     q = np.full(joints, 0.3)
-    weight = compiled.inverse_dynamics(robot.tree, robot.inertias)(q, np.zeros(joints), np.zeros(joints))
+    weight = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)(
+        q, np.zeros(joints), np.zeros(joints)
+    )
     with Arm(robot.tree, mechanics, DT) as arm:
         arm.place(q, np.zeros(joints))
         for _ in range(100):

@@ -3,13 +3,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.metrics import nmse
-from structlearn.rigid_body import compiled
+from structlearn.ground.errors import InputError
+from structlearn.ground.metrics import nmse
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.tree import LinkInertias
-from structlearn.simulation import arm_motion
 from structlearn.simulation.arm import Arm, ArmParameters, ideal
-from structlearn.simulation.arm_motion import SineParameters, joint_feedback, run, sine_path, sine_policy
+from structlearn.testbeds.dynamics.world import arm_motion
+from structlearn.testbeds.dynamics.world.arm_motion import (
+    SineParameters,
+    joint_feedback,
+    run,
+    sine_path,
+    sine_policy,
+)
 
 SHORT = SineParameters(duration_s=4.0)
 
@@ -26,7 +32,7 @@ def feedback(robot):
 
 def followed(robot, feedback, inertias: LinkInertias) -> tuple[arm_motion.Run, arm_motion.JointPath]:
     reference = sine_path(robot.tree, SHORT)
-    policy = sine_policy(compiled.inverse_dynamics(robot.tree, inertias), reference, feedback)
+    policy = sine_policy(compiled_dynamics.inverse_dynamics(robot.tree, inertias), reference, feedback)
     with Arm(robot.tree, ideal(robot.inertias), 1.0 / SHORT.rate_hz) as arm:
         arm.place(reference.q[0], reference.qd[0])
         return run(arm, robot.tree, policy, len(reference.q), robot.model.effortLimit), reference
@@ -104,6 +110,6 @@ def test_too_few_periods_and_too_fast_sines_are_named(robot):
 
 def test_feedback_is_damped_by_the_ratio(robot, feedback):
     q = np.zeros(7)
-    torques = compiled.inverse_dynamics(robot.tree, robot.inertias)
+    torques = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     last = (torques(q, q, np.eye(7)[6]) - torques(q, q, q))[6]
     assert feedback.damping[6] == pytest.approx(2 * 0.7 * np.sqrt(feedback.stiffness[6] * last))

@@ -6,16 +6,16 @@ from board_rollouts import RATE_HZ, small_board
 from feedback_toy import toy_dataset
 from scraping_motions import scraping_skill
 
-from structlearn.artefacts import write_table
-from structlearn.errors import InputError
-from structlearn.feedback.cost import nominal_orientation
-from structlearn.feedback.dataset import to_table
+from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.runtime import largest_coupling
-from structlearn.primitives.storage import write_primitives, write_vector_primitive
+from structlearn.ground.artefacts import write_table
+from structlearn.ground.errors import InputError
+from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.recordings import read_demonstrations, write_recordings
 from structlearn.recordings.source import ClockParameters
-from structlearn.simulation.board_files import read_board
-from structlearn.simulation.trials import execute_run, nominal_runs
+from structlearn.testbeds.scraping.protocol.board_files import read_board
+from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
+from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
 CLOCK = ClockParameters(rate_hz=RATE_HZ)
 

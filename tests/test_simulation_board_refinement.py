@@ -10,13 +10,13 @@ from board_rollouts import small_board
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
-from structlearn.errors import InputError
-from structlearn.feedback.training import TrainingParameters
+from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import ScaleParameters
 from structlearn.policy_search.rollouts import FEEDBACK, Rollout
-from structlearn.simulation.board_refinement import BoardRefinementParameters, refine_on_board
-from structlearn.simulation.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
+from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
 TURN, SCRAPE = NAMES[1:]
 DATASETS = {TURN: toy_dataset(seed=0), SCRAPE: toy_dataset(seed=1)}

@@ -10,10 +10,15 @@ from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network
 
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import open_loop
-from structlearn.simulation import board_rollouts
-from structlearn.simulation.board_rollouts import REFINED
-from structlearn.simulation.execution import ControlParameters
-from structlearn.simulation.trials import corrected_runs, evaluation_runs, execute_run, nominal_runs
+from structlearn.testbeds.scraping.protocol import board_rollouts
+from structlearn.testbeds.scraping.protocol.board_rollouts import REFINED
+from structlearn.testbeds.scraping.protocol.executions import (
+    corrected_runs,
+    evaluation_runs,
+    execute_run,
+    nominal_runs,
+)
+from structlearn.testbeds.scraping.world.execution import ControlParameters
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scraping_motions import FLAT
 
-from structlearn.simulation.contact import EDGE_POINTS, EDGE_WIDTH_M, POINTS, step_forces
-from structlearn.simulation.demonstrator import CONTACT_M
-from structlearn.simulation.scraping_robot import EDGE_M, HOME, chain, joint_angles, urdf
+from structlearn.testbeds.scraping.world.contact import EDGE_POINTS, EDGE_WIDTH_M, POINTS, step_forces
+from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
+from structlearn.testbeds.scraping.world.scraping_robot import EDGE_M, HOME, chain, joint_angles, urdf
 
 STIFFNESS, DAMPING, FRICTION = 2000.0, 2.0, 0.2
 STICKING, STICKING_DAMPING, DT = 1500.0, 10.0, 1 / 900

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from structlearn.simulation.corrector import Corrector, CorrectorParameters
+from structlearn.testbeds.scraping.world.corrector import Corrector, CorrectorParameters
 
 DT = 1 / 300
 PLAIN = CorrectorParameters(

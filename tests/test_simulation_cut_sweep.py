@@ -1,10 +1,10 @@
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.segmentation.evaluation import mean_cut_errors_ms
+from structlearn.ground.errors import InputError
+from structlearn.segmentation.cut_errors import mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.simulation.cut_sweep import SweepParameters, noise_sweep
-from structlearn.simulation.demonstrator import DemonstratorParameters
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, noise_sweep
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
 SEGMENT = SegmentParameters(
     primitives=(

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from structlearn import quaternion
-from structlearn.simulation.demonstrator import (
+from structlearn.ground import quaternion
+from structlearn.testbeds.scraping.world.demonstrator import (
     FLAT_ORIENTATION,
     DemonstratorParameters,
     intended_movements,

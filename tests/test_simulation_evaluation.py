@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
-from structlearn.feedback.closed_loop import EvaluationParameters
 from structlearn.feedback.runtime import Limits
 from structlearn.recordings.source import ClockParameters
-from structlearn.simulation.evaluation import executed_set
-from structlearn.simulation.trials import TestbedParameters
+from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
+from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 EVALUATION = EvaluationParameters(settings_deg=(0.0, 8.8), runs=2)
 LIMITS = Limits(largest_coupling=50.0)

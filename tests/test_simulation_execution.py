@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from scraping_motions import FLAT, Press, beside_contact, conditions, roll_deg
 
-from structlearn import quaternion
-from structlearn.simulation.corrector import Corrector, CorrectorParameters
-from structlearn.simulation.execution import FINGER_TICKS, ControlParameters, RunLog, execute, roll_of
+from structlearn.ground import quaternion
 from structlearn.simulation.fingers import FingerPair, TouchParameters
-from structlearn.simulation.scraping_world import ScrapingWorld, WorldParameters
+from structlearn.testbeds.scraping.world.corrector import Corrector, CorrectorParameters
+from structlearn.testbeds.scraping.world.execution import (
+    FINGER_TICKS,
+    ControlParameters,
+    RunLog,
+    execute,
+    roll_of,
+)
+from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld, WorldParameters
 
 DT = 1 / 300
 SILENT = ControlParameters(force_noise_n=0.0, torque_noise_n_m=0.0)

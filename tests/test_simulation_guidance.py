@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from scraping_motions import conditions
 
-from structlearn import quaternion
-from structlearn.simulation.demonstrator import DemonstratorParameters, intended_movements, orientation_of
-from structlearn.simulation.execution import ControlParameters, execute
+from structlearn.ground import quaternion
 from structlearn.simulation.fingers import FingerPair, TouchParameters
-from structlearn.simulation.guidance import GuidanceParameters, GuidedMotion, pressure
-from structlearn.simulation.scraping_world import ScrapingWorld, WorldParameters
+from structlearn.testbeds.scraping.world.demonstrator import (
+    DemonstratorParameters,
+    intended_movements,
+    orientation_of,
+)
+from structlearn.testbeds.scraping.world.execution import ControlParameters, execute
+from structlearn.testbeds.scraping.world.guidance import GuidanceParameters, GuidedMotion, pressure
+from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld, WorldParameters
 
 DT = 1 / 300
 GUIDANCE = GuidanceParameters()

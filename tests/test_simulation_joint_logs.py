@@ -1,20 +1,20 @@
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
-from structlearn.metrics import nmse
+from structlearn.ground.errors import InputError
+from structlearn.ground.metrics import nmse
 from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
-from structlearn.rigid_body import compiled
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.simulation.arm import ArmParameters, with_payload
-from structlearn.simulation.arm_motion import SineParameters
-from structlearn.simulation.joint_logs import (
+from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
     ideal_log,
     own_log,
     payload_log,
     stand_in_log,
 )
-from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 MOTION = SineParameters(duration_s=4.0)
 FRAMES = "/joint_states"
@@ -32,7 +32,7 @@ def log(robot):
 
 def predicted(robot, inertias, log, friction=None) -> np.ndarray:
     """Torques of a model at the states of a log; Bullet's accelerations are forward differences."""
-    torques = compiled.inverse_dynamics(robot.tree, inertias, friction)
+    torques = compiled_dynamics.inverse_dynamics(robot.tree, inertias, friction)
     rates = np.diff(log.velocities, axis=0) * MOTION.rate_hz
     states = zip(log.positions[:-1], log.velocities[:-1], rates, strict=True)
     return np.array([torques(*state) for state in states])

@@ -4,8 +4,8 @@ import numpy as np
 import pinocchio
 import pytest
 
-from structlearn.simulation.operational_space import OperationalSpace
-from structlearn.simulation.scraping_robot import HOME, arm_model
+from structlearn.testbeds.scraping.world.operational_space import OperationalSpace
+from structlearn.testbeds.scraping.world.scraping_robot import HOME, arm_model
 
 ARM = arm_model()
 LOCAL_WORLD = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -6,8 +6,8 @@ import pybullet
 import pytest
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.simulation import scraping_robot
-from structlearn.simulation.scraping_robot import (
+from structlearn.testbeds.scraping.world import scraping_robot
+from structlearn.testbeds.scraping.world.scraping_robot import (
     ARM_JOINTS,
     EDGE_M,
     GRASP_JOINTS,

@@ -6,17 +6,17 @@ import pybullet
 import pytest
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.params import read_parameters
-from structlearn.simulation.demonstrator import CONTACT_M
-from structlearn.simulation.operational_space import OperationalSpace
-from structlearn.simulation.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
-from structlearn.simulation.scraping_world import (
+from structlearn.ground.params import read_parameters
+from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
+from structlearn.testbeds.scraping.world.operational_space import OperationalSpace
+from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
+from structlearn.testbeds.scraping.world.scraping_world import (
     GRAVITY,
     ScrapingWorld,
     WorldParameters,
     tool_wrench,
 )
-from structlearn.simulation.trials import TestbedParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 ABOVE = beside_contact(0.05)
 NOTHING = np.zeros(6)

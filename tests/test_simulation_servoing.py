@@ -6,14 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.simulation.servo_scores import (
+from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters, covered
+from structlearn.tactile.electrodes import SKINS
+from structlearn.testbeds.servoing.protocol.servo_scores import (
     ToleranceParameters,
     progress,
     scored,
     success_by_tolerance,
     success_rates,
 )
-from structlearn.simulation.servo_trials import (
+from structlearn.testbeds.servoing.protocol.servo_trials import (
     MOTIONS,
     ServoTrialParameters,
     Variant,
@@ -21,10 +24,7 @@ from structlearn.simulation.servo_trials import (
     make_scene,
     variants,
 )
-from structlearn.simulation.servoing import LoopParameters, LowPass, press, servo
-from structlearn.simulation.touch import FingerParameters
-from structlearn.simulation.touch_demonstrator import ToucherParameters, covered
-from structlearn.tactile.electrodes import SKINS
+from structlearn.testbeds.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
 
 PERSON = ToucherParameters()
 PARAMETERS = ServoTrialParameters(rest_s=1.0)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_closing
 from scipy.optimize import minimize_scalar
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
 from structlearn.simulation.touch import (
     FingerParameters,

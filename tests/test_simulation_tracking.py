@@ -4,13 +4,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from structlearn.rigid_body import compiled
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.simulation.arm import ArmParameters, ideal
-from structlearn.simulation.arm_motion import SineParameters
-from structlearn.simulation.reaching import ReachingParameters, first_posture, reaches
-from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
-from structlearn.simulation.tracking import Candidate, Testbed, known, track
+from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, track
+from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.reaching import ReachingParameters, first_posture, reaches
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 MOTION = SineParameters(duration_s=2.0)
 REACHING = ReachingParameters(goals=2)
@@ -70,7 +70,7 @@ def test_paths_show_arm_and_tool(tables, testbed, robot):
 
 def test_scores_are_those_of_the_definition(testbed, robot):
     heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
-    wrong = partial(compiled.inverse_dynamics, robot.tree, heavy)
+    wrong = partial(compiled_dynamics.inverse_dynamics, robot.tree, heavy)
     scores, paths = track(testbed, [Candidate("wrong", (0,), wrong)])
     reach = scores.query("task == 'reach'").iloc[0]
     path = paths.query("task == 'reach'")

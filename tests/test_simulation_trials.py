@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 from scraping_motions import DURATIONS_S, NAMES, constant_network, roll_deg, scraping_skill
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.recordings import synchronise
 from structlearn.recordings.checks import check_recording
-from structlearn.simulation.demonstrator import DemonstratorParameters, orientation_of
-from structlearn.simulation.recorder import RecorderParameters
-from structlearn.simulation.trials import (
+from structlearn.testbeds.scraping.protocol.executions import (
     HOLD_S,
     Run,
-    TestbedParameters,
     corrected_runs,
     evaluation_runs,
     executions,
-    guided_demonstrations,
     nominal_runs,
 )
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters, orientation_of
+from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
+from structlearn.testbeds.scraping.world.recorder import RecorderParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]

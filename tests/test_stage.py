@@ -3,9 +3,9 @@ import sys
 
 import pytest
 
-from structlearn import stage
-from structlearn.errors import InputError
-from structlearn.params import Parameters
+from structlearn.ground import stage
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
 
 
 class FitParameters(Parameters):
@@ -46,7 +46,7 @@ def test_success_is_silent(capsys):
 def test_a_stage_script_without_its_parameters_says_so(tmp_path):
     script = (
         "from structlearn import stage\n"
-        "from structlearn.params import Parameters\n"
+        "from structlearn.ground.params import Parameters\n"
         "stage.run(lambda: stage.stage_parameters('fit', Parameters))\n"
     )
     ended = subprocess.run(

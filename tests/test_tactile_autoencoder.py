@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
+from structlearn.networks.small_networks import StackedLayers, tanh
 from structlearn.tactile.autoencoder import StackedAutoencoders, latent_losses
-from structlearn.tactile.layers import StackedLayers, tanh
 
 
 def layers(models, sizes=(4, 7, 5, 2), normalised=True, seed=0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import SKINS, biotac
 

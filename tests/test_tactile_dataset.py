@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from structlearn import quaternion
-from structlearn.artefacts import write_tensors
-from structlearn.errors import InputError
-from structlearn.tactile.dataset import TEST, TRAIN, TouchDataset, chains, read_dataset, write_dataset
+from structlearn.ground import quaternion
+from structlearn.ground.artefacts import write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.tactile.touch_dataset import TEST, TRAIN, TouchDataset, chains, read_dataset, write_dataset
 
 RATE_HZ = 100.0
 

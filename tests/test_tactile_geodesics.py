@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from structlearn import parallel
-from structlearn.errors import InputError
+from structlearn.ground import parallel
+from structlearn.ground.errors import InputError
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import (
     GeodesicParameters,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from tactile_toy import toy_dataset, toy_geodesics
 
-from structlearn.tactile.dataset import TEST, TRAIN
 from structlearn.tactile.latent_evaluation import latent_errors
 from structlearn.tactile.latent_spaces import LatentSpaceParameters, learn_spaces, own_units, seen_in
-from structlearn.tactile.learning import LatentTrainingParameters
+from structlearn.tactile.latent_training import LatentTrainingParameters
+from structlearn.tactile.touch_dataset import TEST, TRAIN
 
 FEW = LatentSpaceParameters(
     seeds=2,

@@ -7,16 +7,16 @@ import pytest
 import torch
 from tactile_toy import toy_dataset, toy_geodesics
 
-from structlearn import metrics
-from structlearn.artefacts import write_tensors
-from structlearn.errors import InputError
-from structlearn.parallel import BACKEND
-from structlearn.tactile.comparison import LatentParameters, learn
-from structlearn.tactile.controller import ServoParameters, TactileServo
-from structlearn.tactile.dataset import TEST, TRAIN, chains
+from structlearn.ground import metrics
+from structlearn.ground.artefacts import write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import BACKEND
+from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.inverse_dynamics import JACOBIAN
+from structlearn.tactile.latent_comparison import LatentParameters, learn
 from structlearn.tactile.latent_evaluation import ChainData, SplitData, forward_errors, latent_errors
+from structlearn.tactile.latent_files import read_models, write_models
 from structlearn.tactile.latent_models import (
     FORWARD_OF,
     NO_INVERSE,
@@ -24,7 +24,7 @@ from structlearn.tactile.latent_models import (
     LatentModels,
     NetworkParameters,
 )
-from structlearn.tactile.learning import (
+from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
     LatentTrainingParameters,
     autoencoder_loss,
@@ -34,9 +34,9 @@ from structlearn.tactile.learning import (
     train,
     training_data,
 )
-from structlearn.tactile.storage import read_models, write_models
+from structlearn.tactile.servo_controller import ServoParameters, TactileServo
+from structlearn.tactile.touch_dataset import TEST, TRAIN, chains
 from structlearn.tactile.units import touch_units
-from structlearn.tensors import seeded
 
 QUICK = LatentTrainingParameters(steps=250, evaluate_every=125, batch_size=32)
 SMALL = LatentParameters(seeds=2, training=QUICK, pair_pool=5000, evaluation_pairs=500, longest_chain=3)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from structlearn import quaternion
-from structlearn.errors import InputError
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.tactile.dataset import OTHER, ROTATION, TEST, TRAIN, VALIDATION
 from structlearn.tactile.electrodes import biotac
-from structlearn.tactile.preparation import TouchDataParameters, prepare, splits
+from structlearn.tactile.touch_dataset import OTHER, ROTATION, TEST, TRAIN, VALIDATION
+from structlearn.tactile.touch_preparation import TouchDataParameters, prepare, splits
 
 RATE_HZ = 100.0
 OFFSET = np.linspace(-40, 40, 19)

@@ -5,8 +5,6 @@ import pytest
 import torch
 from tactile_toy import toy_dataset
 
-from structlearn.tactile.controller import ServoParameters
-from structlearn.tactile.dataset import TRAIN, chains
 from structlearn.tactile.forward_dynamics import LocallyLinearDynamics, NonLinearDynamics, applied
 from structlearn.tactile.latent_models import LatentModels, NetworkParameters
 from structlearn.tactile.resting_servo import (
@@ -16,6 +14,8 @@ from structlearn.tactile.resting_servo import (
     demonstrated_actions,
     steepest_action,
 )
+from structlearn.tactile.servo_controller import ServoParameters
+from structlearn.tactile.touch_dataset import TRAIN, chains
 from structlearn.tactile.units import TouchUnits
 
 LIKELY = torch.tensor([1.5, 0.2, 0.3, 1.2, 0.05, 0.04], dtype=torch.float64)[:, None]

@@ -10,15 +10,17 @@ import rerun as rr
 from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.primitives import sequence
+from structlearn.primitives.fitting import FitParameters, learn_primitive
 from structlearn.primitives.trajectory import differentiated, differentiated_orientation
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.learning import FitParameters, learn_primitive
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.viewer import write_alignment, write_demonstrations, write_primitives
-from structlearn.viewer.recording import recording
+from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
+from structlearn.viewer.learned_primitives import write_primitives
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
+from structlearn.viewer.rrd import recording
 
 DT = 1 / 200
 THINNED = 2  # samples of 200 Hz per row in a recording

@@ -5,16 +5,21 @@ from rerun.chunk import RrdReader
 from test_viewer import contents, view_names
 
 from structlearn.rigid_body.inertia_parameters import free_parameters
+from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.storage import DynamicsModels
-from structlearn.viewer.arm import send_arm
-from structlearn.viewer.dynamics import write_reaches
-from structlearn.viewer.payload import write_payload
-from structlearn.viewer.recording import recording, time_column
-from structlearn.viewer.shown_motions import ShownPayload, colour, reaching, shown_torques
-from structlearn.viewer.torques import write_torques
+from structlearn.testbeds.dynamics.recordings.payload import write_payload
+from structlearn.testbeds.dynamics.recordings.reaches_recording import write_reaches
+from structlearn.testbeds.dynamics.recordings.shown_motions import (
+    ShownPayload,
+    colour,
+    reaching,
+    shown_torques,
+)
+from structlearn.testbeds.dynamics.recordings.torques import write_torques
+from structlearn.viewer.arm_meshes import send_arm
+from structlearn.viewer.rrd import recording, time_column
 
 TREE = iiwa().tree
 TOOL_M = (0.0, 0.0, 0.1)

@@ -5,18 +5,21 @@ from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 from test_viewer import contents, view_names
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.palette import ORANGE, SKY
 from structlearn.recordings import write_recordings
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.source import ClockParameters
-from structlearn.simulation import scraping_robot
-from structlearn.simulation.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
-from structlearn.viewer import read_shown_runs, write_executions, write_robot
-from structlearn.viewer.electrodes import RESTING, deviation_colours, electrodes
-from structlearn.viewer.run import execution
+from structlearn.testbeds.scraping.recordings.executions_recording import write_executions
+from structlearn.testbeds.scraping.recordings.finger_electrodes import electrodes
+from structlearn.testbeds.scraping.recordings.robot_recording import write_robot
+from structlearn.testbeds.scraping.recordings.shown_execution import execution
+from structlearn.testbeds.scraping.recordings.shown_runs import read_shown_runs
+from structlearn.testbeds.scraping.world import scraping_robot
+from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
+from structlearn.viewer.electrode_colours import RESTING, deviation_colours
 
 PRIMITIVES = ("down", "turn", "scrape")
 SEGMENTS = np.array([[0.0, 0.3], [0.3, 0.9], [0.9, 1.2]])

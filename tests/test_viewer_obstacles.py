@@ -7,17 +7,20 @@ from obstacles_unrolls import baseline
 from rerun.chunk import RrdReader
 from test_viewer import contents, view_names
 
-from structlearn.errors import InputError
-from structlearn.obstacles import protocols
-from structlearn.obstacles.learned_models import ALL, NETWORK, SETTING, AvoidanceModels
-from structlearn.obstacles.scenarios import UNSEEN_RADIUS_M, Scenario
-from structlearn.obstacles.shapes import SHAPES, obstacle
+from structlearn.avoidance.learned_models import ALL, NETWORK, SETTING, AvoidanceModels
+from structlearn.avoidance.shapes import SHAPES, obstacle
+from structlearn.ground.errors import InputError
 from structlearn.palette import GREY, VERMILION
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.viewer import obstacles as drawn
-from structlearn.viewer.changing_avoidance import shown_reaches, sphere_paths, write_changing_avoidance
-from structlearn.viewer.demonstrated_avoidance import write_avoidance_demonstrations
-from structlearn.viewer.shown_reaches import (
+from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.recordings import avoidance_scene as drawn
+from structlearn.testbeds.obstacles.recordings.changing_avoidance import (
+    shown_reaches,
+    sphere_paths,
+    write_changing_avoidance,
+)
+from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import write_avoidance_demonstrations
+from structlearn.testbeds.obstacles.recordings.shown_reaches import (
     ShownScenario,
     SituationKey,
     chosen_scenarios,
@@ -25,11 +28,16 @@ from structlearn.viewer.shown_reaches import (
     of_baseline,
     reaches_by_situation,
 )
-from structlearn.viewer.trained_avoidance import write_trained_avoidance
-from structlearn.viewer.unseen_avoidance import in_base_frame, situation_keys, write_unseen_avoidance
+from structlearn.testbeds.obstacles.recordings.trained_avoidance import write_trained_avoidance
+from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
+    in_base_frame,
+    situation_keys,
+    write_unseen_avoidance,
+)
+from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M, Scenario
 
 PRIMITIVE = baseline()
-PARAMETERS = protocols.AvoidanceEvaluationParameters(
+PARAMETERS = avoidance_protocols.AvoidanceEvaluationParameters(
     rate_hz=25.0, kept_every=1, speeds_m_s=(0.1,), pairs=6, goal_change_s=0.4
 )
 PLACES = [
@@ -57,8 +65,8 @@ def tables():
     """Paths and scores of all situations."""
     models = {SETTING: Push(5.0), ALL: Push(3.0)} | {shape: Push(4.0) for shape in SHAPES}
     learned = AvoidanceModels(networks=models, human_inspired={SETTING: Push(9.0)}, phase_modulated={})
-    situations = protocols.situations(PLACES, PRIMITIVE, PARAMETERS)
-    found = [protocols.evaluate(one, learned, PRIMITIVE, PARAMETERS) for one in situations]
+    situations = avoidance_protocols.situations(PLACES, PRIMITIVE, PARAMETERS)
+    found = [avoidance_protocols.evaluate(one, learned, PRIMITIVE, PARAMETERS) for one in situations]
     scores, paths = (pd.concat(tables, ignore_index=True) for tables in zip(*found, strict=True))
     return paths, scores
 
@@ -85,7 +93,7 @@ def shown(reaches):
             place.obstacle.cloud(30),
             people,
             targets,
-            reaches[SituationKey(protocols.TRAINED, place.shape, place.setting)],
+            reaches[SituationKey(avoidance_protocols.TRAINED, place.shape, place.setting)],
         )
         for place in PLACES[::2]
     ]
@@ -107,7 +115,7 @@ def texts(path, entity):
 
 def test_reaches_are_those_of_the_tables(tables, reaches):
     paths, scores = tables
-    key = SituationKey(protocols.TRAINED, "cube", 2)
+    key = SituationKey(avoidance_protocols.TRAINED, "cube", 2)
     its = reaches[key]
     assert [reach.label for reach in its] == [
         "baseline",
@@ -116,13 +124,13 @@ def test_reaches_are_those_of_the_tables(tables, reaches):
         "all shapes",
         "this scenario",
     ]
-    assert {reach.model for reach in its} == {protocols.NO_MODEL, NETWORK, "human_inspired"}
+    assert {reach.model for reach in its} == {avoidance_protocols.NO_MODEL, NETWORK, "human_inspired"}
     for reach in its:
         same = (
             (scores["protocol"] == key.protocol) & (scores["obstacle"] == "cube") & (scores["scenario"] == 2)
         )
         same &= (scores["model"] == reach.model) & (scores["learned_from"] == reach.learned_from)
-        row = scores[same & (scores["rules"] == protocols.LIMITED)].iloc[0]
+        row = scores[same & (scores["rules"] == avoidance_protocols.LIMITED)].iloc[0]
         assert reach.obstacle_distance == row["obstacle_distance"]
         assert reach.hit == (row["obstacle_distance"] <= 0)
     assert sum(len(reach.time) for group in reaches.values() for reach in group) == len(paths)
@@ -141,7 +149,7 @@ def baseline_frame():
 
 
 def test_hits_are_those_of_the_baseline(reaches):
-    hit = hit_settings(reaches, protocols.UNSEEN)
+    hit = hit_settings(reaches, avoidance_protocols.UNSEEN)
     expected = {
         ("sphere", key.number)
         for key, group in reaches.items()
@@ -153,7 +161,7 @@ def test_hits_are_those_of_the_baseline(reaches):
 
 
 def sphere_centre(number):
-    local = protocols.unseen(PRIMITIVE).obstacles[0].centre[number - 1]
+    local = avoidance_protocols.unseen(PRIMITIVE).obstacles[0].centre[number - 1]
     return PRIMITIVE.start + baseline_frame() @ local
 
 
@@ -237,7 +245,7 @@ def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path,
 
 def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reaches):
     path = tmp_path / "unseen.rrd"
-    situation = protocols.unseen(PRIMITIVE)
+    situation = avoidance_protocols.unseen(PRIMITIVE)
     write_unseen_avoidance(path, situation, reaches, PRIMITIVE, "Unseen")
     rows, entities, timelines = contents(path)
     assert timelines == {"sphere"}
@@ -245,7 +253,7 @@ def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reach
         assert rows[f"/one/paths/{name}"] == rows[f"/closest/{name}"] == 63
         assert f"/all/{name}" in entities
     assert rows["/one/sphere"] == rows["/closest/baseline"] == 63
-    hit = {number for _, number in hit_settings(reaches, protocols.UNSEEN)}
+    hit = {number for _, number in hit_settings(reaches, avoidance_protocols.UNSEEN)}
     expected = [VERMILION if number in hit else GREY for number in range(1, 64)]
     colours = values(path, "/one/sphere/cloud", "Points3D:colors")
     assert [f"#{colour[0] >> 8:06x}" for colour in colours] == expected
@@ -260,14 +268,17 @@ def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reach
 def test_situations_that_change_run_on_the_time_line(tmp_path, reaches):
     path = tmp_path / "beyond.rrd"
     situations = [
-        protocols.moving(PRIMITIVE, PARAMETERS),
-        protocols.pairs(PRIMITIVE, PARAMETERS),
-        protocols.goal_change(PRIMITIVE, PARAMETERS),
+        avoidance_protocols.moving(PRIMITIVE, PARAMETERS),
+        avoidance_protocols.pairs(PRIMITIVE, PARAMETERS),
+        avoidance_protocols.goal_change(PRIMITIVE, PARAMETERS),
     ]
     write_changing_avoidance(path, situations, reaches, PRIMITIVE, "Beyond")
     rows, _, timelines = contents(path)
     assert timelines == {"time"}
-    names = {protocols.MOVING: "moving\\ sphere\\ {}\\,\\ 0.1\\ m\\/s", protocols.PAIR: "two\\ spheres\\ {}"}
+    names = {
+        avoidance_protocols.MOVING: "moving\\ sphere\\ {}\\,\\ 0.1\\ m\\/s",
+        avoidance_protocols.PAIR: "two\\ spheres\\ {}",
+    }
     for situation in situations:
         groups = [reaches[key] for key in situation_keys(situation)]
         chosen = shown_reaches(groups)
@@ -285,7 +296,7 @@ def test_situations_that_change_run_on_the_time_line(tmp_path, reaches):
 
 
 def test_chosen_reaches_are_spread_over_those_that_hit(reaches):
-    group = reaches[SituationKey(protocols.UNSEEN, "sphere", 1)]
+    group = reaches[SituationKey(avoidance_protocols.UNSEEN, "sphere", 1)]
     groups = [[replace(group[0], hit=number % 2 == 0)] for number in range(12)]
     assert shown_reaches(groups, 3) == [2, 6, 10]
     assert shown_reaches(groups, 99) == [0, 2, 4, 6, 8, 10]
@@ -293,7 +304,7 @@ def test_chosen_reaches_are_spread_over_those_that_hit(reaches):
 
 
 def test_a_moving_sphere_is_in_the_way_of_the_baseline_just_then():
-    situation = protocols.moving(PRIMITIVE, PARAMETERS)
+    situation = avoidance_protocols.moving(PRIMITIVE, PARAMETERS)
     time = PRIMITIVE.unroll(0.04).time
     middle = 31  # of the grid, on the line of the reach
     (path,) = sphere_paths(situation, middle, time, PRIMITIVE)

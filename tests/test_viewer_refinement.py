@@ -5,15 +5,16 @@ from rerun.chunk import RrdReader
 from test_viewer import contents, view_names
 from test_viewer_executions import PRIMITIVES, RATE_HZ, board_run, streams, traces
 
-from structlearn.feedback.cost import nominal_orientation, orientation_cost
 from structlearn.palette import GREEN
 from structlearn.recordings import write_recordings
 from structlearn.recordings.source import ClockParameters
-from structlearn.viewer import read_refined_runs, write_refinement
+from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation, orientation_cost
+from structlearn.testbeds.scraping.recordings.refinement_recording import write_refinement
+from structlearn.testbeds.scraping.recordings.search_recording import COSTLY, Search, cost_colours, searches
+from structlearn.testbeds.scraping.recordings.shown_execution import execution
+from structlearn.testbeds.scraping.recordings.shown_runs import read_refined_runs
 from structlearn.viewer.diagram import Diagram, rounded_range, tick_step
-from structlearn.viewer.recording import rgba
-from structlearn.viewer.run import execution
-from structlearn.viewer.search import COSTLY, Search, cost_colours, searches
+from structlearn.viewer.rrd import rgba
 
 LABELS = ("without feedback", "before refinement", "after refinement")
 CLOCK = ClockParameters(rate_hz=RATE_HZ, max_gap_s=0.2)

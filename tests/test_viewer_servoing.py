@@ -8,10 +8,9 @@ import pytest
 from rerun.chunk import RrdReader
 from test_viewer import contents, view_names
 
-from structlearn import quaternion
-from structlearn.errors import InputError
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.recordings import read_demonstrations, write_recordings
-from structlearn.simulation.servo_trials import ServoTrialParameters, make_scene
 from structlearn.simulation.touch import FingerParameters, touching
 from structlearn.simulation.touch_demonstrator import (
     ToucherParameters,
@@ -21,15 +20,25 @@ from structlearn.simulation.touch_demonstrator import (
     recorded,
     true_contacts,
 )
-from structlearn.tactile.dataset import read_dataset, write_dataset
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.flat_maps import map_laying
-from structlearn.tactile.preparation import TouchDataParameters, prepare
-from structlearn.viewer.demonstrated_touches import handle_place, write_touch_demonstrations
-from structlearn.viewer.latent_maps import skin_laying, write_latent_maps
-from structlearn.viewer.servo_runs import SHOWN, shown_runs, write_servo_runs
-from structlearn.viewer.servoing import GRID_LINES, electrode_colours, flat, flat_electrodes, skin_lines
-from structlearn.viewer.shown_touches import shown_touches
+from structlearn.tactile.touch_dataset import read_dataset, write_dataset
+from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters, make_scene
+from structlearn.testbeds.servoing.recordings.demonstrated_touches import (
+    handle_place,
+    write_touch_demonstrations,
+)
+from structlearn.testbeds.servoing.recordings.latent_maps import skin_laying, write_latent_maps
+from structlearn.testbeds.servoing.recordings.servo_runs import SHOWN, shown_runs, write_servo_runs
+from structlearn.testbeds.servoing.recordings.servoing_scene import (
+    GRID_LINES,
+    electrode_colours,
+    flat,
+    flat_electrodes,
+    skin_lines,
+)
+from structlearn.testbeds.servoing.recordings.shown_touches import shown_touches
 
 SKIN = SKINS["biotac"]
 PERSON = ToucherParameters(areas=1, rotations=1, translations=1, rotation_s=3.0, translation_s=2.0)

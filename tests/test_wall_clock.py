@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-from structlearn.wall_clock import RUN_BY_DVC, TIMES, StageTime, read_times, record
+from structlearn.ground.wall_clock import RUN_BY_DVC, TIMES, StageTime, read_times, record
 
 STAGE = """
 import sys, time
-from structlearn.parallel import parallel_map
-from structlearn.stage import run
+from structlearn.ground.parallel import parallel_map
+from structlearn.ground.stage import run
 
 def work(seconds):
     while time.process_time() < seconds:
@@ -83,5 +83,5 @@ def test_a_time_that_cannot_be_written_is_told_and_fails_nothing(tmp_path, capsy
 
 
 def test_a_stage_starts_without_pandas():
-    code = "import structlearn.stage, sys; sys.exit('pandas' in sys.modules)"
+    code = "import structlearn.ground.stage, sys; sys.exit('pandas' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from structlearn.compilation import use_own_cache
+from structlearn.ground.compilation import use_own_cache
 
 __version__ = "0.1.0"
 

@@ -1,11 +1,11 @@
 """Learn online: once through the sines without shuffling (figure III.2), and a payload picked up mid-way."""
 
-from structlearn.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import JointLog, read_joint_log
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.rigid_body.online import OnlineParameters, follow_payload, learn_once_through
+from structlearn.rigid_body.online_learning import OnlineParameters, follow_payload, learn_once_through
 from structlearn.simulation.arm import ArmParameters
-from structlearn.stage import run, stage_parameters
 
 RAW = "data/raw/dynamics"
 

@@ -1,10 +1,11 @@
 """Record an arm on sines: as in its URDF, a stand-in or your own robot, and with a payload (III.4)."""
 
-from structlearn.artefacts import publish
+from structlearn.ground.artefacts import publish
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import JointLog, write_joint_log
 from structlearn.simulation.arm import ArmParameters
-from structlearn.simulation.arm_motion import SineParameters
-from structlearn.simulation.joint_logs import (
+from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.joint_logs import (
     SIMULATED,
     MotionSourceParameters,
     ideal_log,
@@ -12,8 +13,7 @@ from structlearn.simulation.joint_logs import (
     payload_log,
     stand_in_log,
 )
-from structlearn.simulation.stand_in_robot import StandInParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
 
 RAW = "data/raw/dynamics"
 

@@ -2,28 +2,28 @@
 
 import pandas as pd
 
-from structlearn.artefacts import read_table
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import read_joint_log
-from structlearn.reporting.dynamics_page import dynamics_page
-from structlearn.reporting.dynamics_results import DynamicsResults, metrics
-from structlearn.reporting.dynamics_robot import friction_table, known_errors, residual_torques
-from structlearn.reporting.dynamics_sections import pictures
-from structlearn.reporting.dynamics_tables import tables
 from structlearn.reporting.page import Link
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.agreement import agreement_with_pinocchio
+from structlearn.rigid_body.model_files import read_dynamics_models
 from structlearn.rigid_body.model_names import COULOMB
 from structlearn.rigid_body.motion import measured_motion
-from structlearn.rigid_body.online import OnlineParameters
-from structlearn.rigid_body.storage import read_dynamics_models
-from structlearn.rigid_body.training import DynamicsTrainingParameters
+from structlearn.rigid_body.online_learning import OnlineParameters
+from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
-from structlearn.simulation.arm_motion import SineParameters
-from structlearn.simulation.joint_logs import SIMULATED, MotionSourceParameters
-from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
-from structlearn.simulation.tracking import TrackingParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.dynamics.page.dynamics_page import dynamics_page
+from structlearn.testbeds.dynamics.page.dynamics_results import DynamicsResults, metrics
+from structlearn.testbeds.dynamics.page.dynamics_robot import friction_table, known_errors, residual_torques
+from structlearn.testbeds.dynamics.page.dynamics_sections import pictures
+from structlearn.testbeds.dynamics.page.dynamics_tables import tables
+from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
+from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 DATA = "data/dynamics"
 PARAMETERS = {

@@ -2,14 +2,14 @@
 
 import pandas as pd
 
-from structlearn.artefacts import publish, write_table
-from structlearn.rigid_body.storage import read_dynamics_models
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.rigid_body.model_files import read_dynamics_models
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
-from structlearn.simulation.arm_motion import SineParameters
-from structlearn.simulation.joint_logs import SIMULATED, MotionSourceParameters
-from structlearn.simulation.stand_in_robot import StandInParameters, stand_in
-from structlearn.simulation.tracking import Testbed, TrackingParameters, known, learned, track
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
+from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 MODELS = "data/dynamics/models"
 

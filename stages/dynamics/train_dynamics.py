@@ -2,15 +2,15 @@
 
 import pandas as pd
 
-from structlearn.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import JointLog, read_joint_log
 from structlearn.rigid_body.base_parameters import base_parameters
 from structlearn.rigid_body.inertia_tables import base_table, link_table
+from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.rigid_body.storage import write_dynamics_models
-from structlearn.rigid_body.training import DynamicsTrainingParameters, train, trainings
+from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters, train, trainings
 from structlearn.simulation.arm import ArmParameters
-from structlearn.stage import run, stage_parameters
 
 RAW = "data/raw/dynamics"
 

@@ -2,20 +2,25 @@
 
 import numpy as np
 
-from structlearn.artefacts import publish, read_table
+from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import JointLog, read_joint_log
+from structlearn.rigid_body.model_files import read_dynamics_models
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.storage import read_dynamics_models
-from structlearn.rigid_body.training import DynamicsTrainingParameters
+from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters
 from structlearn.simulation.arm import ArmParameters, urdf_path
-from structlearn.simulation.joint_logs import SIMULATED, MotionSourceParameters
-from structlearn.simulation.tracking import TrackingParameters
-from structlearn.stage import run, stage_parameters
-from structlearn.viewer.dynamics import write_reaches
-from structlearn.viewer.payload import write_payload
-from structlearn.viewer.shown_motions import DynamicsViewParameters, ShownPayload, reaching, shown_torques
-from structlearn.viewer.torques import write_torques
+from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
+from structlearn.testbeds.dynamics.recordings.payload import write_payload
+from structlearn.testbeds.dynamics.recordings.reaches_recording import write_reaches
+from structlearn.testbeds.dynamics.recordings.shown_motions import (
+    DynamicsViewParameters,
+    ShownPayload,
+    reaching,
+    shown_torques,
+)
+from structlearn.testbeds.dynamics.recordings.torques import write_torques
+from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
 
 RAW, DATA = "data/raw/dynamics", "data/dynamics"
 

@@ -1,16 +1,16 @@
 """Learn the unhindered reach, and what hands do about obstacles as supervised data (IV.8.1, eq. IV.23)."""
 
-from structlearn.artefacts import publish, write_table
-from structlearn.obstacles.dataset import (
+from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
     avoidance_dataset,
     fit_baseline,
     to_table,
 )
-from structlearn.obstacles.scenarios import SceneParameters, scenarios
-from structlearn.obstacles.storage import BASELINE, read_scenarios, write_baseline
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.obstacles.files import BASELINE, read_scenarios, write_baseline
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 RAW = "data/raw/obstacles"
 
@@ -19,7 +19,7 @@ def main() -> None:
     parameters = stage_parameters("obstacle_dataset", AvoidanceDataParameters)
     places = scenarios(stage_parameters("obstacle_scene", SceneParameters))
     baseline = fit_baseline(read_demonstrations(f"{RAW}/{BASELINE}"), parameters)
-    sets = zip(places, read_scenarios(places, RAW), strict=True)
+    sets = zip((place.obstacle for place in places), read_scenarios(places, RAW), strict=True)
     with publish("data/obstacles/dataset") as folder:
         folder.mkdir()
         write_baseline(baseline, folder / "baseline.safetensors")

@@ -1,10 +1,10 @@
 """Record reaches without and past obstacles (dissertation IV.8.3)."""
 
-from structlearn.artefacts import publish
-from structlearn.obstacles.demonstrator import AvoiderParameters
-from structlearn.obstacles.scenarios import SceneParameters, scenarios
-from structlearn.obstacles.storage import record_scenarios
-from structlearn.stage import run, stage_parameters
+from structlearn.ground.artefacts import publish
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.testbeds.obstacles.files import record_scenarios
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 
 def main() -> None:

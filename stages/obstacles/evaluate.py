@@ -2,17 +2,17 @@
 
 import pandas as pd
 
-from structlearn.artefacts import publish, write_table
-from structlearn.obstacles import protocols
-from structlearn.obstacles.dataset import AvoidanceDataParameters
-from structlearn.obstacles.learned_models import read_models
-from structlearn.obstacles.scenarios import SceneParameters, scenarios
-from structlearn.obstacles.storage import read_baseline, read_scenarios
-from structlearn.stage import run, stage_parameters
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.avoidance.learned_models import read_models
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.testbeds.obstacles.files import read_baseline, read_scenarios
+from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 
 def main() -> None:
-    parameters = stage_parameters("obstacle_evaluation", protocols.AvoidanceEvaluationParameters)
+    parameters = stage_parameters("obstacle_evaluation", avoidance_protocols.AvoidanceEvaluationParameters)
     cloud_count = stage_parameters("obstacle_dataset", AvoidanceDataParameters).cloud_count
     places = scenarios(stage_parameters("obstacle_scene", SceneParameters))
     baseline = read_baseline("data/obstacles/dataset/baseline.safetensors")
@@ -20,15 +20,15 @@ def main() -> None:
     demonstrations = read_scenarios(places, "data/raw/obstacles")
 
     found = [
-        protocols.evaluate(situation, models, baseline, parameters)
-        for situation in protocols.situations(places, baseline, parameters, cloud_count)
+        avoidance_protocols.evaluate(situation, models, baseline, parameters)
+        for situation in avoidance_protocols.situations(places, baseline, parameters, cloud_count)
     ]
     scores, paths = (pd.concat(tables, ignore_index=True) for tables in zip(*found, strict=True))
     with publish("data/obstacles/evaluation") as folder:
         folder.mkdir()
         write_table(scores, folder / "scores.parquet")
         write_table(paths, folder / "paths.parquet")
-        people = protocols.demonstration_scores(demonstrations, places, baseline, cloud_count)
+        people = avoidance_protocols.demonstration_scores(demonstrations, places, baseline, cloud_count)
         write_table(people, folder / "demonstrations.parquet")
 
 

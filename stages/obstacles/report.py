@@ -1,19 +1,19 @@
 """The report of the obstacle testbed: figures, tables, metrics and the page that shows them."""
 
-from structlearn.artefacts import read_table
-from structlearn.obstacles.dataset import AvoidanceDataParameters
-from structlearn.obstacles.demonstrator import AvoiderParameters
-from structlearn.obstacles.learning import AvoidanceTrainingParameters
-from structlearn.obstacles.protocols import AvoidanceEvaluationParameters
-from structlearn.obstacles.scenarios import SceneParameters, scenarios
-from structlearn.obstacles.storage import read_baseline, read_scenarios
-from structlearn.reporting.obstacle_page import obstacle_page
-from structlearn.reporting.obstacle_results import ObstacleResults, example_setting, metrics
-from structlearn.reporting.obstacle_sections import pictures
-from structlearn.reporting.obstacle_tables import tables
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.page import Link
 from structlearn.reporting.publishing import publish_report
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.obstacles.files import read_baseline, read_scenarios
+from structlearn.testbeds.obstacles.page.obstacle_page import obstacle_page
+from structlearn.testbeds.obstacles.page.obstacle_results import ObstacleResults, example_setting, metrics
+from structlearn.testbeds.obstacles.page.obstacle_sections import pictures
+from structlearn.testbeds.obstacles.page.obstacle_tables import tables
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 PARAMETERS = {
     "obstacle_scene": SceneParameters,

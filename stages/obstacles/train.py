@@ -1,11 +1,11 @@
 """Train avoidance models per setting, per shape and for all shapes (IV.8.5, IV.8.6)."""
 
-from structlearn.artefacts import publish, read_table, write_table
-from structlearn.obstacles.dataset import from_table
-from structlearn.obstacles.learned_models import write_models
-from structlearn.obstacles.learning import AvoidanceTrainingParameters, learn
-from structlearn.obstacles.scenarios import SceneParameters, scenarios
-from structlearn.stage import run, stage_parameters
+from structlearn.avoidance.avoidance_dataset import from_table
+from structlearn.avoidance.learned_models import write_models
+from structlearn.ground.artefacts import publish, read_table, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 
 def main() -> None:

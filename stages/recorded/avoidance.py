@@ -1,9 +1,12 @@
 """Cross-validate every representation of obstacle avoidance on 823 recorded samples (dissertation IV.8)."""
 
-from structlearn.artefacts import publish, read_table, write_table
-from structlearn.obstacles.dataset import from_table
-from structlearn.recorded.avoidance import RecordedAvoidanceParameters, compare_on_recorded
-from structlearn.stage import run, stage_parameters
+from structlearn.avoidance.avoidance_dataset import from_table
+from structlearn.ground.artefacts import publish, read_table, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.avoidance_representations import (
+    RecordedAvoidanceParameters,
+    compare_on_recorded,
+)
 
 
 def main() -> None:

@@ -2,12 +2,12 @@
 
 from dataclasses import fields
 
-from structlearn.artefacts import read_table
-from structlearn.recorded.calibration import CalibrationParameters
-from structlearn.reporting.calibration_page import calibration_page, pictures
-from structlearn.reporting.calibration_results import CalibrationResults, metrics, tables
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.page.calibration_page import calibration_page, pictures
+from structlearn.testbeds.recorded.page.calibration_results import CalibrationResults, metrics, tables
+from structlearn.testbeds.recorded.protocol.touch_calibration import CalibrationParameters
 
 
 def main() -> None:

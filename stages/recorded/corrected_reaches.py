@@ -1,12 +1,12 @@
 """Coupling targets of the higher reaches, learned over phase and added to the nominal primitive (IV.6)."""
 
-from structlearn.artefacts import publish, write_table
 from structlearn.feedback.pmnn import write_networks
-from structlearn.primitives.storage import read_primitives
-from structlearn.recorded.corrected_reaches import complete, corrected_reaches
-from structlearn.recorded.correction_splits import CorrectionParameters, learn_corrections
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings import read_demonstrations
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.corrected_reaches import complete, corrected_reaches
+from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, learn_corrections
 
 
 def main() -> None:

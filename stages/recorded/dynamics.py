@@ -2,14 +2,18 @@
 
 from dataclasses import fields
 
-from structlearn.artefacts import publish, write_table
-from structlearn.recorded.dynamics import RecordedDynamicsParameters, identify, panda_motion
-from structlearn.recorded.slide_torques import torque_check
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.joint_log import read_joint_log
-from structlearn.rigid_body.storage import write_dynamics_models
+from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.simulation.arm import ArmParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.panda_identification import (
+    RecordedDynamicsParameters,
+    identify,
+    panda_motion,
+)
+from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
 
 def main() -> None:

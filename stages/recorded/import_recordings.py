@@ -1,12 +1,15 @@
 """Bring the public recordings into the pipeline: text logs to MCAP, samples to a table, provenance kept."""
 
-from structlearn.artefacts import publish, write_metrics, write_table
-from structlearn.obstacles.dataset import to_table
-from structlearn.recorded.avoidance_samples import avoidance_provenance, read_avoidance_samples
+from structlearn.avoidance.avoidance_dataset import to_table
+from structlearn.ground.artefacts import publish, write_metrics, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import clmc, panda, slide, write_recordings
 from structlearn.recordings.joint_log import write_joint_log
 from structlearn.recordings.source import PublicSourceParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.avoidance_samples import (
+    avoidance_provenance,
+    read_avoidance_samples,
+)
 
 
 def main() -> None:

@@ -1,14 +1,14 @@
 """Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4)."""
 
-from structlearn.artefacts import publish, write_table
-from structlearn.recorded.latent_touch import LatentTouchParameters, learn_touch
-from structlearn.recorded.touch_sets import touch_sets
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations, synchronise
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
-from structlearn.stage import run, stage_parameters
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.preparation import TouchDataParameters, prepare
+from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.testbeds.recorded.protocol.latent_touch import LatentTouchParameters, learn_touch
+from structlearn.testbeds.recorded.protocol.touch_sets import touch_sets
 
 
 def main() -> None:

@@ -1,11 +1,16 @@
 """Find 97 recorded reaches between rests, and learn one position primitive from them (dissertation IV.5)."""
 
-from structlearn.artefacts import publish, write_metrics, write_table
-from structlearn.primitives.storage import write_primitives
-from structlearn.recorded.reaches import ReachParameters, learn_reaches, own_spread_mm, reach_cut_errors
+from structlearn.ground.artefacts import publish, write_metrics, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.fitting import segment_paths, whole
+from structlearn.primitives.primitive_files import write_primitives
 from structlearn.recordings import read_demonstrations
-from structlearn.segmentation.learning import segment_paths, whole
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.human_reaches import (
+    ReachParameters,
+    learn_reaches,
+    own_spread_mm,
+    reach_cut_errors,
+)
 
 
 def main() -> None:

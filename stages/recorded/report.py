@@ -4,22 +4,28 @@ from dataclasses import fields
 
 import pandas as pd
 
-from structlearn.artefacts import read_metrics, read_table
-from structlearn.primitives.storage import read_primitives
-from structlearn.recorded.avoidance import RecordedAvoidanceParameters, RecordedAvoidanceResults
-from structlearn.recorded.correction_splits import CorrectionParameters, CorrectionResults
-from structlearn.recorded.dynamics import RecordedDynamicsParameters, RecordedDynamicsResults
-from structlearn.recorded.latent_touch import LatentTouchParameters, LatentTouchResults
-from structlearn.recorded.reaches import ReachParameters
-from structlearn.recorded.scraping import ExecutionParameters
-from structlearn.recorded.slides import SlideParameters
+from structlearn.ground.artefacts import read_metrics, read_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.fitting import FitParameters, segment_paths, whole
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings import read_demonstrations
 from structlearn.reporting.page import Link
 from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.recorded_page import pictures, recorded_page
-from structlearn.reporting.recorded_results import RecordedResults, metrics, tables
-from structlearn.segmentation.learning import FitParameters, segment_paths, whole
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.page.recorded_page import pictures, recorded_page
+from structlearn.testbeds.recorded.page.recorded_results import RecordedResults, metrics, tables
+from structlearn.testbeds.recorded.protocol.avoidance_representations import (
+    RecordedAvoidanceParameters,
+    RecordedAvoidanceResults,
+)
+from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, CorrectionResults
+from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
+from structlearn.testbeds.recorded.protocol.latent_touch import LatentTouchParameters, LatentTouchResults
+from structlearn.testbeds.recorded.protocol.panda_identification import (
+    RecordedDynamicsParameters,
+    RecordedDynamicsResults,
+)
+from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
+from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 
 DATA = "data/recorded"
 PARAMETERS = {

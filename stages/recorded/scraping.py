@@ -1,11 +1,15 @@
 """Learn the primitives and the 38 electrode traces of a recorded scraping execution (dissertation IV.9)."""
 
-from structlearn.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.sequence import sequence_table
-from structlearn.primitives.storage import write_primitives, write_vector_primitive
-from structlearn.recorded.scraping import ExecutionParameters, learn_execution, learn_traces
 from structlearn.recordings import read_demonstrations
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.scraping_execution import (
+    ExecutionParameters,
+    learn_execution,
+    learn_traces,
+)
 
 
 def main() -> None:

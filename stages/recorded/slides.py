@@ -1,10 +1,10 @@
 """Expected sensor traces of recorded slides over one material, deviations on another (dissertation IV.6)."""
 
-from structlearn.artefacts import publish, write_table
-from structlearn.primitives.storage import write_vector_primitive
-from structlearn.recorded.slides import SlideParameters, clock_errors, learn_slides
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.recordings import read_recordings, synchronise
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.slides import SlideParameters, clock_errors, learn_slides
 
 
 def main() -> None:

@@ -1,11 +1,11 @@
 """Learn orientation primitives from recorded unscrewing, nearly a full turn (dissertation IV.3)."""
 
-from structlearn.artefacts import publish, write_table
-from structlearn.primitives.storage import write_primitives
-from structlearn.recorded.unscrewing import learn_unscrewing
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.fitting import FitParameters
+from structlearn.primitives.primitive_files import write_primitives
 from structlearn.recordings import read_demonstrations
-from structlearn.segmentation.learning import FitParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.recorded.protocol.unscrewing import learn_unscrewing
 
 
 def main() -> None:

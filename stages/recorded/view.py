@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from structlearn.artefacts import publish, read_table
 from structlearn.feedback.pmnn import read_networks
+from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives import sequence
+from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sensor_traces import deviation, without_offset
-from structlearn.primitives.storage import read_primitives, read_vector_primitive
-from structlearn.recorded.corrected_reaches import complete, typical_paths
-from structlearn.recorded.slides import GROUPS, SlideParameters, trial_group
 from structlearn.recordings import read_demonstrations
-from structlearn.stage import run, stage_parameters
-from structlearn.viewer import write_demonstrations, write_primitives
+from structlearn.testbeds.recorded.protocol.corrected_reaches import complete, typical_paths
+from structlearn.testbeds.recorded.protocol.slides import GROUPS, SlideParameters, trial_group
+from structlearn.viewer.learned_primitives import write_primitives
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
 
 FOLDER = "reports/recordings/recorded"
 

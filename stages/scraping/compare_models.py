@@ -2,12 +2,12 @@
 
 import pandas as pd
 
-from structlearn.artefacts import publish, write_table
-from structlearn.feedback.comparison import compare_representations, paired_orderings
-from structlearn.feedback.storage import read_datasets
+from structlearn.feedback.model_comparison import compare_representations, paired_orderings
+from structlearn.feedback.supervised_training import TrainingParameters
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.feedback.training import TrainingParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.testbeds.scraping.files import read_datasets
 
 
 def main() -> None:

@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import pandas as pd
 
-from structlearn.artefacts import publish, write_table
-from structlearn.feedback.closed_loop import AFTER, BEFORE
 from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search import refinement
-from structlearn.policy_search.comparison import ComparisonParameters, compare
+from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
 from structlearn.recordings.source import ClockParameters, SourceParameters
-from structlearn.simulation.board_files import read_board
-from structlearn.simulation.board_refinement import BoardRefinementParameters
-from structlearn.simulation.board_rollouts import Board
-from structlearn.simulation.trials import TestbedParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.protocol.board_files import read_board
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
+from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"
 

@@ -1,14 +1,14 @@
 """Sensor deviations and the coupling terms that people asked for, as supervised data (IV.6.2, IV.9.1.3)."""
 
-from structlearn.artefacts import publish, write_table
-from structlearn.feedback.dataset import to_table
-from structlearn.feedback.storage import read_expected, read_sets
+from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.supervision import SupervisionParameters, coupling_dataset, require_parts
-from structlearn.primitives.storage import read_primitives
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.executions import execution_cuts
+from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.files import read_expected, read_sets
 
 
 def main() -> None:

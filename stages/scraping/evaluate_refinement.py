@@ -1,23 +1,23 @@
 """Execute the primitives without feedback, and with it before and after refinement (IV.9.4.2)."""
 
-from structlearn.artefacts import publish, write_table
-from structlearn.feedback import closed_loop
 from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import write_recordings
 from structlearn.recordings.source import ClockParameters, SourceParameters
-from structlearn.simulation.board_files import read_board
-from structlearn.simulation.board_refinement import BoardRefinementParameters
-from structlearn.simulation.evaluation import executed_set
-from structlearn.simulation.trials import TestbedParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.protocol import executed_sets
+from structlearn.testbeds.scraping.protocol.board_files import read_board
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
+from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"
 
 
 def main() -> None:
-    parameters = stage_parameters("evaluate_refinement", closed_loop.EvaluationParameters)
+    parameters = stage_parameters("evaluate_refinement", executed_sets.EvaluationParameters)
     refinement = stage_parameters("refine", BoardRefinementParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
@@ -31,10 +31,10 @@ def main() -> None:
         folder.mkdir()
         if found is not None:
             board, _ = found
-            networks = {closed_loop.NOMINAL: {}}
+            networks = {executed_sets.NOMINAL: {}}
             networks |= {
                 model: read_networks(f"{DATA}/refinement/{model}.safetensors")
-                for model in (closed_loop.BEFORE, closed_loop.AFTER)
+                for model in (executed_sets.BEFORE, executed_sets.AFTER)
             }
             for model, own in networks.items():
                 skill = ReactiveSkill(board.primitives, board.expected, own, supervision.unit_axis)
@@ -45,9 +45,9 @@ def main() -> None:
     with publish(f"{DATA}/refined") as folder:
         folder.mkdir()
         if sets:
-            scores = closed_loop.scores(sets, board.nominal, supervision)
+            scores = executed_sets.scores(sets, board.nominal, supervision)
             write_table(scores, folder / "scores.parquet")
-            write_table(closed_loop.traces(sets, board.expected, supervision), folder / "traces.parquet")
+            write_table(executed_sets.traces(sets, board.expected, supervision), folder / "traces.parquet")
 
 
 if __name__ == "__main__":

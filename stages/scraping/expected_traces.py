@@ -1,15 +1,16 @@
 """Execute the nominal primitives on the flat board and learn what the fingers should feel (IV.9.1.3, ii)."""
 
-from structlearn.artefacts import publish
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.supervision import ExpectedTracesParameters, learn_expected
-from structlearn.primitives.storage import read_primitives, write_vector_primitive
+from structlearn.ground.artefacts import publish
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.recordings import read_demonstrations, read_recordings, write_recordings
 from structlearn.recordings.source import ClockParameters, SourceParameters
-from structlearn.segmentation.executions import execution_cuts
+from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.simulation.trials import TestbedParameters, executions, nominal_runs
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:

@@ -1,13 +1,13 @@
 """Learn the primitives of the scraping task and unroll them as a sequence (dissertation IV.3, IV.5.4)."""
 
-from structlearn.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives import sequence
-from structlearn.primitives.storage import write_primitives
+from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
+from structlearn.primitives.primitive_files import write_primitives
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.learning import FitParameters, cross_validation, learn_sequence
 from structlearn.segmentation.result import read_segmentation
-from structlearn.stage import run, stage_parameters
 
 
 def main() -> None:
@@ -17,7 +17,7 @@ def main() -> None:
     demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
     segmentation = read_segmentation("data/segments/scraping")
 
-    primitives = learn_sequence(demonstrations, segmentation, parameters)
+    primitives = learn_sequence(demonstrations, segmentation.results, parameters)
     dt = 1.0 / clock.rate_hz
     nominal = sequence.unroll(primitives, dt)
     generalised = sequence.generalised(primitives, dt, situation)
@@ -26,7 +26,7 @@ def main() -> None:
         write_primitives(primitives, folder / "primitives.safetensors")
         for name, path in (("nominal", nominal), ("generalised", generalised)):
             write_table(sequence.sequence_table(path, segmentation.primitives), folder / f"{name}.parquet")
-        errors = cross_validation(demonstrations, segmentation, parameters)
+        errors = cross_validation(demonstrations, segmentation.results, parameters)
         write_table(errors, folder / "reproduction.parquet")
 
 

@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
-from structlearn.artefacts import publish
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.primitives.storage import read_primitives
+from structlearn.ground.artefacts import publish
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.recordings.source import CorrectionSourceParameters, SourceParameters
-from structlearn.simulation.trials import TestbedParameters, corrected_runs, executions
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.protocol.executions import corrected_runs, executions
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:

@@ -1,11 +1,12 @@
 """Record the nominal demonstrations: simulated, or taken over from your own bags (IV.9.1.3, step i)."""
 
-from structlearn.artefacts import publish
+from structlearn.ground.artefacts import publish
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.recordings.source import SIMULATED, SourceParameters
-from structlearn.simulation.demonstrator import DemonstratorParameters
-from structlearn.simulation.trials import TestbedParameters, guided_demonstrations
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
+from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:

@@ -3,15 +3,15 @@
 from pathlib import Path
 from shutil import rmtree
 
-from structlearn.artefacts import publish, write_table
 from structlearn.feedback.pmnn import write_networks
 from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.refinement import Progress
 from structlearn.recordings.source import ClockParameters, SourceParameters
-from structlearn.simulation.board_files import read_board
-from structlearn.simulation.board_refinement import BoardRefinementParameters, refine_on_board
-from structlearn.simulation.trials import TestbedParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.protocol.board_files import read_board
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 UNFINISHED = Path("data/unfinished")
 """Finished iterations of a refinement that was killed; no out of a stage, so DVC leaves it alone."""

@@ -1,28 +1,28 @@
 """The report of the scraping testbed: figures, tables, metrics and the page that shows them."""
 
-from structlearn.artefacts import read_table
-from structlearn.feedback.closed_loop import EvaluationParameters
-from structlearn.feedback.models import FeedbackParameters
+from structlearn.feedback.feedback_models import FeedbackParameters
+from structlearn.feedback.supervised_training import TrainingParameters
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
-from structlearn.feedback.training import TrainingParameters
-from structlearn.policy_search.comparison import ComparisonParameters
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.policy_search.sample_efficiency import ComparisonParameters
+from structlearn.primitives.fitting import FitParameters
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.primitives.storage import read_primitives
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters, CorrectionSourceParameters, SourceParameters
-from structlearn.reporting.feedback_files import read_feedback
 from structlearn.reporting.page import Link
 from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.scraping_page import pictures, scraping_page
-from structlearn.reporting.scraping_results import ScrapingResults, metrics, tables
-from structlearn.segmentation.learning import FitParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
-from structlearn.simulation.board_refinement import BoardRefinementParameters
-from structlearn.simulation.cut_sweep import SweepParameters
-from structlearn.simulation.demonstrator import DemonstratorParameters
-from structlearn.simulation.trials import TestbedParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.page.feedback_files import read_feedback
+from structlearn.testbeds.scraping.page.scraping_page import pictures, scraping_page
+from structlearn.testbeds.scraping.page.scraping_results import ScrapingResults, metrics, tables
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
+from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 PARAMETERS = {
     "clock": ClockParameters,

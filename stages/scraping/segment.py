@@ -1,11 +1,11 @@
 """Cut the nominal demonstrations into primitives (dissertation IV.5, IV.9.2)."""
 
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import write_segmentation
 from structlearn.segmentation.segments import cut
-from structlearn.stage import run, stage_parameters
 
 
 def main() -> None:

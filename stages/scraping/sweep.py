@@ -1,13 +1,13 @@
 """How the cuts suffer from noise, and from down-sampling the alignment (dissertation IV.5, appendix C)."""
 
-from structlearn.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import SIMULATED, ClockParameters, SourceParameters
-from structlearn.segmentation.evaluation import downsampling_effect
+from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.simulation.cut_sweep import SweepParameters, no_sweep, noise_sweep
-from structlearn.simulation.demonstrator import DemonstratorParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, no_sweep, noise_sweep
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
 
 def main() -> None:

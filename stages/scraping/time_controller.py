@@ -1,16 +1,16 @@
 """Time the runtime controller and a simulated run on this machine; no stage depends on the result."""
 
-from structlearn.artefacts import write_metrics
-from structlearn.feedback.models import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.storage import read_expected
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.primitives.storage import read_primitives
+from structlearn.ground.artefacts import write_metrics
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings.source import SourceParameters
-from structlearn.simulation.timing import TimingParameters, controller_latency, run_cost
-from structlearn.simulation.trials import TestbedParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.testbeds.scraping.files import read_expected
+from structlearn.testbeds.scraping.protocol.latency import TimingParameters, controller_latency, run_cost
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"
 

@@ -1,11 +1,11 @@
 """Train the feedback models: sample by sample as in the text, and inside the unroll (IV.6.2.4, V.2)."""
 
-from structlearn.artefacts import publish
-from structlearn.feedback.models import FeedbackParameters, train_models
+from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.pmnn import write_networks
-from structlearn.feedback.storage import read_datasets
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.stage import run, stage_parameters
+from structlearn.ground.artefacts import publish
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.testbeds.scraping.files import read_datasets
 
 
 def main() -> None:

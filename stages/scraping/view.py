@@ -2,23 +2,20 @@
 
 from pathlib import Path
 
-from structlearn.artefacts import publish, read_table
-from structlearn.primitives.storage import read_primitives
+from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
-from structlearn.stage import run, stage_parameters
-from structlearn.viewer import (
-    read_refined_runs,
-    read_shown_runs,
-    write_alignment,
-    write_demonstrations,
-    write_executions,
-    write_primitives,
-    write_refinement,
-    write_robot,
-)
+from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
+from structlearn.testbeds.scraping.recordings.executions_recording import write_executions
+from structlearn.testbeds.scraping.recordings.refinement_recording import write_refinement
+from structlearn.testbeds.scraping.recordings.robot_recording import write_robot
+from structlearn.testbeds.scraping.recordings.shown_runs import read_refined_runs, read_shown_runs
+from structlearn.viewer.learned_primitives import write_primitives
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
 
 RAW, FEEDBACK = Path("data/raw/scraping"), Path("data/feedback/scraping")
 SHOWN_MODEL = "pointwise"  # trained as in the dissertation

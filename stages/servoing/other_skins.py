@@ -2,15 +2,15 @@
 
 import pandas as pd
 
-from structlearn.artefacts import publish, write_table
-from structlearn.simulation.other_skins import OtherSkinsParameters, with_other_skin
-from structlearn.simulation.servo_trials import ServoTrialParameters
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.stage import run, stage_parameters
-from structlearn.tactile.comparison import LatentParameters
 from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.preparation import TouchDataParameters
+from structlearn.tactile.latent_comparison import LatentParameters
+from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParameters, with_other_skin
+from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters
 
 SHARED = {
     "toucher": ToucherParameters,

@@ -2,7 +2,8 @@
 
 import pandas as pd
 
-from structlearn.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.recordings.source import SourceParameters
 from structlearn.simulation.touch import FingerParameters
@@ -13,7 +14,6 @@ from structlearn.simulation.touch_demonstrator import (
     recorded,
     true_contacts,
 )
-from structlearn.stage import run, stage_parameters
 
 
 def main() -> None:

@@ -2,24 +2,24 @@
 
 import pandas as pd
 
-from structlearn.artefacts import read_table
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.source import SourceParameters
 from structlearn.reporting.page import Link
 from structlearn.reporting.publishing import publish_report
-from structlearn.reporting.servoing_loop import ServoLoop
-from structlearn.reporting.servoing_other_skins import OtherSkins
-from structlearn.reporting.servoing_page import servoing_page
-from structlearn.reporting.servoing_results import ServoingResults, metrics
-from structlearn.reporting.servoing_sections import pictures
-from structlearn.reporting.servoing_tables import tables
-from structlearn.simulation.other_skins import OtherSkinsParameters
-from structlearn.simulation.servo_trials import ServoTrialParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.stage import run, stage_parameters
-from structlearn.tactile.comparison import LatentParameters
-from structlearn.tactile.dataset import read_dataset
 from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.preparation import TouchDataParameters
+from structlearn.tactile.latent_comparison import LatentParameters
+from structlearn.tactile.touch_dataset import read_dataset
+from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.testbeds.servoing.page.servoing_loop import ServoLoop
+from structlearn.testbeds.servoing.page.servoing_other_skins import OtherSkins
+from structlearn.testbeds.servoing.page.servoing_page import servoing_page
+from structlearn.testbeds.servoing.page.servoing_results import ServoingResults, metrics
+from structlearn.testbeds.servoing.page.servoing_sections import pictures
+from structlearn.testbeds.servoing.page.servoing_tables import tables
+from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters
 
 PARAMETERS = {
     "toucher": ToucherParameters,

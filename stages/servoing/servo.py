@@ -1,14 +1,19 @@
 """Servo simulated fingers to random contacts in closed loop with all controllers (II.4.6)."""
 
-from structlearn.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.source import SourceParameters
-from structlearn.simulation.servo_trials import ServoTrialParameters, Taught, compare, variants
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.stage import run, stage_parameters
-from structlearn.tactile.dataset import read_dataset
+from structlearn.tactile.latent_files import read_models
 from structlearn.tactile.resting_servo import demonstrated_actions
-from structlearn.tactile.storage import read_models
+from structlearn.tactile.touch_dataset import read_dataset
+from structlearn.testbeds.servoing.protocol.servo_trials import (
+    ServoTrialParameters,
+    Taught,
+    compare,
+    variants,
+)
 
 
 def main() -> None:

@@ -1,11 +1,11 @@
 """Samples of touch from the recordings: low-pass, offsets, contacts, contact points, splits (II.4.1.1)."""
 
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.stage import run, stage_parameters
-from structlearn.tactile.dataset import write_dataset
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.preparation import TouchDataParameters, prepare
+from structlearn.tactile.touch_dataset import write_dataset
+from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 
 
 def main() -> None:

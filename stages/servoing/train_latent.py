@@ -1,11 +1,11 @@
 """Train latent spaces of touch and their dynamics, and compare them (II.4.2 to II.4.5)."""
 
-from structlearn.artefacts import publish, write_table
-from structlearn.stage import run, stage_parameters
-from structlearn.tactile.comparison import LatentParameters, learn
-from structlearn.tactile.dataset import read_dataset
+from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.tactile.geodesics import read_geodesics
-from structlearn.tactile.storage import write_models
+from structlearn.tactile.latent_comparison import LatentParameters, learn
+from structlearn.tactile.latent_files import write_models
+from structlearn.tactile.touch_dataset import read_dataset
 
 
 def main() -> None:

@@ -1,20 +1,20 @@
 """Recordings to look at: demonstrations of touch, the latent map, and closed loops (chapter II)."""
 
-from structlearn.artefacts import publish, read_table
+from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import SourceParameters
-from structlearn.simulation.servo_trials import ServoTrialParameters, make_scene
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.stage import run, stage_parameters
-from structlearn.tactile.comparison import LatentParameters
-from structlearn.tactile.dataset import read_dataset
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.preparation import TouchDataParameters
-from structlearn.viewer.demonstrated_touches import write_touch_demonstrations
-from structlearn.viewer.latent_maps import skin_laying, write_latent_maps
-from structlearn.viewer.servo_runs import shown_runs, write_servo_runs
-from structlearn.viewer.shown_touches import ServoingViewParameters, shown_touches
+from structlearn.tactile.latent_comparison import LatentParameters
+from structlearn.tactile.touch_dataset import read_dataset
+from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters, make_scene
+from structlearn.testbeds.servoing.recordings.demonstrated_touches import write_touch_demonstrations
+from structlearn.testbeds.servoing.recordings.latent_maps import skin_laying, write_latent_maps
+from structlearn.testbeds.servoing.recordings.servo_runs import shown_runs, write_servo_runs
+from structlearn.testbeds.servoing.recordings.shown_touches import ServoingViewParameters, shown_touches
 
 
 def main() -> None:

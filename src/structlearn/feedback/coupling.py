@@ -9,7 +9,7 @@ demonstration's start with c_target as its coupling term, is the demonstration.
 
 import numpy as np
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.primitives import canonical, orientation, transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory

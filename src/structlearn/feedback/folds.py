@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.errors import InputError
-from structlearn.feedback.dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.ground.errors import InputError
 
 PARTS = ("train", "validation", "test", "generalization")
 

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from structlearn import quaternion
-from structlearn.errors import InputError
-from structlearn.feedback.compiled import pack, stacked_readouts
+from structlearn.feedback.compiled_pmnn import pack, stacked_readouts
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.feedback.stepping import Plan
-from structlearn.frames import local_frame
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, kernels, transformation
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count

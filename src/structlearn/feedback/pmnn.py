@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.artefacts import read_description, read_tensors, write_tensors
-from structlearn.errors import InputError
+from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
+from structlearn.ground.errors import InputError
 
 
 @dataclass(frozen=True)

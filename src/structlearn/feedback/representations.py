@@ -15,13 +15,9 @@ from sklearn.decomposition import PCA
 from torch import Tensor, nn
 
 from structlearn.feedback.folds import Fold
-from structlearn.feedback.networks import HiddenLayers, initial_weights
-from structlearn.feedback.training import (
-    StackedData,
-    TrainingParameters,
-    train,
-)
-from structlearn.tensors import as_tensor, one_thread
+from structlearn.feedback.stacked_networks import HiddenLayers, initial_weights
+from structlearn.feedback.supervised_training import StackedData, TrainingParameters, train
+from structlearn.networks.torch_settings import as_tensor, one_thread
 
 VARIANCE_KEPT = 0.99
 """Share of the variance that the principal components keep (IV.9.3.3)."""

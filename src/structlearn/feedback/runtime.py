@@ -19,11 +19,11 @@ from time import perf_counter
 import numpy as np
 from pydantic import Field
 
-from structlearn import quaternion
-from structlearn.errors import InputError
 from structlearn.feedback import planning, stepping
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
-from structlearn.params import Parameters
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA

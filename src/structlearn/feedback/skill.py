@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.errors import InputError
-from structlearn.feedback.compiled import layer_sizes
+from structlearn.feedback.compiled_pmnn import layer_sizes
 from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
+from structlearn.ground.errors import InputError
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.primitives.storage import read_primitives, read_vector_primitive
 from structlearn.primitives.vector import VectorPrimitive
 
 UNIT_TOLERANCE = 1e-6

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.feedback.compiled import hidden_layers, scratch
+from structlearn.feedback.compiled_pmnn import hidden_layers, scratch
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
 

@@ -13,11 +13,12 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, model_validator
 
-from structlearn import quaternion
-from structlearn.errors import InputError
 from structlearn.feedback.coupling import orientation_target
-from structlearn.feedback.dataset import CouplingDataset, concatenated
-from structlearn.params import Parameters
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.ground.signals import low_pass
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sensor_traces import deviation, fit_expected_traces, without_offset
@@ -26,7 +27,6 @@ from structlearn.primitives.trajectory import OrientationTrajectory, differentia
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.source import RunSourceParameters
-from structlearn.signals import low_pass
 
 Cuts = Mapping[str, pd.DataFrame]
 """Segments by the primitive's name: index demonstration, columns `start_s` and `end_s`."""

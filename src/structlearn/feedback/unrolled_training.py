@@ -26,14 +26,14 @@ import numpy as np
 import torch
 from pydantic import Field
 
-from structlearn.errors import InputError
-from structlearn.feedback.dataset import CouplingDataset
-from structlearn.feedback.differentiable import responses
-from structlearn.feedback.networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.differentiable_primitive import responses
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.params import Parameters
+from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.networks.torch_settings import as_tensor, one_thread
 from structlearn.primitives import canonical, kernels, transformation
-from structlearn.tensors import as_tensor, one_thread
 
 PHASE_TOLERANCE = 0.02
 """A demonstration's phase may differ so much from that of one uniform movement from start to end."""

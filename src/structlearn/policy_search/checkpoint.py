@@ -13,9 +13,9 @@ from shutil import rmtree
 
 import numpy as np
 
-from structlearn.artefacts import publish, read_table, read_tensors, write_table, write_tensors
 from structlearn.feedback.pmnn import read_networks, write_networks
-from structlearn.params import Parameters
+from structlearn.ground.artefacts import publish, read_table, read_tensors, write_table, write_tensors
+from structlearn.ground.params import Parameters
 from structlearn.policy_search.refinement import Progress
 
 NETWORK = "network"

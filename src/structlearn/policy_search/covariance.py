@@ -18,8 +18,8 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_triangular
 
-from structlearn.errors import InputError
-from structlearn.params import Parameters
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
 
 RIDGE = 1e-12
 """Of the mean variance, added to the variance of a full estimate: it stays positive definite in floating

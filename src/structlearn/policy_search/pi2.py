@@ -18,8 +18,8 @@ from typing import Self
 import numpy as np
 from pydantic import Field
 
-from structlearn.errors import InputError
-from structlearn.params import Parameters
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
 from structlearn.policy_search import covariance, temperature
 from structlearn.policy_search.covariance import CovarianceParameters
 

@@ -18,11 +18,11 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.feedback.dataset import CouplingDataset, concatenated
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import open_loop
-from structlearn.feedback.training import TrainingParameters, train_final
-from structlearn.params import Parameters
+from structlearn.feedback.supervised_training import TrainingParameters, train_final
+from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
 from structlearn.policy_search.rollouts import (

@@ -11,9 +11,9 @@ from typing import Protocol
 import numpy as np
 import pandas as pd
 
-from structlearn.errors import InputError
-from structlearn.feedback.dataset import CouplingDataset, to_table
+from structlearn.feedback.coupling_dataset import CouplingDataset, to_table
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.ground.errors import InputError
 
 FEEDBACK, SAMPLE, IMPROVED = "feedback", "sample", "improved"
 """Kinds of rollouts: with the network, with a drawn policy, with the updated policy."""

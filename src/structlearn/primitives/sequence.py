@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn import quaternion
-from structlearn.frames import UP
-from structlearn.params import Parameters
+from structlearn.ground import quaternion
+from structlearn.ground.frames import UP
+from structlearn.ground.params import Parameters
 from structlearn.primitives import kernels, orientation, position, regression, twist_swing
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 

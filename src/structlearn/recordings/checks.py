@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings.recording import WIDTHS, Recording, Stream
 
 NORM_TOLERANCE = 1e-3

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance, uniform_stamps
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from structlearn import quaternion
-from structlearn.errors import InputError
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import at_row, check_recording
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from structlearn.errors import InputError
-from structlearn.parallel import Item, Result, parallel_map
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import Item, Result, parallel_map
 from structlearn.recordings.checks import check_recording
 from structlearn.recordings.clock import MAX_GAP_S, synchronise
 from structlearn.recordings.demonstration import Demonstration

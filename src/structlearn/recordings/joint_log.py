@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.messages import JOINT_KINDS, TopicCollector
 from structlearn.recordings.schemas import FRAME, definition

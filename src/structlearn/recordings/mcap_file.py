@@ -13,7 +13,7 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import check_recording
 from structlearn.recordings.messages import JOINT_KINDS, TopicCollector
 from structlearn.recordings.recording import Kind, Recording
@@ -30,7 +30,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     Messages stand in the order of their stamps, at equal stamps in the order of the streams; log and publish
     time are the stamp. The same recording gives the same bytes. Tactile counts are written as float32 (whole
     numbers up to 2^24 are exact), everything else as float64. The file is written in place: whoever calls
-    publishes it or the folder that it is in (`structlearn.artefacts.publish`).
+    publishes it or the folder that it is in (`structlearn.ground.artefacts.publish`).
 
     Args:
         recording: at least two samples per stream; its name is not written, the file's stem is the name.

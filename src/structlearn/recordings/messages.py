@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from structlearn import quaternion
-from structlearn.errors import InputError
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.recording import Kind, Stream
 from structlearn.recordings.topics import Role

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.recordings.joint_log import JointLog
 from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.recordings.recording import Kind, Stream
 
 FRAME = "base"

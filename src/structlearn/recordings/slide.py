@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn import quaternion
-from structlearn.errors import InputError
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.text_log import read_stamped_table, source_provenance
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from structlearn.params import Parameters
+from structlearn.ground.params import Parameters
 from structlearn.recordings.clock import MAX_GAP_S
 from structlearn.recordings.topics import TopicMap
 

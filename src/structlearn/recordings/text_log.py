@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 
 
 def read_table(

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from structlearn.params import Parameters
+from structlearn.ground.params import Parameters
 
 Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board"]
 

@@ -1,6 +1,6 @@
 """Rows of the tables in which a report holds the dissertation's statements against what it finds."""
 
-from structlearn.metrics import BETTER, UNDECIDED, WORSE
+from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE
 
 Row = tuple[str, str, str, str]
 """Statement, source, what is found here, whether it holds."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from structlearn.artefacts import Metrics
+from structlearn.ground.artefacts import Metrics
 from structlearn.reporting.page import (
     HOW_TO_OPEN,
     Figure,

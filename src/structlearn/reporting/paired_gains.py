@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from structlearn.metrics import mean_interval, verdict
+from structlearn.ground.metrics import mean_interval, verdict
 from structlearn.reporting.claim_rows import HOLDS
 from structlearn.reporting.prose import listing, with_interval
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from structlearn.params import Parameters
+from structlearn.ground.params import Parameters
 from structlearn.reporting.page import MISSING, Table
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.artefacts import Metrics, publish, write_csv, write_metrics
+from structlearn.ground.artefacts import Metrics, publish, write_csv, write_metrics
 from structlearn.reporting.figures import save
 from structlearn.reporting.page import Page, Sizes, render
 

@@ -19,7 +19,7 @@ from structlearn.palette import (
 )
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.figures import canvas, legend_above, styled
-from structlearn.segmentation.evaluation import aligned_segments, aligned_spread_mm
+from structlearn.segmentation.cut_errors import aligned_segments, aligned_spread_mm
 from structlearn.segmentation.parameters import AXES, PrimitiveParameters
 from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 

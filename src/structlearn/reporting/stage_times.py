@@ -13,11 +13,12 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from structlearn.artefacts import publish
+from structlearn.ground.artefacts import publish
+from structlearn.ground.wall_clock import TIMES, StageTime, read_times
 from structlearn.reporting.page import KeyNumber, Link, Links, Page, Prose, Section, Table, render
 from structlearn.reporting.prose import counted
-from structlearn.source_dependencies import PIPELINES
-from structlearn.wall_clock import TIMES, StageTime, read_times
+
+PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml")
 
 OVERVIEW = "overview"
 """Group of stages that belong to no testbed; their scripts lie beside the testbeds' folders."""

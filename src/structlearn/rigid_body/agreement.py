@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio
 import torch
 
-from structlearn.rigid_body import compiled, newton_euler
+from structlearn.rigid_body import compiled_dynamics, newton_euler
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import Robot
 
@@ -34,7 +34,7 @@ def agreement_with_pinocchio(robot: Robot, states: int = 200, seed: int = 0) -> 
         [pinocchio.rnea(robot.model, data, _configuration(robot.model, row), *rest) for row, *rest in rows]
     )
     inertias, tensors = robot.inertias.tensors(), (torch.from_numpy(values) for values in (q, qd, qdd))
-    one = compiled.inverse_dynamics(robot.tree, robot.inertias)
+    one = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     found = {
         "recursion_n_m": newton_euler.inverse_dynamics(robot.tree, inertias, *tensors).numpy(),
         "regressor_n_m": torque_regressor(robot.tree, q, qd, qdd) @ link_parameters(inertias).numpy(),

@@ -1,9 +1,9 @@
 """Learned models as inverse dynamics of one state, for control loops."""
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.rigid_body import compiled_networks
-from structlearn.rigid_body.compiled import InverseDynamics, friction_rows, inverse_dynamics
-from structlearn.rigid_body.storage import DynamicsModels
+from structlearn.rigid_body.compiled_dynamics import InverseDynamics, friction_rows, inverse_dynamics
+from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 

@@ -9,7 +9,7 @@ import math
 import numba
 import numpy as np
 
-from structlearn.rigid_body.compiled import InverseDynamics, add_friction
+from structlearn.rigid_body.compiled_dynamics import InverseDynamics, add_friction
 from structlearn.rigid_body.lagrangian import SMALLEST_INERTIA, StackedLagrangianNetworks
 from structlearn.rigid_body.multilayer_perceptron import StackedLayers, StackedPerceptrons
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn import signals
-from structlearn.errors import InputError
+from structlearn.ground import signals
+from structlearn.ground.errors import InputError
 
 SMALLEST_VARIANCE = 1e-12
 """(N m)^2; a joint whose torque varies less was not measured."""

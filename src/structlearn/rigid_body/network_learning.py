@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.rigid_body.adam import Adam, AdamParameters
+from structlearn.networks.adam import Adam, AdamParameters
+from structlearn.networks.torch_settings import as_tensor
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
 from structlearn.rigid_body.structured_learning import initial_friction
-from structlearn.tensors import as_tensor
 
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
 

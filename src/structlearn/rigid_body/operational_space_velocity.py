@@ -15,8 +15,8 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.params import Parameters
-from structlearn.rigid_body.compiled import chain_arrays, cross, joint_placement
+from structlearn.ground.params import Parameters
+from structlearn.rigid_body.compiled_dynamics import chain_arrays, cross, joint_placement
 from structlearn.rigid_body.tree import KinematicTree
 
 DAMPING = 1e-6

@@ -4,9 +4,9 @@ import numpy as np
 import torch
 
 from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
-from structlearn.rigid_body.storage import DynamicsModels
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 

@@ -10,12 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from structlearn.rigid_body.adam import Adam, AdamParameters
-from structlearn.rigid_body.friction import (
-    FrictionTerm,
-    friction_coefficients,
-    friction_regressor,
-)
+from structlearn.networks.adam import Adam, AdamParameters
+from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_regressor
 from structlearn.rigid_body.inertia_parameters import Structure, draw, link_inertias
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor

@@ -15,7 +15,7 @@ import pinocchio
 import torch
 from torch import Tensor
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.rigid_body.urdf_checks import check_urdf
 
 Array = TypeVar("Array", np.ndarray, Tensor)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 
 MOVING = ("revolute", "continuous", "prismatic")
 

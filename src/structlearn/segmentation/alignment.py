@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ onset over a tenth of a second, light smoothing leaves crossings in the noise of
 
 import numpy as np
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 
 REST_FRACTION = 0.2
 """Fraction of the threshold below which the point counts as resting; the descent to the local minimum stops

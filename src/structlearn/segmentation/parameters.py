@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from structlearn.params import Parameters
+from structlearn.ground.params import Parameters
 
 AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
 """Columns of the position that show a primitive."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.artefacts import publish, read_table, write_table
+from structlearn.ground.artefacts import publish, read_table, write_table
 
 METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
 RESULT = "wls"
@@ -34,6 +34,11 @@ class Segmentation:
     def primitives(self) -> list[str]:
         """Names of the primitives in order of time."""
         return list(self.cuts["primitive"].unique())
+
+    @property
+    def results(self) -> dict[str, pd.DataFrame]:
+        """The final cuts of every primitive, in order of time: what primitives are learned from."""
+        return {name: self.result(name) for name in self.primitives}
 
     def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
         """Cuts of one primitive by one method; the reference has its crossing. Index: demonstration."""

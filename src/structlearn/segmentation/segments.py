@@ -13,15 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from structlearn import signals
-from structlearn.errors import InputError
+from structlearn.ground import signals
+from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.alignment import (
-    Alignment,
-    least_squares,
-    velocity_weights,
-    with_crossings,
-)
+from structlearn.segmentation.alignment import Alignment, least_squares, velocity_weights, with_crossings
 from structlearn.segmentation.crossing import moving_interval
 from structlearn.segmentation.dtw import correspondences
 from structlearn.segmentation.parameters import AXES, SegmentParameters

@@ -19,8 +19,8 @@ import pybullet
 import pybullet_data
 from pydantic import Field
 
-from structlearn.errors import InputError
-from structlearn.params import Parameters
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
 
 _PAYLOAD = "payload"

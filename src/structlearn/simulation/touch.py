@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn import quaternion
+from structlearn.ground import quaternion
 from structlearn.simulation.electrode_response import (
     Response,
     ResponseParameters,

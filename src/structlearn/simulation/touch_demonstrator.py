@@ -15,8 +15,8 @@ from pydantic import Field
 from scipy.ndimage import gaussian_filter1d
 
 import structlearn
-from structlearn import minimum_jerk, quaternion
-from structlearn.params import Parameters
+from structlearn.ground import minimum_jerk, quaternion
+from structlearn.ground.params import Parameters
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.simulation.hand_noise import hand_noise
 from structlearn.simulation.touch import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from structlearn.errors import InputError
+from structlearn.ground.errors import InputError
 from structlearn.tactile.electrodes import Skin
 
 

@@ -14,8 +14,8 @@ from typing import Self
 import torch
 from torch import Tensor
 
+from structlearn.networks.small_networks import StackedLayers
 from structlearn.tactile.autoencoder import LATENT
-from structlearn.tactile.layers import StackedLayers
 
 ACTION = 6
 """Components of an action."""

@@ -15,10 +15,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, shortest_path
 from scipy.spatial import cKDTree
 
-from structlearn.artefacts import read_tensors, write_tensors
-from structlearn.errors import InputError
-from structlearn.parallel import parallel_map
-from structlearn.params import Parameters
+from structlearn.ground.artefacts import read_tensors, write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
+from structlearn.ground.params import Parameters
 
 FILE_UNIT = 1e-6
 """m per whole number in a file: 16 bits hold 65 mm, in half the space and with half the pairs of float32."""

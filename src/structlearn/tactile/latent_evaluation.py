@@ -12,11 +12,11 @@ import torch
 from torch import Tensor
 
 from structlearn.tactile.autoencoder import map_distance
-from structlearn.tactile.dataset import TouchDataset
 from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import FORWARD_OF, NO_INVERSE, TRAINED_WITH, LatentModels
-from structlearn.tactile.learning import encoded
+from structlearn.tactile.latent_training import encoded
+from structlearn.tactile.touch_dataset import TouchDataset
 from structlearn.tactile.units import LINEAR
 
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
@@ -197,7 +197,7 @@ def _along_chains(
 
 
 def _nmse(prediction: Tensor, target: Tensor) -> Tensor:
-    """Mean squared error over variance along the last axis, as `structlearn.metrics.nmse`."""
+    """Mean squared error over variance along the last axis, as `structlearn.ground.metrics.nmse`."""
     return (prediction - target).square().mean(dim=-1) / target.var(dim=-1, unbiased=False)
 
 

@@ -12,11 +12,11 @@ import torch
 from pydantic import PositiveInt
 from torch import Tensor
 
-from structlearn.params import Parameters
+from structlearn.ground.params import Parameters
+from structlearn.networks.small_networks import StackedLayers
 from structlearn.tactile.autoencoder import StackedAutoencoders
 from structlearn.tactile.forward_dynamics import ForwardDynamics, LocallyLinearDynamics, NonLinearDynamics
 from structlearn.tactile.inverse_dynamics import JACOBIAN, LOCALLY_LINEAR, NEGATIVE_GRADIENT
-from structlearn.tactile.layers import StackedLayers
 
 STRUCTURES = (True, False)
 """Whether the latent space has structure: L_MDS and L_CDP in its loss."""

@@ -8,20 +8,20 @@ learned from one set can be asked about another one, whose counts have other sca
 import numpy as np
 from pydantic import Field, PositiveInt
 
-from structlearn.params import Parameters
-from structlearn.tactile.dataset import TRAIN, Chains, TouchDataset, chains
+from structlearn.ground.params import Parameters
+from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_evaluation import SplitData
 from structlearn.tactile.latent_models import LatentModels, NetworkParameters
-from structlearn.tactile.learning import (
+from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
     LatentTrainingParameters,
     draw_pairs,
     train,
     training_data,
 )
+from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchDataset, chains
 from structlearn.tactile.units import TouchUnits, touch_units
-from structlearn.tensors import as_tensor, one_thread, seeded
 
 
 class LatentSpaceParameters(Parameters):

@@ -18,8 +18,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.tactile.controller import ServoParameters, TactileServo
-from structlearn.tactile.dataset import TRAIN, TouchDataset, chains
 from structlearn.tactile.forward_dynamics import (
     ACTION,
     AffineDynamics,
@@ -27,12 +25,10 @@ from structlearn.tactile.forward_dynamics import (
     LocallyLinearDynamics,
     applied,
 )
-from structlearn.tactile.inverse_dynamics import (
-    NEGATIVE_GRADIENT,
-    LatentStep,
-    receding_horizon_action,
-)
+from structlearn.tactile.inverse_dynamics import NEGATIVE_GRADIENT, LatentStep, receding_horizon_action
 from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.servo_controller import ServoParameters, TactileServo
+from structlearn.tactile.touch_dataset import TRAIN, TouchDataset, chains
 from structlearn.tactile.units import TouchUnits
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.errors import InputError
-from structlearn.tactile.dataset import TRAIN, Chains, TouchDataset
+from structlearn.ground.errors import InputError
+from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchDataset
 
 LINEAR = 3
 """The first so many components of an action are linear velocity, the others angular."""

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import GREY
-from structlearn.viewer.recording import rgba
+from structlearn.viewer.rrd import rgba
 
 GRID = "#262b31"
 """Colour of the grid: just visible on the viewer's dark ground."""

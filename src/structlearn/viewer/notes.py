@@ -3,7 +3,7 @@
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.viewer.recording import entity
+from structlearn.viewer.rrd import entity
 
 
 def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:

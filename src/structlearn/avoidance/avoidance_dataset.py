@@ -1,0 +1,227 @@
+"""From reaches past obstacles to supervised data: features in, coupling targets out (IV.8, eq. IV.23).
+
+All of it is in the local frame of the baseline: x along its reach, origin at its start. A demonstration has
+its own start and end there; they scatter by the hand's aim, which no obstacle explains, so its coupling term
+is the difference to the baseline unrolled from its start to its end.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+from scipy.interpolate import CubicSpline
+
+from structlearn.avoidance.features import NAMES, features
+from structlearn.avoidance.shapes import CLOUD_COUNT, Obstacle, check_cloud
+from structlearn.feedback.coupling import position_target
+from structlearn.ground.errors import InputError
+from structlearn.ground.frames import local_frame
+from structlearn.ground.params import Parameters
+from structlearn.primitives import canonical
+from structlearn.primitives.position import PositionPrimitive, fit_position
+from structlearn.primitives.trajectory import Trajectory, differentiated
+from structlearn.recordings.demonstration import Demonstration
+
+AXES = "xyz"
+
+
+class AvoidanceDataParameters(Parameters):
+    """From recorded positions to samples.
+
+    Attributes:
+        rate_hz: at which positions are differentiated; central differences at 25 Hz would flatten an
+            acceleration of 2 Hz by 8 %.
+        smoothing_hz: low-pass before that. Near obstacles, with the demonstrator's noise, the error of the
+            coupling term is 1 to 2 % of its variance at 3 to 5 Hz; it is 5 to 8 % at the author's 1.5 Hz,
+            which flattens detours, and 4 to 7 % at 8 Hz, where marker noise times tau^2 comes through.
+        keep_every: of these samples, those that are learned from.
+        cloud_count: points of an obstacle's surface.
+    """
+
+    rate_hz: float = Field(default=100.0, ge=25, le=1000)
+    smoothing_hz: float = Field(default=4.0, gt=0, le=50)
+    keep_every: int = Field(default=8, ge=1, le=100)
+    cloud_count: int = Field(default=CLOUD_COUNT, ge=6, le=10_000)
+
+
+@dataclass(frozen=True)
+class AvoidanceDataset:
+    """Samples of demonstrations in several scenarios.
+
+    Attributes:
+        features: (S, 17), see `obstacles.features`.
+        target: (S, 3) coupling term in the local frame.
+        phase: (S,) p.
+        phase_velocity: (S,) u.
+        scenario: (S,) number of the scenario, from 0.
+        demonstration: (S,) number of the demonstration within its scenario, from 0.
+        time: (S,) s since the start.
+    """
+
+    features: np.ndarray
+    target: np.ndarray
+    phase: np.ndarray
+    phase_velocity: np.ndarray
+    scenario: np.ndarray
+    demonstration: np.ndarray
+    time: np.ndarray
+
+    def __len__(self) -> int:
+        """Number of samples S."""
+        return len(self.time)
+
+    def where(self, mask: np.ndarray) -> Self:
+        """The samples of a mask (S,) or of indices."""
+        return type(self)(**{name: values[mask] for name, values in vars(self).items()})
+
+
+def fit_baseline(
+    demonstrations: Sequence[Demonstration], parameters: AvoidanceDataParameters
+) -> PositionPrimitive:
+    """The primitive of the unhindered reach.
+
+    Args:
+        demonstrations: without obstacle.
+        parameters: of the smoothing.
+
+    Returns:
+        The primitive; its local frame is the one for everything here.
+
+    Raises:
+        InputError: the reach is too short to have a direction, or a demonstration too short to differentiate.
+    """
+    primitive = fit_position([smooth_path(one, parameters) for one in demonstrations])
+    if primitive.frame == "world":
+        length = np.linalg.norm(primitive.goal - primitive.start)
+        raise InputError(f"the baseline's reach of {length:g} m is too short to have a direction")
+    return primitive
+
+
+def smooth_path(demonstration: Demonstration, parameters: AvoidanceDataParameters) -> Trajectory:
+    """A recorded reach in the base frame on a finer clock, smoothed and differentiated twice.
+
+    Raises:
+        InputError: there are fewer than five samples.
+    """
+    if len(demonstration.time) < 5:
+        raise InputError(f"{demonstration.name}: {len(demonstration.time)} samples are too few for a reach")
+    steps = round((demonstration.time[-1] - demonstration.time[0]) * parameters.rate_hz)
+    time = np.linspace(demonstration.time[0], demonstration.time[-1], max(steps, 4) + 1)
+    position = CubicSpline(demonstration.time, demonstration.position)(time)
+    return differentiated(position, float(time[1] - time[0]), parameters.smoothing_hz)
+
+
+def to_local(points: np.ndarray, baseline: PositionPrimitive) -> np.ndarray:
+    """Points (..., 3) m of the base frame in the local frame of the baseline, origin at its start."""
+    return (np.asarray(points, dtype=float) - baseline.start) @ baseline_axes(baseline)
+
+
+def baseline_axes(baseline: PositionPrimitive) -> np.ndarray:
+    """(3, 3) local to base."""
+    return local_frame(baseline.start, baseline.goal, baseline.frame)
+
+
+def local_path(path: Trajectory, baseline: PositionPrimitive) -> Trajectory:
+    """A path of the base frame, (T, 3) signals, in the local frame of the baseline."""
+    axes = baseline_axes(baseline)
+    return Trajectory(
+        path.time, to_local(path.position, baseline), path.velocity @ axes, path.acceleration @ axes
+    )
+
+
+def samples(
+    demonstration: Demonstration,
+    cloud: np.ndarray,
+    baseline: PositionPrimitive,
+    parameters: AvoidanceDataParameters,
+    scenario: int = 0,
+    number: int = 0,
+) -> AvoidanceDataset:
+    """What one demonstration says about avoiding one obstacle.
+
+    Args:
+        demonstration: with position in the base frame.
+        cloud: (P, 3) m, base frame; its mean is the obstacle's centre.
+        baseline: the unhindered reach.
+        parameters: of the smoothing, and which samples are kept.
+        scenario: its number.
+        number: of the demonstration in it.
+
+    Raises:
+        InputError: the cloud is empty, or the demonstration too short.
+    """
+    check_cloud(cloud)
+    path = local_path(smooth_path(demonstration, parameters), baseline)
+    tau = canonical.time_constant(path.duration)
+    target = position_target(path, baseline.local, goal=path.position[-1])
+    kept = slice(None, None, parameters.keep_every)
+    p, u = canonical.phase(path.time[kept], tau)
+    local = to_local(cloud, baseline)
+    columns = features(path.position[kept], path.velocity[kept], tau, local, local.mean(axis=0))
+    return AvoidanceDataset(
+        features=columns,
+        target=target[kept],
+        phase=p,
+        phase_velocity=u,
+        scenario=np.full(len(p), scenario),
+        demonstration=np.full(len(p), number),
+        time=path.time[kept],
+    )
+
+
+def avoidance_dataset(
+    sets: Iterable[tuple[Obstacle, Sequence[Demonstration]]],
+    baseline: PositionPrimitive,
+    parameters: AvoidanceDataParameters,
+) -> AvoidanceDataset:
+    """Samples of all demonstrations; obstacles (scenarios) and demonstrations are numbered in their order.
+
+    Raises:
+        InputError: as `samples`, or there is no demonstration at all.
+    """
+    parts = []
+    for place, (obstacle, demonstrations) in enumerate(sets):
+        cloud = obstacle.cloud(parameters.cloud_count)
+        parts += [
+            samples(one, cloud, baseline, parameters, place, number)
+            for number, one in enumerate(demonstrations)
+        ]
+    if not parts:
+        raise InputError("there are no demonstrations past obstacles")
+    return concatenated(parts)
+
+
+def concatenated(parts: Sequence[AvoidanceDataset]) -> AvoidanceDataset:
+    """The samples of several datasets, one after the other."""
+    return AvoidanceDataset(
+        **{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])}
+    )
+
+
+def to_table(dataset: AvoidanceDataset) -> pd.DataFrame:
+    """One row per sample; targets are `target_x`, `target_y`, `target_z`, features have their names."""
+    keys = {
+        "scenario": dataset.scenario,
+        "demonstration": dataset.demonstration,
+        "time_s": dataset.time,
+        "phase": dataset.phase,
+        "phase_velocity": dataset.phase_velocity,
+    }
+    targets = {f"target_{axis}": values for axis, values in zip(AXES, dataset.target.T, strict=True)}
+    return pd.DataFrame(keys | targets | dict(zip(NAMES, dataset.features.T, strict=True)))
+
+
+def from_table(table: pd.DataFrame) -> AvoidanceDataset:
+    """The dataset of a table written by `to_table`."""
+    return AvoidanceDataset(
+        features=table[list(NAMES)].to_numpy(float),
+        target=table[[f"target_{axis}" for axis in AXES]].to_numpy(float),
+        phase=table["phase"].to_numpy(float),
+        phase_velocity=table["phase_velocity"].to_numpy(float),
+        scenario=table["scenario"].to_numpy(int),
+        demonstration=table["demonstration"].to_numpy(int),
+        time=table["time_s"].to_numpy(float),
+    )

@@ -1,0 +1,76 @@
+"""What has been learned: avoidance models of three kinds by what they learned from, and their files."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from structlearn.avoidance.avoidance_network import (
+    AvoidanceNetworks,
+    read_avoidance_networks,
+    write_avoidance_networks,
+)
+from structlearn.avoidance.features import CouplingModel
+from structlearn.avoidance.human_inspired import (
+    HumanInspiredModels,
+    read_human_inspired,
+    write_human_inspired,
+)
+from structlearn.avoidance.phase_modulated import (
+    PhaseModulatedAvoidance,
+    read_phase_modulated,
+    write_phase_modulated,
+)
+
+NETWORK, HUMAN_INSPIRED, PHASE_MODULATED = "network", "human_inspired", "phase_modulated"
+"""Kinds of models: names of their files, and in tables."""
+
+SETTING, ALL = "setting", "all"
+"""What a model learned from, if not from all scenarios of a shape: from one scenario, or from all of them."""
+
+
+@dataclass(frozen=True)
+class AvoidanceModels:
+    """Models by what they learned from: a shape, `all`, or `setting`, a stack with one for every scenario.
+
+    Attributes:
+        networks: the avoidance network.
+        human_inspired: the model of Rai et al.
+        phase_modulated: the phase-modulated network.
+    """
+
+    networks: Mapping[str, AvoidanceNetworks]
+    human_inspired: Mapping[str, HumanInspiredModels]
+    phase_modulated: Mapping[str, PhaseModulatedAvoidance]
+
+    @property
+    def kinds(self) -> dict[str, Mapping[str, CouplingModel]]:
+        """The models by their kind."""
+        return {
+            NETWORK: self.networks,
+            HUMAN_INSPIRED: self.human_inspired,
+            PHASE_MODULATED: self.phase_modulated,
+        }
+
+
+def write_models(models: AvoidanceModels, folder: str | Path) -> None:
+    """Write one safetensors file per kind of model into a folder."""
+    write_avoidance_networks(models.networks, _file(folder, NETWORK))
+    write_human_inspired(models.human_inspired, _file(folder, HUMAN_INSPIRED))
+    write_phase_modulated(models.phase_modulated, _file(folder, PHASE_MODULATED))
+
+
+def read_models(folder: str | Path) -> AvoidanceModels:
+    """Read what `write_models` wrote.
+
+    Raises:
+        InputError: a file is missing or holds something else.
+    """
+    return AvoidanceModels(
+        networks=read_avoidance_networks(_file(folder, NETWORK)),
+        human_inspired=read_human_inspired(_file(folder, HUMAN_INSPIRED)),
+        phase_modulated=read_phase_modulated(_file(folder, PHASE_MODULATED)),
+    )
+
+
+def _file(folder: str | Path, kind: str) -> Path:
+    return Path(folder) / f"{kind}.safetensors"

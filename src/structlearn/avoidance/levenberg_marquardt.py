@@ -1,0 +1,236 @@
+"""Levenberg-Marquardt for avoidance networks.
+
+    w <- w - (b J^T J + (a + mu) I)^-1 (b J^T e + a w)
+
+With 1000 samples an iteration takes 25 ms, 17 of them in `normal_equations` and 6 in the Cholesky factor of
+the 603 x 603 matrix. Against that the calls of one network cost nothing, so networks are trained one by one,
+over processes, and not in batches: each stops when it is done, and their samples need not be equally many.
+
+Two rules say when enough has been learnt. `validation` is MATLAB's trainlm (a = 0, b = 1): stop after some
+iterations without gain on validation samples, keep the best. `evidence` needs no validation samples:
+weight decay a and precision b are re-estimated after every step from the number of weights that the data
+determine (MacKay 1992; Foresee & Hagan 1997, MATLAB's trainbr).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, PositiveInt
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, lapack
+
+from structlearn.avoidance.avoidance_network import Layers
+from structlearn.avoidance.normal_equations import Samples, normal_equations, squared_error
+from structlearn.ground.params import Parameters
+
+LARGEST_DAMPING = 1e10
+SMALLEST_DAMPING = 1e-12
+"""Below, damping no longer changes a sum of squares of order one in double precision."""
+
+DAMPING_FACTOR = 10.0
+VALIDATION, EVIDENCE = "validation", "evidence"
+
+
+class LevenbergMarquardtParameters(Parameters):
+    """How a network is trained.
+
+    Attributes:
+        rule: `validation` or `evidence`, see above.
+        iterations: at most, accepted steps.
+        damping: mu at the start; it falls tenfold after a gain and grows tenfold until there is one.
+        patience: with `validation`, iterations without gain after which training stops.
+        validation_fraction: of the training demonstrations or blocks of samples, with `validation`.
+        tolerance: training stops when three steps in a row gain less than this part of the error.
+        restarts: initial weights that are tried; the best on the validation samples is kept, with
+            `evidence` the one with the lowest training error.
+        seed: of the initial weights.
+    """
+
+    rule: Literal["validation", "evidence"] = EVIDENCE
+    iterations: PositiveInt = 40
+    damping: float = Field(default=1e-3, gt=0)
+    patience: PositiveInt = 6
+    validation_fraction: float = Field(default=0.15, gt=0, lt=1)
+    tolerance: float = Field(default=1e-4, ge=0, lt=1)
+    restarts: PositiveInt = 1
+    seed: int = Field(default=0, ge=0)
+
+
+@dataclass(frozen=True)
+class TrainedLayers:
+    """What training gives.
+
+    Attributes:
+        layers: the weights.
+        train_error: mean squared error on the training samples, in units of the target's scale.
+        validation_error: likewise on the validation samples; NaN with `evidence`.
+        iterations: accepted steps.
+        determined_weights: how many weights the data determine; NaN with `validation`.
+    """
+
+    layers: tuple[np.ndarray, ...]
+    train_error: float
+    validation_error: float
+    iterations: int
+    determined_weights: float
+
+
+def train(
+    samples: Samples,
+    hidden: Sequence[int],
+    parameters: LevenbergMarquardtParameters,
+    validation: Samples | None = None,
+    stream: Sequence[int] = (),
+) -> TrainedLayers:
+    """Train one network from random initial weights, the best of some restarts.
+
+    Args:
+        samples: to learn from.
+        hidden: nodes of the hidden layers.
+        parameters: see there.
+        validation: samples that say when to stop; needed by that rule, and only by it.
+        stream: which random numbers are this network's own.
+
+    Raises:
+        ValueError: validation samples are missing, or given for nothing.
+    """
+    if (parameters.rule == VALIDATION) != (validation is not None):
+        raise ValueError(
+            f"rule '{parameters.rule}': validation samples are for '{VALIDATION}' and needed there"
+        )
+    sizes = (samples.inputs.shape[1], *hidden, samples.target.shape[1])
+    trained = [
+        train_from(
+            initial_layers(sizes, np.random.default_rng([parameters.seed, *stream, restart])),
+            samples,
+            parameters,
+            validation,
+        )
+        for restart in range(parameters.restarts)
+    ]
+    return min(trained, key=lambda one: one.train_error if validation is None else one.validation_error)
+
+
+def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.ndarray]:
+    """Random layers (before + 1, after): weights of variance 2 / before (ReLU keeps half), small biases."""
+    return [
+        np.vstack(
+            [rng.normal(size=(before, after)) * (2.0 / before) ** 0.5, 0.1 * rng.normal(size=(1, after))]
+        )
+        for before, after in pairwise(sizes)
+    ]
+
+
+def train_from(
+    layers: Layers,
+    samples: Samples,
+    parameters: LevenbergMarquardtParameters,
+    validation: Samples | None = None,
+) -> TrainedLayers:
+    """Train one network from given layers; arguments as `train`."""
+    shapes = [layer.shape for layer in layers]
+    weights = np.concatenate([layer.ravel() for layer in layers])
+    error = squared_error(layers, samples)
+    prior = _Prior(FIRST_DECAY, 1.0) if parameters.rule == EVIDENCE else _Prior(0.0, 1.0)
+    best, best_error, failures, slow, iterations = weights, np.inf, 0, 0, 0
+    damping = parameters.damping
+    while iterations < parameters.iterations and slow < SLOW_STEPS and failures < parameters.patience:
+        products, gradient = normal_equations(_layers(weights, shapes), samples)
+        before = prior.objective(weights, error)
+        step = _accepted_step(weights, before, products, gradient, samples, prior, shapes, damping)
+        if step is None:
+            break
+        weights, error, damping = step
+        iterations += 1
+        slow = slow + 1 if prior.objective(weights, error) > (1.0 - parameters.tolerance) * before else 0
+        if parameters.rule == EVIDENCE and iterations >= SETTLING_STEPS:
+            prior = prior.reestimated(products, weights, error, samples.target.size)
+        if validation is not None:
+            found = squared_error(_layers(weights, shapes), validation) / validation.target.size
+            failures = 0 if found < best_error else failures + 1
+            if failures == 0:
+                best, best_error = weights, found
+    kept = _layers(weights if validation is None else best, shapes)
+    return TrainedLayers(
+        layers=tuple(kept),
+        train_error=squared_error(kept, samples) / samples.target.size,
+        validation_error=float("nan") if validation is None else best_error,
+        iterations=iterations,
+        determined_weights=prior.determined,
+    )
+
+
+FIRST_DECAY = 0.01
+"""Of `evidence` before the first estimate, in units of the precision."""
+
+SETTLING_STEPS = 5
+"""Before the first estimate: random weights explain nothing, and decay would be chosen to remove them."""
+
+SLOW_STEPS = 3
+"""Steps in a row with hardly a gain, after which nothing more is expected."""
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """Weights of the two terms of the objective, and how many weights the data determine."""
+
+    decay: float
+    precision: float
+    determined: float = float("nan")
+
+    def objective(self, weights: np.ndarray, error: float) -> float:
+        return self.precision * error + self.decay * float(weights @ weights)
+
+    def reestimated(self, products: np.ndarray, weights: np.ndarray, error: float, count: int) -> "_Prior":
+        """MacKay's estimates of decay and precision; as they were, where the matrix has no factor."""
+        try:
+            factor, _ = cho_factor(
+                _shifted(self.precision * products, self.decay), overwrite_a=True, check_finite=False
+            )
+        except LinAlgError:
+            return self
+        inverse, _ = lapack.dpotri(factor)
+        determined = len(weights) - self.decay * float(np.trace(inverse))
+        left = max(count - determined, 1.0)
+        return _Prior(determined / float(weights @ weights), left / error, determined)
+
+
+def _accepted_step(
+    weights: np.ndarray,
+    objective: float,
+    products: np.ndarray,
+    gradient: np.ndarray,
+    samples: Samples,
+    prior: _Prior,
+    shapes: Sequence[tuple[int, ...]],
+    damping: float,
+) -> tuple[np.ndarray, float, float] | None:
+    """New weights, their squared error and the next damping; None where no damping gives a gain."""
+    right = prior.precision * gradient + prior.decay * weights
+    while damping <= LARGEST_DAMPING:
+        shifted = _shifted(prior.precision * products, prior.decay + damping)
+        try:
+            factor = cho_factor(shifted, overwrite_a=True, check_finite=False)
+        except LinAlgError:
+            damping *= DAMPING_FACTOR
+            continue
+        found = weights - cho_solve(factor, right, check_finite=False)
+        error = squared_error(_layers(found, shapes), samples)
+        if prior.objective(found, error) < objective:
+            return found, error, max(damping / DAMPING_FACTOR, SMALLEST_DAMPING)
+        damping *= DAMPING_FACTOR
+    return None
+
+
+def _shifted(matrix: np.ndarray, shift: float) -> np.ndarray:
+    """The matrix with a shift added to its diagonal, in place."""
+    matrix[np.diag_indices_from(matrix)] += shift
+    return matrix
+
+
+def _layers(weights: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> list[np.ndarray]:
+    """A vector of weights (P,) as layers of given shapes."""
+    ends = np.cumsum([np.prod(shape) for shape in shapes])
+    return [part.reshape(shape) for part, shape in zip(np.split(weights, ends[:-1]), shapes, strict=True)]

@@ -1,0 +1,253 @@
+"""Avoidance models learned from demonstrations: per setting, per shape, for all shapes (IV.8.5, IV.8.6).
+
+A fifth of the demonstrations of every scenario tests. The dissertation does not say whether its 80/20 split
+is of samples or demonstrations; neighbouring samples are nearly the same, so a test on other samples of the
+same demonstration would say little.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, PositiveInt
+
+from structlearn.avoidance import avoidance_network
+from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
+from structlearn.avoidance.avoidance_network import AvoidanceNetworks
+from structlearn.avoidance.features import CouplingModel
+from structlearn.avoidance.human_inspired import HumanInspiredModels, fit_human_inspired
+from structlearn.avoidance.levenberg_marquardt import VALIDATION, LevenbergMarquardtParameters, train
+from structlearn.avoidance.normal_equations import Samples
+from structlearn.ground.errors import InputError
+from structlearn.ground.metrics import nmse
+from structlearn.ground.parallel import parallel_map
+from structlearn.ground.params import Parameters
+
+COLUMNS = {
+    "features": avoidance_network.FEATURES,
+    "phase_velocity": avoidance_network.FEATURES_AND_PHASE_VELOCITY,
+    "phase": avoidance_network.FEATURES_AND_PHASE,
+}
+"""What a network sees beside the features: nothing, the phase velocity, or the phase as well."""
+
+
+class NetworkParameters(Parameters):
+    """A feed-forward avoidance network.
+
+    Attributes:
+        hidden: nodes of the hidden layers.
+        inputs: what it sees, a key of `COLUMNS`.
+        members: networks from different initial weights whose mean is the model; one is the text.
+        training: of each.
+    """
+
+    hidden: tuple[PositiveInt, ...] = Field(default=avoidance_network.HIDDEN, min_length=1)
+    inputs: Literal["features", "phase_velocity", "phase"] = "features"
+    members: PositiveInt = 1
+    training: LevenbergMarquardtParameters = LevenbergMarquardtParameters()
+
+
+class SplitParameters(Parameters):
+    """Which demonstrations test.
+
+    Attributes:
+        test_share: of the demonstrations of every scenario.
+        seed: of the choice.
+    """
+
+    test_share: float = Field(default=0.2, gt=0, lt=1)
+    seed: int = Field(default=0, ge=0)
+
+
+def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.ndarray:
+    """Mask (S,) of the samples whose demonstrations test, the same share of every scenario.
+
+    Raises:
+        InputError: a scenario has one demonstration only.
+    """
+    mask = np.zeros(len(dataset), dtype=bool)
+    for scenario in np.unique(dataset.scenario):
+        rows = np.flatnonzero(dataset.scenario == scenario)
+        numbers = np.unique(dataset.demonstration[rows])
+        if len(numbers) < 2:
+            raise InputError(f"scenario {scenario} has one demonstration only: none would be left to test")
+        count = min(max(round(parameters.test_share * len(numbers)), 1), len(numbers) - 1)
+        chosen = np.random.default_rng([parameters.seed, int(scenario)]).permutation(numbers)[:count]
+        mask[rows] = np.isin(dataset.demonstration[rows], chosen)
+    return mask
+
+
+def by_scenario(dataset: AvoidanceDataset) -> list[AvoidanceDataset]:
+    """The samples of each scenario, in the order of their numbers."""
+    return [dataset.where(dataset.scenario == scenario) for scenario in np.unique(dataset.scenario)]
+
+
+def fit_networks(
+    datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters, description: str
+) -> AvoidanceNetworks:
+    """Train one network per dataset, over processes.
+
+    Args:
+        datasets: training samples of each network.
+        parameters: see there.
+        description: what the progress bar says.
+
+    Returns:
+        A stack, one network per dataset, each the mean of its members.
+
+    Raises:
+        InputError: the target of an axis is constant, or there are too few samples.
+    """
+    work = [
+        (one, parameters, (place, member))
+        for place, one in enumerate(datasets)
+        for member in range(parameters.members)
+    ]
+    trained = parallel_map(_trained, work, description)
+    members = np.array_split(np.arange(len(work)), len(datasets))
+    layers = [avoidance_network.averaged([trained[index] for index in its]) for its in members]
+    return stacked(layers, datasets, parameters)
+
+
+def stacked(
+    layers: Sequence[avoidance_network.Layers],
+    datasets: Sequence[AvoidanceDataset],
+    parameters: NetworkParameters,
+) -> AvoidanceNetworks:
+    """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
+    columns = COLUMNS[parameters.inputs]
+    inputs = [_inputs(one, columns) for one in datasets]
+    return avoidance_network.scaled_networks(layers, inputs, [one.target for one in datasets], columns)
+
+
+def train_member(
+    dataset: AvoidanceDataset, parameters: NetworkParameters, stream: Sequence[int]
+) -> tuple[np.ndarray, ...]:
+    """Train one network in this process.
+
+    Args:
+        dataset: training samples; by the rule `validation` some demonstrations of them say when to stop.
+        parameters: see there; `members` are not looked at.
+        stream: which random numbers are its own.
+
+    Returns:
+        Its layers, in the units of `avoidance_network.scaled_networks`.
+
+    Raises:
+        InputError: the target of an axis is constant, or there is one demonstration and none to validate.
+    """
+    inputs = _inputs(dataset, COLUMNS[parameters.inputs])
+    low, high = avoidance_network.input_range(inputs)
+    samples = Samples(
+        2.0 * (inputs - low) / (high - low) - 1.0,
+        (dataset.target - dataset.target.mean(axis=0)) / avoidance_network.output_scale(dataset.target),
+    )
+    training = parameters.training
+    if training.rule != VALIDATION:
+        return train(samples, parameters.hidden, training, stream=stream).layers
+    held = _validation_rows(dataset, training, stream)
+    return train(samples.where(~held), parameters.hidden, training, samples.where(held), stream).layers
+
+
+def fit_human_inspired_models(datasets: Sequence[AvoidanceDataset], description: str) -> HumanInspiredModels:
+    """Fit one model of Rai et al. per dataset, over processes.
+
+    Raises:
+        InputError: there are too few samples.
+    """
+    models = parallel_map(_steered, datasets, description)
+    return HumanInspiredModels(np.concatenate([model.weights for model in models]))
+
+
+def fit_errors(
+    datasets: Sequence[AvoidanceDataset], tests: Sequence[np.ndarray], models: Sequence[CouplingModel]
+) -> pd.DataFrame:
+    """Training and test errors of one model per dataset.
+
+    Args:
+        datasets: all samples, in the order of the models.
+        tests: (S,) mask of the test samples of each dataset.
+        models: coupling model of each dataset.
+
+    Returns:
+        Per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z` and their mean
+        `nmse`; `dominant` (the axis of `dominant_axis` over all samples, or "") and `nmse_dominant` (NaN
+        without one).
+    """
+    rows = []
+    for place, (dataset, mask, model) in enumerate(zip(datasets, tests, models, strict=True)):
+        axis = dominant_axis(dataset)
+        for part, chosen in (("train", ~mask), ("test", mask)):
+            its = dataset.where(chosen)
+            found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
+            row = {"model": place, "part": part}
+            row |= {f"nmse_{name}": value for name, value in zip(AXES, found, strict=True)}
+            row |= {"nmse": found.mean(), "dominant": axis or ""}
+            row["nmse_dominant"] = found[AXES.index(axis)] if axis else np.nan
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def dominant_axis(dataset: AvoidanceDataset) -> str | None:
+    """The axis across the reach along which the demonstrations of a scenario avoid its obstacle, if any.
+
+    The dissertation counts 43 of 120 such scenarios and does not say how. Here it is the axis, y or z, along
+    which the mean coupling term over the demonstrations is larger (rms over phase), if it is larger than what
+    single demonstrations differ from it by, and `DOMINANCE` times that of the other axis.
+    """
+    courses = _courses(dataset)[..., 1:]
+    mean = courses.mean(axis=0)
+    size = np.sqrt(np.mean(mean**2, axis=0))
+    noise = np.sqrt(np.mean((courses - mean) ** 2, axis=(0, 1)))
+    axis = int(size.argmax())
+    if size[axis] > noise[axis] and size[axis] > DOMINANCE * size[1 - axis]:
+        return AXES[1 + axis]
+    return None
+
+
+DOMINANCE = 1.5
+"""How much larger the coupling along the dominant axis is than along the other."""
+
+COURSE_SAMPLES = 50
+"""Of a demonstration in normalised time."""
+
+
+def _courses(dataset: AvoidanceDataset) -> np.ndarray:
+    """Targets (demonstrations, COURSE_SAMPLES, 3) in normalised time, samples of one scenario."""
+    fractions = np.linspace(0.0, 1.0, COURSE_SAMPLES)
+    courses = []
+    for number in np.unique(dataset.demonstration):
+        its = dataset.where(dataset.demonstration == number)
+        time = its.time / its.time[-1]
+        courses.append(np.stack([np.interp(fractions, time, values) for values in its.target.T], axis=1))
+    return np.array(courses)
+
+
+def _inputs(dataset: AvoidanceDataset, columns: Sequence[int]) -> np.ndarray:
+    return avoidance_network.selected_inputs(dataset.features, dataset.phase, dataset.phase_velocity, columns)
+
+
+def _trained(work: tuple[AvoidanceDataset, NetworkParameters, tuple[int, int]]) -> tuple[np.ndarray, ...]:
+    return train_member(*work)
+
+
+def _validation_rows(
+    dataset: AvoidanceDataset, training: LevenbergMarquardtParameters, stream: Sequence[int]
+) -> np.ndarray:
+    """Mask (S,) of whole demonstrations that say when to stop.
+
+    Raises:
+        InputError: there is only one demonstration.
+    """
+    keys = np.stack([dataset.scenario, dataset.demonstration], axis=1)
+    found, which = np.unique(keys, axis=0, return_inverse=True)
+    if len(found) < 2:
+        raise InputError("one demonstration only: none would be left to validate")
+    count = min(max(round(training.validation_fraction * len(found)), 1), len(found) - 1)
+    chosen = np.random.default_rng([training.seed, *stream, 1]).permutation(len(found))[:count]
+    return np.isin(which.ravel(), chosen)
+
+
+def _steered(dataset: AvoidanceDataset) -> HumanInspiredModels:
+    return fit_human_inspired(dataset.features, dataset.target)

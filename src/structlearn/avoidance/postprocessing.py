@@ -1,0 +1,69 @@
+"""What is done to a network's coupling term before it acts (IV.8.2, eq. IV.33 ff.).
+
+    x component      0: along the reach an avoiding movement is the baseline
+    past obstacle    c exp(-k (x - x_last)^2)    where x > x_last
+    beyond goal      0                           where x_goal < x_first
+
+x_first and x_last are the smallest and largest x of the obstacle's points. The text prints the obstacle's x
+for both, and no k; the author's code has the points and k = 10 1/m^2, and so it is here.
+
+These rules alone do not bring the movement to its goal. A coupling term of 1 holds it 6.4 mm off, networks
+ask for tens, and past an obstacle close to the goal, or level with it, hardly anything fades. In a trial with
+a network per shape, movements past 63 unseen spheres were up to 396 mm off 1.5 durations after their start
+with k = 10, and up to 15 mm with k = 300 1/m^2. So the deviation is limited too (`goal_reach`): in that trial
+to 4.5 mm, with the same closest distances and hits.
+"""
+
+import numpy as np
+from pydantic import Field
+
+from structlearn.ground.params import Parameters
+
+
+class PostprocessingParameters(Parameters):
+    """What acts of a model's coupling term.
+
+    Attributes:
+        passed_decay_per_m2: k; 0 leaves the coupling term on past the obstacle.
+        end_limit_m: distance from the baseline that feedback may leave at the prescribed end; None for any.
+        late_limit_m: the same at a later time; None for any.
+        late_factor: that time in durations.
+        return_coupling: of a length that may be needed to keep these limits (`goal_reach`); a tenth of the
+            largest that people use.
+    """
+
+    passed_decay_per_m2: float = Field(default=10.0, ge=0)
+    end_limit_m: float | None = Field(default=0.02, gt=0)
+    late_limit_m: float | None = Field(default=0.0025, gt=0)
+    late_factor: float = Field(default=1.5, gt=1)
+    return_coupling: float = Field(default=20.0, ge=0)
+
+
+TEXT_ONLY = PostprocessingParameters(end_limit_m=None, late_limit_m=None)
+"""The dissertation's rules and nothing else."""
+
+
+def post_processed(
+    coupling: np.ndarray,
+    x: np.ndarray,
+    first_x: np.ndarray,
+    last_x: np.ndarray,
+    goal_x: np.ndarray,
+    passed_decay_per_m2: float,
+) -> np.ndarray:
+    """Coupling term after the rules above, in the local frame.
+
+    Args:
+        coupling: (..., 3) output of the model.
+        x: (...) of the end-effector in m.
+        first_x: (...) smallest x of the obstacle's points in m.
+        last_x: (...) largest x of the obstacle's points in m.
+        goal_x: (...) m.
+        passed_decay_per_m2: k in 1/m^2.
+
+    Returns:
+        (..., 3) coupling term, never longer than what came in.
+    """
+    passed = np.maximum(np.subtract(x, last_x), 0.0)
+    factor = np.where(np.less(goal_x, first_x), 0.0, np.exp(-passed_decay_per_m2 * passed**2))
+    return coupling * factor[..., None] * (0.0, 1.0, 1.0)

@@ -1,0 +1,253 @@
+"""Obstacles of known geometry: sphere, cube and cylinder as in the recorded experiment (IV.8.3).
+
+Sizes are measured on the public motion-capture models of the recorded objects, markers and the points that
+augment them (`clmc/obs_avoid/vicon_objects`): facts carried over, the files are not read.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from structlearn.ground.errors import InputError
+
+Shape = Literal["sphere", "cube", "cylinder"]
+SHAPES: tuple[Shape, ...] = ("sphere", "cube", "cylinder")
+
+HALF_SIZE_M: dict[Shape, tuple[float, float, float]] = {
+    # 30 points lie 61.0 +- 0.2 mm from the 31st, their centre.
+    "sphere": (0.0610, 0.0610, 0.0610),
+    # Four markers are the corners of the top, with sides of 66 to 81 mm, 73 mm on average; the points reach
+    # 60.5 mm down: not quite a cube.
+    "cube": (0.0366, 0.0366, 0.0303),
+    # Five markers form the top ring, 24.7 mm from their centre on average; the points reach 185 mm down.
+    "cylinder": (0.0247, 0.0247, 0.0925),
+}
+"""Half the extent along the object's own axes; a cylinder stands along its z axis."""
+
+CLOUD_COUNT = 100
+"""Points of a surface cloud: neighbours are about 2 cm apart, the three closest ones face the hand."""
+
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+PLASTIC = 1.324717957244746
+"""Root of x^3 = x + 1: multiples of (1 / x, 1 / x^2) modulo 1 fill a square evenly."""
+
+RINGS, RING_POINTS = 4, 8
+"""Points of the unseen spheres: rings at equal angles between two poles, and the centre."""
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A solid at rest.
+
+    Attributes:
+        shape: what it is.
+        centre: (3,) m.
+        half_size: (3,) m, half the extent along the object's own axes; x and y are equal for a cylinder, all
+            three for a sphere.
+        rotation: (3, 3) object to world.
+    """
+
+    shape: Shape
+    centre: np.ndarray
+    half_size: np.ndarray
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise InputError(f"unknown obstacle '{self.shape}'; known are {', '.join(SHAPES)}")
+        size = np.asarray(self.half_size, dtype=float)
+        if size.shape != (3,) or not (np.isfinite(size).all() and (size > 0).all()):
+            raise InputError(
+                f"{self.shape}: half_size must be three positive lengths in m, is {size.tolist()}"
+            )
+        if (self.shape != "cube" and size[0] != size[1]) or (self.shape == "sphere" and size[0] != size[2]):
+            raise InputError(f"{self.shape}: is not round with half_size {size.tolist()}")
+        if not np.isfinite(self.centre).all():
+            raise InputError(
+                f"{self.shape}: its centre must be finite, is {np.asarray(self.centre).tolist()}"
+            )
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        """Distance to the surface, negative inside.
+
+        Args:
+            points: (..., 3) m.
+
+        Returns:
+            (...) m.
+        """
+        return self.distance_and_normal(points)[0]
+
+    def distance_and_normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signed distance and its gradient, both closed-form.
+
+        Args:
+            points: (..., 3) m.
+
+        Returns:
+            distance: (...) m, negative inside.   normal: (..., 3) unit vectors away from the obstacle; where
+            several points of the surface are equally close, towards one of them.
+        """
+        own = (np.asarray(points, dtype=float) - self.centre) @ self.rotation
+        measure = {"sphere": _sphere, "cube": _cube, "cylinder": _cylinder}[self.shape]
+        distance, normal = measure(own, np.asarray(self.half_size, dtype=float))
+        return distance, normal @ self.rotation.T
+
+    def contains(self, point: np.ndarray) -> bool:
+        """Whether a point (3,) is inside or on the surface."""
+        return bool(self.signed_distance(point) <= 0.0)
+
+    def cloud(self, count: int = CLOUD_COUNT) -> np.ndarray:
+        """Points spread evenly over the surface, the same ones every time.
+
+        Args:
+            count: how many, at least 6.
+
+        Returns:
+            (count, 3) m.
+
+        Raises:
+            InputError: there are too few to stand for the surface.
+        """
+        if count < 6:
+            raise InputError(f"{self.shape}: a surface needs at least 6 points, not {count}")
+        points = _cube_cloud(self.half_size, count) if self.shape == "cube" else _spiral(self, count)
+        return self.centre + points @ self.rotation.T
+
+    @property
+    def radius(self) -> float:
+        """Virtual radius in m: mean distance of the surface cloud to its mean."""
+        return float(virtual_radius(self.cloud()))
+
+
+def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
+    """An obstacle of the recorded size that stands upright.
+
+    Args:
+        shape: what it is.
+        centre: (3,) m.
+        yaw: rad, turn about the vertical.
+
+    Raises:
+        InputError: there is no such shape.
+    """
+    if shape not in SHAPES:
+        raise InputError(f"unknown obstacle '{shape}'; known are {', '.join(SHAPES)}")
+    c, s = np.cos(yaw), np.sin(yaw)
+    rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return Obstacle(shape, np.asarray(centre, dtype=float), np.array(HALF_SIZE_M[shape]), rotation)
+
+
+def virtual_radius(cloud: np.ndarray) -> np.ndarray | float:
+    """Mean distance of the points of a cloud (..., P, 3) to their mean, (...) m.
+
+    Raises:
+        InputError: the cloud is empty.
+    """
+    check_cloud(cloud)
+    return np.linalg.norm(cloud - cloud.mean(axis=-2, keepdims=True), axis=-1).mean(axis=-1)
+
+
+def check_cloud(cloud: np.ndarray) -> None:
+    """Raise InputError unless a cloud is (..., P, 3) finite points with P >= 1."""
+    if np.ndim(cloud) < 2 or np.shape(cloud)[-1] != 3:
+        raise InputError(f"a cloud must be (..., points, 3), has the shape {np.shape(cloud)}")
+    if np.shape(cloud)[-2] == 0:
+        raise InputError("an obstacle's cloud has no points")
+    if not np.isfinite(cloud).all():
+        raise InputError("an obstacle's cloud has points that are not finite")
+
+
+def ringed_sphere(centre: np.ndarray, radius: float) -> np.ndarray:
+    """The cloud by which the dissertation's unseen spheres are known: four rings, two poles, the centre.
+
+    Args:
+        centre: (..., 3) m.
+        radius: m.
+
+    Returns:
+        (..., 35, 3) m, the centre last; it is also the mean.
+    """
+    polar = np.pi * np.arange(1, RINGS + 1) / (RINGS + 1)
+    azimuth = 2.0 * np.pi * np.arange(RING_POINTS) / RING_POINTS
+    rings = np.stack(
+        [
+            np.outer(np.sin(polar), np.cos(azimuth)).ravel(),
+            np.outer(np.sin(polar), np.sin(azimuth)).ravel(),
+            np.repeat(np.cos(polar), RING_POINTS),
+        ],
+        axis=1,
+    )
+    unit = np.vstack([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0]]])
+    return np.asarray(centre, dtype=float)[..., None, :] + radius * unit
+
+
+def _sphere(points: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    length = np.linalg.norm(points, axis=-1)
+    return length - half[0], _unit(points, length)
+
+
+def _cube(points: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    beyond = np.abs(points) - half  # (..., 3), positive outside of the pair of faces
+    sign = np.where(points < 0.0, -1.0, 1.0)
+    outside = np.maximum(beyond, 0.0)
+    length = np.linalg.norm(outside, axis=-1)
+    face = np.argmax(beyond, axis=-1)[..., None] == np.arange(3)  # the closest one, seen from inside
+    normal = np.where(length[..., None] > 0.0, _unit(outside, length), face)
+    return length + np.minimum(beyond.max(axis=-1), 0.0), sign * normal
+
+
+def _cylinder(points: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    radial = np.linalg.norm(points[..., :2], axis=-1)
+    beyond = np.stack([radial, np.abs(points[..., 2])], axis=-1) - half[[0, 2]]  # (..., 2): mantle, caps
+    outside = np.maximum(beyond, 0.0)
+    length = np.linalg.norm(outside, axis=-1)
+    nearest = np.argmax(beyond, axis=-1)[..., None] == np.arange(2)
+    share = np.where(length[..., None] > 0.0, _unit(outside, length), nearest)
+    across = _unit(points[..., :2], radial) * share[..., :1]
+    along = np.where(points[..., 2:] < 0.0, -1.0, 1.0) * share[..., 1:]
+    return length + np.minimum(beyond.max(axis=-1), 0.0), np.concatenate([across, along], axis=-1)
+
+
+def _unit(vectors: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Vectors (..., D) over their lengths (...); without a direction they become the first axis."""
+    some = length[..., None] > 0.0
+    first = np.arange(vectors.shape[-1]) == 0
+    return np.where(some, vectors / np.where(some, length[..., None], 1.0), first)
+
+
+def _spiral(solid: Obstacle, count: int) -> np.ndarray:
+    """Fibonacci spiral on a solid of revolution about z, equal areas per golden angle, (count, 3).
+
+    The profile (distance from the axis, height) runs from the lowest to the highest point.
+    """
+    radius, _, height = solid.half_size
+    share = (np.arange(count) + 0.5) / count
+    if solid.shape == "sphere":
+        z = height * (2.0 * share - 1.0)
+        across = np.sqrt(radius**2 - z**2)
+    else:
+        mantle = 2.0 * height / (2.0 * height + radius)  # of the whole area; each cap has half of the rest
+        cap = 0.5 * (1.0 - mantle)
+        z = height * np.clip(2.0 * (share - cap) / mantle - 1.0, -1.0, 1.0)
+        across = radius * np.sqrt(np.minimum(np.minimum(share, 1.0 - share) / cap, 1.0))
+    angle = GOLDEN_ANGLE * np.arange(count)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
+
+
+def _cube_cloud(half: np.ndarray, count: int) -> np.ndarray:
+    """Points on the six faces, as many on each as its share of the area, (count, 3)."""
+    areas = np.repeat(np.prod(half) / half, 2)  # faces -x, +x, -y, +y, -z, +z
+    ends = np.round(count * np.cumsum(areas) / areas.sum()).astype(int)
+    points = []
+    for face, number in enumerate(np.diff(ends, prepend=0)):
+        axis, others = face // 2, [other for other in range(3) if other != face // 2]
+        index = np.arange(number)[:, None]
+        square = (0.5 + index * np.array([1.0 / PLASTIC, 1.0 / PLASTIC**2])) % 1.0
+        side = 2 * (face % 2) - 1  # opposite faces are mirror images through the centre
+        part = np.empty((number, 3))
+        part[:, axis] = half[axis] * side
+        part[:, others] = half[others] * (2.0 * square - 1.0) * side
+        points.append(part)
+    return np.vstack(points)

@@ -1,0 +1,1 @@
+"""Coupling terms from corrected demonstrations, models that learn them, and the runtime controller (IV.6)."""

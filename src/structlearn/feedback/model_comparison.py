@@ -1,0 +1,189 @@
+"""Comparison of feedback models by leave-one-demonstration-out tests (IV.9.3: table IV.5, figure IV.16).
+
+All folds of a representation train as one stack; the representations are spread over the cores.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+import torch
+from scipy import stats
+
+from structlearn.feedback import representations
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.folds import PARTS, Fold, leave_one_out
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.stacked_networks import StackedFeedForwardNetworks, StackedPhaseModulatedNetworks
+from structlearn.feedback.supervised_training import (
+    StackedData,
+    TrainingParameters,
+    standardisation,
+    target_scale,
+    train,
+)
+from structlearn.ground.metrics import mean_interval, verdict
+from structlearn.ground.parallel import parallel_map
+from structlearn.networks.torch_settings import as_tensor
+
+REPRESENTATIONS = ("pmnn_100", "pmnn_6", "pmnn_0", "ffnn_phase", "ffnn", "pca", "autoencoder")
+HIDDEN = {
+    "pmnn_100": (100,),
+    "pmnn_6": (6,),
+    "pmnn_0": (),
+    "ffnn_phase": (100, 25),
+    "ffnn": (100, 25),
+    "pca": (),
+    "autoencoder": (),
+}
+"""Nodes of the regular hidden layers; `pmnn_6` has about as many as there are principal components."""
+
+STOPPINGS = ("validation", "generalization")
+"""The part whose error names the step; generalization is the dissertation's, optimistic choice."""
+
+CLAIMS = (
+    ("pmnn_100", "pmnn_0"),
+    ("pmnn_0", "ffnn_phase"),
+    ("ffnn_phase", "ffnn"),
+    ("pmnn_100", "ffnn_phase"),
+    ("pmnn_100", "ffnn"),
+    ("pmnn_100", "pmnn_6"),
+    ("pmnn_100", "pca"),
+    ("pmnn_100", "autoencoder"),
+    ("pmnn_6", "pca"),
+    ("pmnn_6", "autoencoder"),
+)
+"""Pairs (better, worse) of figure IV.16 and its text."""
+
+
+def compare_representations(
+    dataset: CouplingDataset,
+    parameters: TrainingParameters,
+    names: Sequence[str] = REPRESENTATIONS,
+) -> pd.DataFrame:
+    """Train every representation on every fold.
+
+    Args:
+        dataset: samples of one primitive.
+        parameters: of the training.
+        names: of the representations.
+
+    Returns:
+        `representation`, `fold`, `stopping`, `step`, `train`, `validation`, `test`, `generalization` (NMSE at
+        that step) and `dimensions` (of the code; missing where the deviations are not compressed first).
+
+    Raises:
+        InputError: fewer than two demonstrations, too few samples, or a constant target.
+    """
+    longest_first = sorted(names, key=_LONGEST_FIRST.index)
+    work = [(dataset, parameters, name) for name in longest_first]
+    tables = parallel_map(_evaluated, work, "comparing representations")
+    found = dict(zip(longest_first, tables, strict=True))
+    return pd.concat([found[name] for name in names], ignore_index=True)
+
+
+def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
+    """Whether the dissertation's orderings hold, in pairs over the folds.
+
+    Folds share most of their training samples, so their differences are not independent and the intervals
+    are somewhat too narrow.
+
+    Args:
+        table: of `compare_representations`.
+
+    Returns:
+        Per stopping and claim: `better`, `worse` (as claimed), `difference` (mean over folds of the latter's
+        generalisation NMSE minus the former's; positive as claimed), `half_width` of its 95 % confidence
+        interval, `p_value` (two-sided Wilcoxon signed-rank test) and the `verdict`: better, worse or
+        undecided, by the interval.
+    """
+    rows = []
+    for stopping in STOPPINGS:
+        errors = table[table["stopping"] == stopping].pivot_table("generalization", "fold", "representation")
+        for better, worse in CLAIMS:
+            if better in errors and worse in errors:
+                difference = (errors[worse] - errors[better]).to_numpy()
+                mean, half_width = mean_interval(difference)
+                p_value = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
+                found = str(verdict(mean - half_width, mean + half_width))
+                rows.append((stopping, better, worse, mean, half_width, p_value, found))
+    columns = ["stopping", "better", "worse", "difference", "half_width", "p_value", "verdict"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def dominant_features(network: PhaseModulatedNetwork, count: int = 10) -> np.ndarray:
+    """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
+
+    Args:
+        network: a trained network.
+        count: nodes per kernel.
+
+    Returns:
+        (N, H) True for the nodes with the largest |weight| into a kernel.
+    """
+    order = np.argsort(-np.abs(network.phase_weights), axis=1, kind="stable")
+    dominant = np.zeros(network.phase_weights.shape, dtype=bool)
+    np.put_along_axis(dominant, order[:, :count], True, axis=1)
+    return dominant
+
+
+_LONGEST_FIRST = ("autoencoder", "ffnn_phase", "ffnn", "pmnn_100", "pmnn_6", "pca", "pmnn_0")
+
+
+def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.DataFrame:
+    """Rows of one representation."""
+    dataset, parameters, name = work
+    folds = leave_one_out(dataset, parameters.fractions, parameters.chunk_samples, parameters.seed)
+    inputs, dimensions = _inputs(name, dataset, folds, parameters)
+    modulated = not name.startswith("ffnn")
+    data = StackedData(
+        inputs=inputs,
+        modulation=as_tensor(dataset.modulation()) if modulated else None,
+        target=as_tensor(np.stack([dataset.target / target_scale(dataset.target, fold) for fold in folds])),
+        folds=folds,
+    )
+    generator = torch.Generator().manual_seed(parameters.seed)
+    models, width = inputs.shape[0], inputs.shape[2]
+    if modulated:
+        kernel_count = data.modulation.shape[1]
+        network = StackedPhaseModulatedNetworks(
+            models, width, HIDDEN[name], kernel_count, parameters.dropout, generator
+        )
+    else:
+        network = StackedFeedForwardNetworks(models, width, HIDDEN[name], parameters.dropout, generator)
+    curves = train(network, data, parameters)
+    tables = []
+    for stopping in STOPPINGS:
+        chosen = curves.best(stopping)
+        errors = curves.nmse[chosen, np.arange(models)]  # (M, 4)
+        keys = {
+            "representation": name,
+            "fold": [fold.number for fold in folds],
+            "stopping": stopping,
+            "step": curves.steps[chosen],
+        }
+        values = dict(zip(PARTS, errors.T, strict=True))
+        tables.append(pd.DataFrame(keys | values | {"dimensions": dimensions}))
+    return pd.concat(tables)
+
+
+def _inputs(
+    name: str, dataset: CouplingDataset, folds: Sequence[Fold], parameters: TrainingParameters
+) -> tuple[torch.Tensor, np.ndarray]:
+    """Standardised inputs (M, S, D) of a representation and the dimensions (M,) of its code, NaN without."""
+    deviation = dataset.deviation
+    dimensions = np.full(len(folds), np.nan)
+    values = np.broadcast_to(deviation, (len(folds), *deviation.shape))
+    if name == "ffnn_phase":
+        phase = np.column_stack([deviation, dataset.phase, dataset.phase_velocity])
+        values = np.broadcast_to(phase, (len(folds), *phase.shape))
+    elif name in ("pca", "autoencoder"):
+        codes = representations.principal_components(deviation, folds)
+        if name == "autoencoder":
+            codes = representations.autoencoder(deviation, folds, codes.dimensions, parameters)
+        values, dimensions = codes.features, codes.dimensions.astype(float)
+    inputs = np.empty(values.shape, dtype=np.float32)
+    for index, fold in enumerate(folds):
+        mean, spread = standardisation(values[index], fold)
+        inputs[index] = (values[index] - mean) / spread
+    return torch.from_numpy(inputs), dimensions

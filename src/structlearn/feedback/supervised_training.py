@@ -1,0 +1,264 @@
+"""Training of feedback models: RMSProp on the squared error of the coupling term (IV.6.2, eq. IV.31).
+
+All models of a stack train at once, each on its own draws. Every so many steps the normalised mean squared
+error of every part is taken without dropout, and the weights that did best on the validation part are kept.
+
+Two steps can be named in the end: the one that validation chooses, which is honest, and the one with the
+lowest error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from pydantic import Field, PositiveInt
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.folds import PARTS, Fold, without_generalization
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.networks.rmsprop import RootMeanSquarePropagation
+from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
+
+EVALUATED_AT_ONCE = 128
+"""Samples per model; a stack's activations then stay in a core's cache."""
+
+
+class TrainingParameters(Parameters):
+    """How a feedback model is trained.
+
+    Attributes:
+        steps: gradient steps.
+        batch_size: samples per model and step.
+        learning_rate: of RMSProp.
+        decay: of RMSProp's running mean of squared gradients.
+        dropout: probability with which a hidden node is left out of a step (IV.9.1.4).
+        evaluate_every: steps between two evaluations, which are where training can stop.
+        validation_fraction: of the samples that are not left out (IV.9.3).
+        test_fraction: likewise.
+        chunk_samples: consecutive samples that are split together; 1 is the text.
+        seed: of initial weights, splits, batches and dropout.
+    """
+
+    steps: PositiveInt = 10000
+    batch_size: PositiveInt = 64
+    learning_rate: float = Field(default=1e-3, gt=0)
+    decay: float = Field(default=0.9, gt=0, lt=1)
+    dropout: float = Field(default=0.5, ge=0, lt=1)
+    evaluate_every: PositiveInt = 500
+    validation_fraction: float = Field(default=0.075, gt=0, lt=0.5)
+    test_fraction: float = Field(default=0.075, gt=0, lt=0.5)
+    chunk_samples: PositiveInt = 1
+    seed: int = Field(default=0, ge=0)
+
+    @property
+    def fractions(self) -> tuple[float, float]:
+        """Of validation and test."""
+        return self.validation_fraction, self.test_fraction
+
+
+@dataclass(frozen=True)
+class StackedData:
+    """What a stack of M models trains on; every model sees the same S samples in its own units.
+
+    Attributes:
+        inputs: (M, S, D) standardised inputs.
+        modulation: (S, N) phase features; None for networks without phase modulation.
+        target: (M, S) scaled coupling terms, or (M, S, D) what an autoencoder shall give back.
+        folds: per model, the samples by part.
+    """
+
+    inputs: Tensor
+    modulation: Tensor | None
+    target: Tensor
+    folds: Sequence[Fold]
+
+
+@dataclass(frozen=True)
+class LearningCurves:
+    """Normalised mean squared errors while a stack trained.
+
+    Attributes:
+        steps: (E,) gradient steps done.
+        nmse: (E, M, 4) per model and part, in the order of `folds.PARTS`; NaN for a part without samples.
+    """
+
+    steps: np.ndarray
+    nmse: np.ndarray
+
+    def best(self, part: str) -> np.ndarray:
+        """Per model (M,), the index of the evaluation with the lowest error on a part."""
+        errors = self.nmse[..., PARTS.index(part)]
+        return np.where(np.isnan(errors), np.inf, errors).argmin(axis=0)
+
+
+def train(
+    network: nn.Module, data: StackedData, parameters: TrainingParameters, description: str | None = None
+) -> LearningCurves:
+    """Train a stack in place; every model ends with the weights that did best on its validation part.
+
+    It runs on one thread: parallel work is a matter of processes, and a sum whose order depends on the number
+    of threads would not be reproducible.
+
+    Args:
+        network: called with a batch of inputs and its modulation; all parameters have a leading model axis.
+        data: samples of all models.
+        parameters: of the training.
+        description: what the progress bar says; no bar without one.
+    """
+    optimiser = RootMeanSquarePropagation(network, parameters.learning_rate, parameters.decay)
+    draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
+    starts = range(0, parameters.steps, parameters.evaluate_every)
+    best, kept = np.full(len(data.folds), np.inf), _copy(network)
+    done, errors = [], []
+    silent = None if description else True  # None: no bar where nobody watches
+    with one_thread():
+        for start in tqdm(starts, desc=description, leave=False, disable=silent):
+            count = min(parameters.evaluate_every, parameters.steps - start)
+            shape = (count, parameters.batch_size)
+            network.train()
+            for rows in _batches(data.folds, draws, shape):
+                optimiser.step(_loss(network, data, rows))
+            done.append(start + count)
+            errors.append(evaluate(network, data))
+            better = errors[-1][:, PARTS.index("validation")] < best
+            best[better] = errors[-1][better, PARTS.index("validation")]
+            _keep(kept, network, better)
+    with torch.no_grad():
+        for values, found in zip(network.parameters(), kept, strict=True):
+            values.copy_(found)
+    return LearningCurves(np.array(done), np.array(errors))
+
+
+def train_final(
+    dataset: CouplingDataset,
+    parameters: TrainingParameters,
+    hidden: Sequence[int] = (100,),
+    initial: PhaseModulatedNetwork | None = None,
+) -> PhaseModulatedNetwork:
+    """Train the phase-modulated network that is used in the end on all demonstrations.
+
+    Args:
+        dataset: samples of one primitive and one dimension of the coupling term.
+        parameters: of the training; it stops where the validation part says.
+        hidden: nodes of the regular hidden layers.
+        initial: network to start from, as in reinforcement learning; it keeps its shape and the
+            standardisation of its inputs.
+
+    Raises:
+        InputError: too few samples, or the target is constant.
+    """
+    fold = without_generalization(dataset, parameters.fractions, parameters.chunk_samples, parameters.seed)
+    generator = seeded(parameters.seed)
+    scale = target_scale(dataset.target, fold)
+    if initial is None:
+        mean, spread = standardisation(dataset.deviation, fold)
+        network = StackedPhaseModulatedNetworks(
+            1, len(mean), hidden, dataset.modulation().shape[1], parameters.dropout, generator
+        )
+    else:
+        mean, spread = initial.input_mean, initial.input_scale
+        network = StackedPhaseModulatedNetworks.from_networks(
+            [initial], [scale], parameters.dropout, generator
+        )
+    data = StackedData(
+        inputs=as_tensor((dataset.deviation - mean) / spread)[None],
+        modulation=as_tensor(dataset.modulation(len(network.kernel_scale))),
+        target=as_tensor(dataset.target / scale)[None],
+        folds=[fold],
+    )
+    train(network, data, parameters, "training the feedback model")
+    return network.to_network(0, mean, spread, scale)
+
+
+def evaluate(network: nn.Module, data: StackedData) -> np.ndarray:
+    """Normalised mean squared errors (M, 4) without dropout, parts in the order of `folds.PARTS`.
+
+    With several targets per sample, both the squared error and the variance are summed over them.
+    """
+    outputs = predict(network, data)
+    result = np.full((len(data.folds), len(PARTS)), np.nan)
+    for model, fold in enumerate(data.folds):
+        target = data.target[model].numpy().astype(float)
+        error = np.square(outputs[model] - target)
+        for part, rows in enumerate(fold.parts()):
+            if len(rows):
+                result[model, part] = error[rows].mean() / target[rows].var(axis=0).mean()
+    return result
+
+
+def predict(network: nn.Module, data: StackedData) -> np.ndarray:
+    """Output of a stack for all samples, (M, S) or (M, S, D)."""
+    network.eval()
+    outputs = []
+    with torch.no_grad():
+        for start in range(0, data.inputs.shape[1], EVALUATED_AT_ONCE):
+            rows = slice(start, start + EVALUATED_AT_ONCE)
+            modulation = (
+                None if data.modulation is None else data.modulation[rows].expand(len(data.folds), -1, -1)
+            )
+            outputs.append(network(data.inputs[:, rows], modulation))
+    return torch.cat(outputs, dim=1).numpy()
+
+
+def standardisation(values: np.ndarray, fold: Fold) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and std (D,) of the training samples; 1 instead of the std of a constant column."""
+    found = values[fold.train]
+    spread = found.std(axis=0)
+    return found.mean(axis=0), np.where(spread > 0.0, spread, 1.0)
+
+
+def target_scale(target: np.ndarray, fold: Fold) -> float:
+    """Std of the training targets.
+
+    Raises:
+        InputError: the targets are constant.
+    """
+    scale = float(target[fold.train].std())
+    if not scale > 0.0:
+        raise InputError("the coupling target is constant: there is nothing to learn")
+    return scale
+
+
+def _batches(
+    folds: Sequence[Fold], draws: Sequence[np.random.Generator], shape: tuple[int, int]
+) -> Iterator[Tensor]:
+    """Batches (M, B) of training rows, each model's from its own generator, in shuffled epochs."""
+    count = shape[0] * shape[1]
+    stacked = []
+    for fold, rng in zip(folds, draws, strict=True):
+        epochs = -(-count // len(fold.train))
+        order = np.concatenate([rng.permutation(fold.train) for _ in range(epochs)])[:count]
+        stacked.append(order.reshape(shape))
+    yield from torch.from_numpy(np.stack(stacked, axis=1))
+
+
+def _loss(network: nn.Module, data: StackedData, rows: Tensor) -> Tensor:
+    """Squared error of a batch, meant over its samples and summed over models: their gradients do not mix."""
+    models, samples = data.inputs.shape[:2]
+    flat = (rows + samples * torch.arange(models)[:, None]).reshape(-1)  # rows of the (M * S, ...) view
+
+    def batch(values: Tensor) -> Tensor:
+        return values.flatten(0, 1).index_select(0, flat).unflatten(0, rows.shape)
+
+    modulation = None
+    if data.modulation is not None:
+        modulation = data.modulation.index_select(0, rows.reshape(-1)).unflatten(0, rows.shape)
+    error = (network(batch(data.inputs), modulation) - batch(data.target)).square()
+    return error.flatten(1).mean(dim=1).sum()
+
+
+def _copy(network: nn.Module) -> list[Tensor]:
+    return [values.detach().clone() for values in network.parameters()]
+
+
+def _keep(kept: list[Tensor], network: nn.Module, better: np.ndarray) -> None:
+    """Take over the weights of the models that did better."""
+    chosen = torch.from_numpy(better)
+    for found, values in zip(kept, network.parameters(), strict=True):
+        found[chosen] = values.detach()[chosen]

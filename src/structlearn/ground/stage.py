@@ -1,0 +1,31 @@
+"""What every stage script needs: its checked parameters, errors told in one line, and its time taken.
+
+A stage is a script that DVC runs from the project's root; it can be run by hand from there too.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import ParametersType, read_parameters
+from structlearn.ground.wall_clock import timed
+
+PARAMETER_FILE = Path("params.yaml")
+
+
+def stage_parameters(key: str, model: type[ParametersType]) -> ParametersType:
+    """Parameters of one stage from `params.yaml` in the working directory (see `read_parameters`)."""
+    return read_parameters(PARAMETER_FILE, key, model)
+
+
+def run(main: Callable[[], None]) -> None:
+    """Run a stage; bad input becomes one line on standard error and exit code 1.
+
+    Errors of the program itself keep their traceback. When DVC runs the stage, its time is recorded.
+    """
+    try:
+        timed(main)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(1)

@@ -1,0 +1,1 @@
+"""Path integral policy improvement, and the refinement of feedback models with it (IV.7)."""

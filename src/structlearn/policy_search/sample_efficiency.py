@@ -1,0 +1,274 @@
+"""Sample efficiency of the policy search: PI2-CMA beside plain CMA-ES, with the same budget of rollouts.
+
+Both search the weights of an open-loop policy from the same normal distribution; nothing is trained in
+between. PI2-CMA sees the cost of every time step, CMA-ES the sum. CMA-ES is as its authors' package `cma` has
+it, with the population size that it takes for so many weights. The n-th rollouts of equal seeds meet equal
+conditions, and both methods begin with the same random numbers.
+
+An update needs all its rollouts: what is left of the budget when it is not enough for one more is not used.
+A rollout that failed counts. PI2-CMA leaves it out; for CMA-ES, which only ranks, it is the worst.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, Self
+
+import cma
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from structlearn.feedback.skill import open_loop
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.policy_search import pi2
+from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
+from structlearn.policy_search.rollouts import Environment, Rollout, cost_matrix, succeeded
+
+PI2, CMA_ES = "pi2", "cma_es"
+"""Names of the methods."""
+
+SEARCHED, JUDGED = 3, 4
+"""Second numbers of the rollouts' seeds: for an update, and of a mean policy; 0 to 2 are the refinement's."""
+
+
+class ComparisonParameters(Parameters):
+    """How the searches are compared.
+
+    Attributes:
+        budget: rollouts per search.
+        seeds: searches per method.
+        evaluation_runs: executions of the mean policy after every update, beyond the budget.
+    """
+
+    budget: int = Field(default=76, ge=1)
+    seeds: int = Field(default=2, ge=1)
+    evaluation_runs: int = Field(default=2, ge=1)
+
+
+class Search(Protocol):
+    """A search that asks for policies and is told their rollouts."""
+
+    @property
+    def count(self) -> int:
+        """Rollouts per update, K."""
+
+    @property
+    def mean(self) -> np.ndarray:
+        """(N,) weights of the mean policy."""
+
+    def propose(self) -> np.ndarray:
+        """(K, N) weights of the policies to be rolled out."""
+
+    def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
+        """Update by the rollouts of the proposed policies, of which two must have succeeded."""
+
+
+@dataclass
+class PathIntegralSearch:
+    """PI2-CMA (algorithm IV.4), a `Search`.
+
+    Attributes:
+        distribution: of the next policies.
+        parameters: see there.
+        rng: random numbers.
+    """
+
+    distribution: SearchDistribution
+    parameters: PI2Parameters
+    rng: np.random.Generator
+
+    @property
+    def count(self) -> int:
+        """Rollouts per update, K."""
+        return self.parameters.samples
+
+    @property
+    def mean(self) -> np.ndarray:
+        """(N,) weights of the mean policy."""
+        return self.distribution.mean
+
+    def propose(self) -> np.ndarray:
+        """(K, N) weights of the policies to be rolled out."""
+        return pi2.sample(self.distribution, self.count, self.rng)
+
+    def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
+        """Update by the costs per tick; failed rollouts are left out."""
+        updated = pi2.update(self.distribution, policies, cost_matrix(runs), self.parameters)
+        self.distribution = updated.distribution
+
+
+@dataclass
+class EvolutionStrategy:
+    """Plain CMA-ES of the package `cma`, a `Search`.
+
+    Attributes:
+        strategy: its state.
+    """
+
+    strategy: cma.CMAEvolutionStrategy
+
+    @classmethod
+    def around(cls, mean: np.ndarray, std: float, rng: np.random.Generator) -> Self:
+        """Begin with independent weights.
+
+        Args:
+            mean: (N,) weights.
+            std: standard deviation of all.
+            rng: random numbers. Without them the package seeds and uses numpy's global ones.
+        """
+        options = {
+            "randn": lambda count, size: rng.standard_normal((count, size)),
+            "seed": np.nan,  # leave the global random numbers alone
+            "verbose": -10,  # neither prints nor reads options from the working directory
+            "verb_log": 0,  # writes no files
+        }
+        return cls(cma.CMAEvolutionStrategy(mean, std, options))
+
+    @property
+    def count(self) -> int:
+        """Rollouts per update, K = 4 + floor(3 log N)."""
+        return self.strategy.popsize
+
+    @property
+    def mean(self) -> np.ndarray:
+        """(N,) weights of the mean policy."""
+        return np.array(self.strategy.mean)
+
+    def propose(self) -> np.ndarray:
+        """(K, N) weights of the policies to be rolled out."""
+        return np.array(self.strategy.ask())
+
+    def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
+        """Update by the accumulated costs; failed rollouts are behind the worst of the others."""
+        costs = np.array([_accumulated(run) for run in runs])
+        behind = np.nanmax(costs) + 1.0  # finite, which the package asks for; only the order matters
+        self.strategy.tell(list(policies), np.where(np.isnan(costs), behind, costs).tolist())
+
+
+@dataclass
+class Trial:
+    """One search and what it has come to.
+
+    Attributes:
+        method: its name.
+        seed: of its random numbers and of what its rollouts meet.
+        search: its state.
+        costs: accumulated cost of every rollout so far in rad, NaN where it failed.
+        means: (N,) mean policy after every update so far.
+    """
+
+    method: str
+    seed: int
+    search: Search
+    costs: list[float] = field(default_factory=list)
+    means: list[np.ndarray] = field(default_factory=list)
+
+
+def compare(
+    environment: Environment,
+    start: np.ndarray,
+    exploration: float,
+    search: PI2Parameters,
+    parameters: ComparisonParameters,
+) -> pd.DataFrame:
+    """Run all searches in lock-step and judge their mean policies.
+
+    Args:
+        environment: where the primitive is executed.
+        start: (N,) weights of the policy from which all searches begin.
+        exploration: initial standard deviation of its weights.
+        search: of PI2-CMA.
+        parameters: see there.
+
+    Returns:
+        One row per method, seed and update: `method`, `seed`, `update` (0 is the start), `rollouts` (used so
+        far), `cost_rad` (accumulated, mean over the mean policy's executions, which meet the same conditions
+        in all rows; NaN if one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the
+        start), `failed` (rollouts so far).
+
+    Raises:
+        InputError: the budget is not enough for one update, or fewer than two rollouts of one succeeded.
+    """
+    trials = _trials(start, exploration, search, parameters)
+    while going := [trial for trial in trials if _left(trial, parameters.budget) >= 0]:
+        _advance(environment, going)
+    policies = [start, *(mean for trial in trials for mean in trial.means)]
+    before, *after = _mean_costs(environment, policies, parameters.evaluation_runs)
+    tables = []
+    for trial in trials:
+        costs, after = after[: len(trial.means)], after[len(trial.means) :]
+        tables.append(_rows(trial, [before, *costs]))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _trials(
+    start: np.ndarray, exploration: float, search: PI2Parameters, parameters: ComparisonParameters
+) -> list[Trial]:
+    """All searches at their start; InputError where the budget does not reach for an update."""
+    trials = []
+    for method in (PI2, CMA_ES):
+        for seed in range(parameters.seeds):
+            rng = np.random.default_rng(seed)
+            if method == PI2:
+                own = PathIntegralSearch(SearchDistribution.around(start, exploration), search, rng)
+            else:
+                own = EvolutionStrategy.around(start, exploration, rng)
+            trials.append(Trial(method, seed, own))
+            if _left(trials[-1], parameters.budget) < 0:
+                raise InputError(
+                    f"a budget of {parameters.budget} rollouts is not enough for an update of {method}, "
+                    f"which takes {own.count}"
+                )
+    return trials
+
+
+def _left(trial: Trial, budget: int) -> int:
+    """Rollouts that would be left after one more update."""
+    return budget - len(trial.costs) - trial.search.count
+
+
+def _advance(environment: Environment, trials: Sequence[Trial]) -> None:
+    """One update of every search; all their rollouts in one call, so that they fill the cores."""
+    proposed = [trial.search.propose() for trial in trials]
+    seeds = [
+        (trial.seed, SEARCHED, len(trial.costs) + number)
+        for trial, policies in zip(trials, proposed, strict=True)
+        for number in range(len(policies))
+    ]
+    runs = environment.rollouts([open_loop(policy) for policy in np.vstack(proposed)], seeds)
+    for trial, policies in zip(trials, proposed, strict=True):
+        own, runs = runs[: len(policies)], runs[len(policies) :]
+        update = len(trial.means) + 1
+        succeeded(own, f"rollouts of {trial.method}, seed {trial.seed}, update {update}", pi2.FEWEST_ROLLOUTS)
+        trial.search.learn(policies, own)
+        trial.costs += [_accumulated(run) for run in own]
+        trial.means.append(trial.search.mean)
+
+
+def _accumulated(run: Rollout) -> float:
+    """Cost of the whole primitive in rad, NaN where it failed."""
+    return float(np.sum(run.cost)) if not run.fault else np.nan
+
+
+def _mean_costs(environment: Environment, policies: Sequence[np.ndarray], count: int) -> list[float]:
+    """Mean accumulated cost of each policy over executions under the same conditions."""
+    networks = [open_loop(policy) for policy in policies for _ in range(count)]
+    seeds = [(0, JUDGED, number) for _ in policies for number in range(count)]
+    costs = [_accumulated(run) for run in environment.rollouts(networks, seeds)]
+    return np.reshape(costs, (len(policies), count)).mean(axis=1).tolist()
+
+
+def _rows(trial: Trial, mean_costs: Sequence[float]) -> pd.DataFrame:
+    used = [update * trial.search.count for update in range(len(mean_costs))]
+    return pd.DataFrame(
+        {
+            "method": trial.method,
+            "seed": trial.seed,
+            "update": range(len(mean_costs)),
+            "rollouts": used,
+            "cost_rad": mean_costs,
+            "best_rad": [np.nanmin(trial.costs[:count]) if count else np.nan for count in used],
+            "failed": [int(np.isnan(trial.costs[:count]).sum()) for count in used],
+        }
+    )

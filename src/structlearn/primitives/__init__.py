@@ -1,0 +1,1 @@
+"""Dynamic movement primitives: canonical system, kernels, position, orientation, sensor traces, sequences."""

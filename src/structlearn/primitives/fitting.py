@@ -1,0 +1,234 @@
+"""Primitives from segmented demonstrations (IV.5.4), and how well they reproduce them."""
+
+from collections.abc import Mapping, Sequence
+from typing import get_args
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.primitives.kernels import KERNEL_COUNT
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.regression import Regression
+from structlearn.primitives.sequence import PosePrimitive, fit_orientation
+from structlearn.primitives.trajectory import (
+    OrientationTrajectory,
+    Trajectory,
+    differentiated,
+    differentiated_orientation,
+)
+from structlearn.recordings.demonstration import Demonstration
+
+
+class FitParameters(Parameters):
+    """Parameters of the primitives.
+
+    Attributes:
+        smoothing_hz: low-pass of positions and orientations before they are differentiated twice.
+        kernel_count: N, number of phase kernels.
+        regression: `joint` least squares over all kernels, as in the text, or `local`, each kernel alone.
+        scaled_axes: local axes (x along the reach) whose forcing term scales with the reach.
+    """
+
+    smoothing_hz: float = Field(default=5.0, gt=0)
+    kernel_count: int = Field(default=KERNEL_COUNT, ge=2, le=200)
+    regression: Regression = "joint"
+    scaled_axes: tuple[bool, bool, bool] = (False, False, False)
+
+
+REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")
+"""Columns of the errors; those in degrees only with orientations."""
+
+Segment = tuple[Trajectory, OrientationTrajectory | None]
+"""Position and, where recorded, orientation of one primitive in one demonstration."""
+
+
+def whole(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
+    """Cuts of demonstrations that are one primitive from start to end: index demonstration."""
+    ends = [(0.0, float(demonstration.time[-1])) for demonstration in demonstrations]
+    names = pd.Index([demonstration.name for demonstration in demonstrations], name="demonstration")
+    return pd.DataFrame(ends, columns=["start_s", "end_s"], index=names)
+
+
+def segment_paths(
+    demonstrations: Sequence[Demonstration], cuts: pd.DataFrame, smoothing_hz: float
+) -> list[Segment]:
+    """One primitive's part of every demonstration, smoothed before it is cut.
+
+    Args:
+        demonstrations: complete demonstrations.
+        cuts: index demonstration, columns `start_s`, `end_s`; demonstrations that are not in it are left out.
+        smoothing_hz: cut-off of the low-pass.
+
+    Returns:
+        One segment per demonstration in the cuts, in the order of the demonstrations.
+
+    Raises:
+        InputError: a segment has fewer than three samples, or some demonstrations have no orientation.
+    """
+    segments: list[Segment] = []
+    for demonstration in demonstrations:
+        if demonstration.name not in cuts.index:
+            continue
+        cut = cuts.loc[demonstration.name]
+        first, last = (round(float(cut[end]) / demonstration.dt) for end in ("start_s", "end_s"))
+        if last - first < 2:
+            raise InputError(f"{demonstration.name}: a segment has fewer than three samples")
+        position = differentiated(demonstration.position, demonstration.dt, smoothing_hz)
+        orientation = None
+        if demonstration.orientation is not None:
+            path = differentiated_orientation(demonstration.orientation, demonstration.dt, smoothing_hz)
+            orientation = path.cut(first, last)
+        segments.append((position.cut(first, last), orientation))
+    if len({orientation is None for _, orientation in segments}) > 1:
+        raise InputError("some demonstrations have an orientation and some have none")
+    return segments
+
+
+def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
+    """One primitive from its segments in all demonstrations.
+
+    Args:
+        name: of the primitive.
+        segments: one per demonstration.
+        parameters: see there.
+
+    Returns:
+        Position primitive in the local frame, and orientation primitive where orientations were recorded.
+    """
+    positions = [position for position, _ in segments]
+    orientations = [orientation for _, orientation in segments if orientation is not None]
+    choice = (parameters.regression, parameters.kernel_count)
+    return PosePrimitive(
+        name,
+        fit_position(positions, parameters.scaled_axes, *choice),
+        fit_orientation(orientations, *choice) if orientations else None,
+    )
+
+
+def learn_sequence(
+    demonstrations: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters
+) -> list[PosePrimitive]:
+    """All primitives of segmented demonstrations, in order (IV.5.4).
+
+    Args:
+        demonstrations: the complete ones.
+        cuts: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
+        parameters: see there.
+
+    Returns:
+        One pose primitive per primitive of the cuts.
+    """
+    primitives = []
+    for name, its in cuts.items():
+        segments = segment_paths(demonstrations, its, parameters.smoothing_hz)
+        primitives.append(learn_primitive(name, segments, parameters))
+    return primitives
+
+
+def cross_validation(
+    demonstrations: Sequence[Demonstration], cuts: Mapping[str, pd.DataFrame], parameters: FitParameters
+) -> pd.DataFrame:
+    """Reproduction errors of demonstrations that were learned from and of ones that were left out.
+
+    Args:
+        demonstrations: the complete ones.
+        cuts: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
+        parameters: see there; both regressions are tried.
+
+    Returns:
+        Rows of `reproduction_errors` with `primitive`, `demonstration`, `regression` and `left_out`: False
+        where the primitive was learned from all demonstrations, True where from all but this one.
+    """
+    tables = []
+    for name, its in cuts.items():
+        segments = segment_paths(demonstrations, its, parameters.smoothing_hz)
+        names = [demonstration.name for demonstration in demonstrations if demonstration.name in its.index]
+        for regression in get_args(Regression):
+            choice = parameters.model_copy(update={"regression": regression})
+            errors = {False: reproduction_errors(learn_primitive(name, segments, choice), segments)}
+            if len(segments) > 1:
+                errors[True] = _leave_one_out(name, segments, choice)
+            tables += [
+                table.assign(primitive=name, demonstration=names, regression=regression, left_out=left_out)
+                for left_out, table in errors.items()
+            ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _leave_one_out(name: str, segments: Sequence[Segment], parameters: FitParameters) -> pd.DataFrame:
+    """Errors of every segment against a primitive learned from all the others."""
+    errors = []
+    for place, segment in enumerate(segments):
+        others = [*segments[:place], *segments[place + 1 :]]
+        errors.append(reproduction_errors(learn_primitive(name, others, parameters), [segment]))
+    return pd.concat(errors)
+
+
+def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -> pd.DataFrame:
+    """Distance of each segment from the primitive, unrolled with the segment's start, goal and duration.
+
+    Args:
+        primitive: the primitive.
+        segments: the segments to compare with, whether it was learned from them or not.
+
+    Returns:
+        One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an
+        orientation, `mean_deg`, `max_deg`, `end_deg`.
+    """
+    rows = []
+    for position, orientation in segments:
+        path = primitive.position.unroll(
+            position.dt, position.position[0], position.position[-1], position.duration
+        )
+        distance = 1e3 * np.linalg.norm(path.position - position.position, axis=1)
+        row = {
+            "mean_mm": distance.mean(),
+            "max_mm": distance.max(),
+            "end_mm": distance[-1],
+            "nmse": _overall_nmse(path.position, position.position),
+        }
+        if orientation is not None:
+            turn = primitive.orientation.unroll(
+                orientation.dt,
+                orientation.orientation[0],
+                orientation.orientation[-1],
+                orientation.duration,
+            )
+            angle = np.degrees(quaternion.angle_between(turn.orientation, orientation.orientation))
+            row |= {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
+    """Errors over all demonstrations: means of the mean errors, largest of the largest and of the end errors.
+
+    Args:
+        errors: of `cross_validation`.
+
+    Returns:
+        One row per `primitive` (in order of time), `regression` and `left_out`: `mean_mm`, `max_mm`,
+        `end_mm` and, with orientations, `mean_deg`, `max_deg`, `end_deg`.
+    """
+    how = {column: "mean" if column.startswith("mean") else "max" for column in REPRODUCTION_ERRORS}
+    known = {column: how[column] for column in REPRODUCTION_ERRORS if column in errors.columns}
+    keys = ["primitive", "regression", "left_out"]
+    return (
+        errors.groupby(keys, as_index=False, sort=False)
+        .agg(known)
+        .sort_values(keys, key=_in_first_order, ignore_index=True)
+    )
+
+
+def _in_first_order(column: pd.Series) -> pd.Series:
+    """Sorting key: the order in which values first appear."""
+    return pd.Series(pd.factorize(column)[0], index=column.index)
+
+
+def _overall_nmse(prediction: np.ndarray, target: np.ndarray) -> float:
+    """Squared error over all axes / variance over all axes: (T, D), (T, D); a resting axis does no harm."""
+    return float(np.sum((prediction - target) ** 2) / np.sum((target - target.mean(axis=0)) ** 2))

@@ -1,0 +1,129 @@
+"""Primitives as safetensors: all arrays by name, and what is not a number in the description.
+
+Names are `<primitive>.position.<array>` and `<primitive>.orientation.<array>`; lengths are in m, angles in
+rad, times in s, quaternions scalar-first, forcing weights in the unit of the coordinate.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.position import PositionPrimitive
+from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
+from structlearn.primitives.twist_swing import TwistSwingPrimitive
+from structlearn.primitives.vector import VectorPrimitive
+
+Tensors = dict[str, np.ndarray]
+
+
+def write_primitives(primitives: Sequence[PosePrimitive], path: str | Path) -> None:
+    """Publish a sequence of pose primitives."""
+    tensors: Tensors = {}
+    kinds = []
+    for primitive in primitives:
+        tensors |= _prefixed(f"{primitive.name}.position", _position_tensors(primitive.position))
+        form = None
+        if primitive.orientation is not None:
+            form = "quaternion" if isinstance(primitive.orientation, QuaternionPrimitive) else "twist_swing"
+            orientation = _orientation_tensors(primitive.orientation)
+            tensors |= _prefixed(f"{primitive.name}.orientation", orientation)
+        kinds.append({"name": primitive.name, "frame": primitive.position.frame, "orientation": form})
+    write_tensors(tensors, path, json.dumps({"pose_primitives": kinds}))
+
+
+def read_primitives(path: str | Path) -> list[PosePrimitive]:
+    """Read a sequence of pose primitives.
+
+    Raises:
+        InputError: the file is missing, no safetensors, or holds something else.
+    """
+    tensors = read_tensors(path)
+    try:
+        kinds = json.loads(read_description(path))["pose_primitives"]
+        return [_pose_primitive(kind, tensors) for kind in kinds]
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: holds no pose primitives (missing {error})") from error
+
+
+def write_vector_primitive(primitive: VectorPrimitive, path: str | Path, description: str) -> None:
+    """Publish one vector primitive, e.g. the expected traces of a set of sensors."""
+    write_tensors(_vector_tensors(primitive), path, description)
+
+
+def read_vector_primitive(path: str | Path) -> VectorPrimitive:
+    """Read one vector primitive.
+
+    Raises:
+        InputError: the file is missing, no safetensors, or holds something else.
+    """
+    tensors = read_tensors(path)
+    try:
+        return _vector_primitive(tensors)
+    except KeyError as error:
+        raise InputError(f"{path}: holds no vector primitive (missing {error})") from error
+
+
+def _prefixed(prefix: str, tensors: Tensors) -> Tensors:
+    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+
+
+def _part(prefix: str, tensors: Tensors) -> Tensors:
+    start = f"{prefix}."
+    return {name.removeprefix(start): array for name, array in tensors.items() if name.startswith(start)}
+
+
+def _vector_tensors(primitive: VectorPrimitive) -> Tensors:
+    return {name: np.asarray(value) for name, value in vars(primitive).items()}
+
+
+def _vector_primitive(tensors: Tensors) -> VectorPrimitive:
+    names = ("weights", "start", "goal", "velocity", "acceleration", "scaled")
+    arrays = {name: tensors[name] for name in names}
+    return VectorPrimitive(duration=float(tensors["duration"]), **arrays)
+
+
+def _position_tensors(primitive: PositionPrimitive) -> Tensors:
+    return {
+        **_prefixed("local", _vector_tensors(primitive.local)),
+        "start": primitive.start,
+        "goal": primitive.goal,
+    }
+
+
+def _orientation_tensors(primitive: OrientationPrimitive) -> Tensors:
+    if isinstance(primitive, QuaternionPrimitive):
+        return {name: np.asarray(value) for name, value in vars(primitive).items()}
+    return {
+        **_prefixed("chart", _vector_tensors(primitive.chart)),
+        "axes": primitive.axes,
+        "start": primitive.start,
+        "goal": primitive.goal,
+    }
+
+
+def _pose_primitive(kind: dict[str, str | None], tensors: Tensors) -> PosePrimitive:
+    position = _part(f"{kind['name']}.position", tensors)
+    local = _vector_primitive(_part("local", position))
+    return PosePrimitive(
+        name=kind["name"],
+        position=PositionPrimitive(local, kind["frame"], position["start"], position["goal"]),
+        orientation=_orientation_primitive(
+            kind["orientation"], _part(f"{kind['name']}.orientation", tensors)
+        ),
+    )
+
+
+def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPrimitive | None:
+    if form is None:
+        return None
+    if form == "twist_swing":
+        chart = _vector_primitive(_part("chart", tensors))
+        return TwistSwingPrimitive(chart, tensors["axes"], tensors["start"], tensors["goal"])
+    names = ("weights", "start", "goal", "velocity", "acceleration")
+    arrays = {name: tensors[name] for name in names}
+    return QuaternionPrimitive(duration=float(tensors["duration"]), **arrays)

@@ -1,0 +1,97 @@
+"""Learned dynamics models in files, and back as what they are: inertias with friction, or networks."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.networks.torch_settings import seeded
+from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
+from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
+from structlearn.rigid_body.model_learning import KINDS, Kind
+from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
+from structlearn.rigid_body.tree import LinkInertias
+
+HEADING = "dynamics_models"
+
+
+@dataclass(frozen=True)
+class DynamicsModels:
+    """M models of one kind.
+
+    Attributes:
+        kind: what they are.
+        joints: names, in the order of states and torques.
+        friction: terms of joint friction that were learned.
+        hidden: nodes of each hidden layer; empty for a structure.
+        state: tensors with a leading axis of models. A structure has `inertia` (M, n, k) free parameters and
+            `friction` (M, n, t) free parameters; networks have their weights and `friction`.
+    """
+
+    kind: Kind
+    joints: tuple[str, ...]
+    friction: tuple[FrictionTerm, ...]
+    hidden: tuple[int, ...]
+    state: Mapping[str, np.ndarray]
+
+    @property
+    def structured(self) -> bool:
+        """Whether these are inertias."""
+        return self.kind in STRUCTURES
+
+    @property
+    def count(self) -> int:
+        """M."""
+        return len(self.state["friction"])
+
+    def inertias(self) -> LinkInertias[np.ndarray]:
+        """Of a structure: mass (M, n), first moment and inertia of the links."""
+        return link_inertias(self.kind, torch.from_numpy(self.state["inertia"])).arrays()
+
+    def friction_coefficients(self) -> np.ndarray:
+        """(M, n, t) coefficients of the terms; t is 0 where no friction was learned."""
+        if not self.friction:
+            return np.zeros((self.count, len(self.joints), 0))
+        free = torch.from_numpy(self.state["friction"])
+        return friction_coefficients(free, self.friction).double().numpy()
+
+    def networks(self) -> StackedPerceptrons | StackedLagrangianNetworks:
+        """Of networks: all M, without their friction."""
+        network = StackedLagrangianNetworks if self.kind == "delan" else StackedPerceptrons
+        built = network(len(self.joints), self.hidden, [seeded(0)] * self.count)
+        weights = {
+            name: torch.from_numpy(values) for name, values in self.state.items() if name != "friction"
+        }
+        built.load_state_dict(weights)
+        return built.requires_grad_(False)
+
+
+def write_dynamics_models(models: DynamicsModels, path: str | Path) -> None:
+    """Publish models as safetensors; the tensors are those of the state, the rest is its description."""
+    description = {name: getattr(models, name) for name in ("kind", "joints", "friction", "hidden")}
+    write_tensors(models.state, path, json.dumps({HEADING: description}, sort_keys=True))
+
+
+def read_dynamics_models(path: str | Path) -> DynamicsModels:
+    """Read models.
+
+    Raises:
+        InputError: the file is missing, no safetensors, or holds something else, or a value is not finite.
+    """
+    state = read_tensors(path)
+    try:
+        description = json.loads(read_description(path))[HEADING]
+        fields = {name: tuple(description[name]) for name in ("joints", "friction", "hidden")}
+        models = DynamicsModels(description["kind"], **fields, state=state)
+        expected = "inertia" if models.structured else None
+        if models.kind not in KINDS or "friction" not in state or (expected and expected not in state):
+            raise KeyError(expected or models.kind)
+        return models
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: holds no dynamics models (missing {error})") from error

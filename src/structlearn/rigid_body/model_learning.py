@@ -1,0 +1,176 @@
+"""How models of inverse dynamics learn: shuffled epochs until they are good enough, or online, once through.
+
+Models of one kind learn together, one per seed: the seed decides where a model starts, the order of the
+samples is the same for all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
+
+import numpy as np
+import pandas as pd
+import torch
+from pydantic import Field
+from torch import Tensor
+
+from structlearn.ground.params import Parameters
+from structlearn.networks.adam import AdamParameters
+from structlearn.networks.torch_settings import seeded
+from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.network_learning import NetworkKind, NetworkLearner
+from structlearn.rigid_body.structured_learning import MotionRegressor, StructuredLearner
+from structlearn.rigid_body.tree import KinematicTree
+
+Kind = Literal[NetworkKind, Structure]
+KINDS: tuple[Kind, ...] = (*get_args(NetworkKind), *STRUCTURES)
+
+Loss = Literal["raw", "normalised"]
+LOSSES: tuple[Loss, ...] = get_args(Loss)
+
+SHARED = ("input_mean", "input_scale", "output_mean", "output_scale", "row", "column")
+"""Tensors of a state that all its models have in common."""
+
+
+class LearningParameters(Parameters):
+    """Parameters of learning a dynamics model.
+
+    Attributes:
+        hidden: nodes of each hidden layer of the networks.
+        networks: optimiser of the networks.
+        structures: optimiser of the inertias.
+        threshold: NMSE of every joint at which a model is good enough.
+    """
+
+    hidden: tuple[int, ...] = Field(default=(32, 64, 32), min_length=1)
+    networks: AdamParameters = AdamParameters()
+    structures: AdamParameters = AdamParameters(
+        rate=0.03, batch=64, second_moment_decay=0.99, decay=0.1, smallest=0.01, mass_step=10.0
+    )
+    threshold: float = Field(default=0.1, gt=0)
+
+
+class Learner(Protocol):
+    """M models that learn from the samples of one motion, so many per step."""
+
+    samples: int
+    batch: int
+
+    def step(self, samples: Tensor) -> None:
+        """One gradient step on the samples with these places."""
+
+    def nmse(self, stride: int = 1) -> np.ndarray:
+        """(M, n) errors on the motion, or on every `stride`-th sample."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What was learned; tensors with a leading axis of models, unless all models share them."""
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Outcome of a training of M models.
+
+    Attributes:
+        state: tensors of the models, each when it became good enough, or as it was in the end.
+        nmse: (E + 1, M, n) at the start and after each epoch (or batch); training ends when all models are
+            good enough.
+        epochs: (M,) epochs that each needed; 0: not good enough after all of them.
+    """
+
+    state: dict[str, np.ndarray]
+    nmse: np.ndarray
+    epochs: np.ndarray
+
+
+def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
+    """(n,) of each joint's squared error: 1 as in eq. III.2, or 1 over the torque's variance."""
+    return np.ones(motion.joints) if loss == "raw" else 1.0 / motion.torque_variance
+
+
+def learner(
+    kind: Kind,
+    tree: KinematicTree,
+    motion: Motion,
+    friction: Sequence[FrictionTerm],
+    loss: Loss,
+    seeds: Sequence[int],
+    parameters: LearningParameters,
+) -> Learner:
+    """Models of one kind at their start.
+
+    Args:
+        kind: one of `KINDS`.
+        tree: kinematics; the networks do not use them.
+        motion: to learn from.
+        friction: terms of joint friction that are learned too.
+        loss: raw or normalised.
+        seeds: one per model.
+        parameters: see there.
+    """
+    weights, generators = loss_weights(loss, motion), [seeded(seed) for seed in seeds]
+    if kind in STRUCTURES:
+        regressor = MotionRegressor(tree, motion, kind != "nostr", friction)
+        return StructuredLearner(kind, regressor, friction, weights, parameters.structures, generators)
+    return NetworkLearner(kind, motion, friction, weights, parameters.networks, parameters.hidden, generators)
+
+
+def learn_in_epochs(models: Learner, threshold: float, epochs: int) -> Learned:
+    """Shuffled epochs until every joint of every model is good enough (III.4.1.1).
+
+    A model is kept as it was at the end of the first epoch after which its errors are below the threshold.
+
+    Args:
+        models: at their start.
+        threshold: NMSE of every joint.
+        epochs: at most so many.
+    """
+    history = [models.nmse()]
+    needed = np.zeros(len(history[0]), dtype=int)
+    kept = models.state()
+    generator = seeded(0)
+    for epoch in range(1, epochs + 1):
+        order = torch.randperm(models.samples, generator=generator)
+        for batch in order.split(models.batch):
+            models.step(batch)
+        history.append(models.nmse())
+        learning = needed == 0
+        kept = _replaced(kept, models.state(), learning)
+        needed[learning & (history[-1] <= threshold).all(axis=1)] = epoch
+        if (needed > 0).all():
+            break
+    return Learned(kept, np.array(history), needed)
+
+
+def learn_online(models: Learner, stride: int = 1) -> Learned:
+    """Once through the motion in the order of time, a step per batch (III.4.1.2, figure III.2).
+
+    Args:
+        models: at their start.
+        stride: errors of networks are taken on every `stride`-th sample of the whole motion.
+    """
+    history = [models.nmse(stride)]
+    for batch in torch.arange(models.samples).split(models.batch):
+        models.step(batch)
+        history.append(models.nmse(stride))
+    nmse = np.array(history)
+    return Learned(models.state(), nmse, np.zeros(nmse.shape[1], dtype=int))
+
+
+def error_table(nmse: np.ndarray, step: str) -> pd.DataFrame:
+    """Rows `seed`, `step`, `joint` (from 1) and `nmse` of errors (E, M, n)."""
+    steps, seeds, joints = (places.ravel() for places in np.indices(nmse.shape))
+    return pd.DataFrame({"seed": seeds, step: steps, "joint": joints + 1, "nmse": nmse.ravel()})
+
+
+def _replaced(
+    kept: dict[str, np.ndarray], state: dict[str, np.ndarray], models: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The kept tensors with those of some models from the state; what has no axis of models never changes."""
+    return {
+        name: values
+        if name in SHARED
+        else np.where(models.reshape(-1, *[1] * (values.ndim - 1)), state[name], values)
+        for name, values in kept.items()
+    }

@@ -1,0 +1,1 @@
+"""Demonstrations cut into primitives: zero-velocity crossing, time warping, weighted least squares (IV.5)."""

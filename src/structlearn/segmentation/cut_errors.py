@@ -1,0 +1,201 @@
+"""How good a segmentation is: errors against true cut points, and spread of the aligned segments."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from structlearn.ground import metrics, signals
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.parameters import AXES, SegmentParameters
+from structlearn.segmentation.result import METHODS, RESULT, Segmentation
+from structlearn.segmentation.segments import cut
+
+SPREAD_SAMPLES = 200
+"""Points of the normalised time on which segments are compared."""
+
+
+def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentation) -> pd.DataFrame:
+    """Errors of the cut points of primitives that have an axis, where the true ones are known.
+
+    Primitives in between have no cut points of their own, and the reference is not guessed: both are left
+    out.
+
+    Args:
+        demonstrations: with `true_segments` in the order of the primitives.
+        segmentation: of these demonstrations.
+
+    Returns:
+        `demonstration`, `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
+    """
+    true = {demonstration.name: demonstration.true_segments for demonstration in demonstrations}
+    places = {name: place for place, name in enumerate(segmentation.cuts["primitive"].unique())}
+    cuts = segmentation.cuts
+    cuts = cuts[cuts["primitive"].isin(segmentation.pairs["primitive"].unique())]
+    cuts = cuts[cuts["demonstration"] != segmentation.reference]
+    truth = np.array(
+        [
+            true[name][places[primitive]]
+            for name, primitive in zip(cuts["demonstration"], cuts["primitive"], strict=True)
+        ]
+    )
+    return cuts[["demonstration", "primitive", "method"]].assign(
+        start_error_s=cuts["start_s"] - truth[:, 0], end_error_s=cuts["end_s"] - truth[:, 1]
+    )
+
+
+def mean_cut_errors_ms(errors: pd.DataFrame) -> pd.DataFrame:
+    """Mean and largest absolute cut error in ms by method: columns `mean_ms`, `max_ms`, index `method`."""
+    both_ends = errors.melt("method", ["start_error_s", "end_error_s"], value_name="error_s").dropna()
+    by_method = (1e3 * both_ends["error_s"].abs()).groupby(both_ends["method"])
+    table = pd.DataFrame({"mean_ms": by_method.mean(), "max_ms": by_method.max()})
+    return table.reindex([method for method in METHODS if method in table.index])
+
+
+def aligned_segments(
+    demonstrations: Sequence[Demonstration],
+    segmentation: Segmentation,
+    primitive: str,
+    method: str,
+    axis: str,
+) -> tuple[np.ndarray, list[str]]:
+    """Position along an axis of one primitive in all demonstrations, on normalised time.
+
+    Args:
+        demonstrations: the complete ones.
+        segmentation: of these demonstrations.
+        primitive: which.
+        method: which estimate of the cut points.
+        axis: `x`, `y`, `z` or `xyz`.
+
+    Returns:
+        (L, SPREAD_SAMPLES, D) m, and the names of the L demonstrations.
+    """
+    cuts = segmentation.result(primitive, method)
+    curves, names = [], []
+    for demonstration in demonstrations:
+        if demonstration.name in cuts.index:
+            start, end = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)
+            times = np.linspace(start, max(end, start), SPREAD_SAMPLES)
+            position = demonstration.position[:, AXES[axis]]
+            columns = [np.interp(times, demonstration.time, column) for column in position.T]
+            curves.append(np.column_stack(columns))
+            names.append(demonstration.name)
+    return np.array(curves), names
+
+
+def aligned_spread_mm(
+    demonstrations: Sequence[Demonstration],
+    segmentation: Segmentation,
+    primitive: str,
+    method: str,
+    axis: str,
+) -> float:
+    """Mean distance in mm between pairs of aligned segments, each relative to its own mean position.
+
+    The mean is taken off since demonstrations may lie apart in space, which is no fault of the cuts.
+    """
+    curves, _ = aligned_segments(demonstrations, segmentation, primitive, method, axis)
+    return 1e3 * metrics.pairwise_spread(curves - curves.mean(axis=1, keepdims=True))
+
+
+def distances_to_reference_mm(
+    demonstrations: Sequence[Demonstration],
+    segmentation: Segmentation,
+    primitive: str,
+    method: str,
+    axis: str,
+) -> pd.Series:
+    """Mean distance in mm of each aligned segment from the reference's, each relative to its own mean.
+
+    One number per demonstration, so that two methods can be compared in pairs; `aligned_spread_mm` is one
+    number for them all.
+
+    Returns:
+        Distances, index demonstration, without the reference.
+    """
+    curves, names = aligned_segments(demonstrations, segmentation, primitive, method, axis)
+    curves = curves - curves.mean(axis=1, keepdims=True)
+    reference = curves[names.index(segmentation.reference)]
+    distances = 1e3 * np.linalg.norm(curves - reference, axis=-1).mean(axis=1)
+    return pd.Series(distances, index=names).drop(segmentation.reference)
+
+
+def downsampling_effect(
+    demonstrations: Sequence[Demonstration], parameters: SegmentParameters, factors: Sequence[int]
+) -> pd.DataFrame:
+    """Cut points with the alignment down-sampled by several factors (appendix C).
+
+    Args:
+        demonstrations: the complete ones.
+        parameters: of the segmentation; its `downsampling` is replaced.
+        factors: g.
+
+    Returns:
+        One row per factor: `factor`, `work` (cells of the warping table relative to the first factor, counted
+        and not timed: `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut
+        points against the first factor's.
+    """
+    results = {}
+    for factor in factors:
+        segmentation = cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
+        cuts = segmentation.cuts[segmentation.cuts["method"] == RESULT]
+        results[factor] = cuts.set_index(["demonstration", "primitive"])[["start_s", "end_s"]]
+    rows = []
+    for factor, ends in results.items():
+        shift = 1e3 * (ends - results[factors[0]]).dropna().abs().to_numpy()  # those that both could cut
+        rows.append(
+            {
+                "factor": factor,
+                "work": (factors[0] / factor) ** 2,
+                "mean_shift_ms": shift.mean(),
+                "max_shift_ms": shift.max(),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+@dataclass(frozen=True)
+class Dwells:
+    """How a single movement is set into a longer recording, to know its true cut points.
+
+    Attributes:
+        shortest_s, longest_s: range of the rests before and after it.
+        noise_hz: cut-off of the smooth noise on everything.
+    """
+
+    shortest_s: float
+    longest_s: float
+    noise_hz: float
+
+
+def between_dwells(
+    demonstration: Demonstration, dwells: Dwells, noise_m: float, rng: np.random.Generator
+) -> Demonstration:
+    """A movement between two rests of random length, with smooth Gaussian noise on the whole.
+
+    Args:
+        demonstration: the movement alone.
+        dwells: see there.
+        noise_m: std of the noise per axis in m.
+        rng: draws the rests first, so that they do not depend on the noise.
+
+    Returns:
+        Positions only, with the movement as the one true segment.
+    """
+    dt = demonstration.dt
+    before, after = (int(s / dt) for s in rng.uniform(dwells.shortest_s, dwells.longest_s, 2))
+    position = np.pad(demonstration.position, ((before, after), (0, 0)), mode="edge")
+    margin = int(np.ceil(4.0 / (dwells.noise_hz * dt)))  # the filter's transients are cut off
+    white = rng.standard_normal((len(position) + 2 * margin, 3))
+    smooth = signals.low_pass(white, dt, dwells.noise_hz)[margin:-margin]
+    position = position + noise_m * smooth / smooth.std(axis=0)
+    true_segment = dt * np.array([[before, before + len(demonstration.time) - 1]])
+    return Demonstration(
+        name=demonstration.name,
+        time=dt * np.arange(len(position)),
+        position=position,
+        true_segments=true_segment,
+        provenance={**demonstration.provenance, "rests and noise": "added by simulation"},
+    )

@@ -1,0 +1,201 @@
+"""Training and evaluation of all latent spaces and dynamics, over seeds (II.4.2 to II.4.5).
+
+The seeds are spread over a few stacks, one process each, always the same seeds together: what comes out does
+not depend on the number of cores.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pandas as pd
+import torch
+from pydantic import Field, PositiveInt
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
+from structlearn.ground.params import Parameters
+from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
+from structlearn.tactile.geodesics import Geodesics
+from structlearn.tactile.latent_evaluation import (
+    ChainData,
+    SplitData,
+    direction_errors,
+    forward_errors,
+    latent_errors,
+    latent_map,
+)
+from structlearn.tactile.latent_models import LatentModels, NetworkParameters
+from structlearn.tactile.latent_training import (
+    CHAIN_STEPS,
+    LatentTrainingParameters,
+    Pairs,
+    TrainingData,
+    draw_pairs,
+    train,
+    training_data,
+)
+from structlearn.tactile.touch_dataset import (
+    STRIDES,
+    TEST,
+    TEST_STRIDE,
+    TRAIN,
+    VALIDATION,
+    Chains,
+    TouchDataset,
+    chains,
+)
+from structlearn.tactile.units import TouchUnits, touch_units
+
+SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}
+"""Splits by their names in tables."""
+
+
+class LatentParameters(Parameters):
+    """What is trained, and how it is compared.
+
+    Attributes:
+        seeds: of the latent spaces with and without structure, and their dynamics.
+        stacks: the seeds train in so many processes.
+        map_unit_m: m on the skin per unit of the latent map; the losses then are of comparable size.
+        networks: sizes.
+        training: of all of them.
+        pair_pool: pairs of samples from which the batches are drawn.
+        evaluation_pairs: pairs per split on which map and geodesic distances are compared (II.4.3).
+        longest_chain: steps of prediction to which the forward models are tested.
+    """
+
+    seeds: PositiveInt = 6
+    stacks: PositiveInt = 2
+    map_unit_m: float = Field(default=0.01, gt=0)
+    networks: NetworkParameters = NetworkParameters()
+    training: LatentTrainingParameters = LatentTrainingParameters()
+    pair_pool: PositiveInt = 1_000_000
+    evaluation_pairs: PositiveInt = 10_000
+    longest_chain: int = Field(default=8, ge=3)
+
+
+@dataclass(frozen=True)
+class LatentComparison:
+    """What came out.
+
+    Attributes:
+        models: all of them, of all seeds.
+        units: that they see touch in.
+        latent: `latent_evaluation.latent_errors`.
+        forward: `latent_evaluation.forward_errors` on the test split.
+        directions: `latent_evaluation.direction_errors` on the test split.
+        curve: key figures of the three while they trained, on the test split: `step`, `structure`, `seed`,
+            `quantity`, `value`.
+        latent_map: `latent_evaluation.latent_map` of the first seed.
+    """
+
+    models: LatentModels
+    units: TouchUnits
+    latent: pd.DataFrame
+    forward: pd.DataFrame
+    directions: pd.DataFrame
+    curve: pd.DataFrame
+    latent_map: pd.DataFrame
+
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The tables by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
+
+
+def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
+    """Train all models and evaluate them.
+
+    Args:
+        dataset: samples of touch.
+        geodesics: bins of them and their distances.
+        parameters: see there.
+
+    Raises:
+        InputError: a split or a bin has too few samples, no contact is long enough for a chain to train on or
+            to test on, or a signal never changes.
+    """
+    rng = np.random.default_rng(parameters.training.seed)
+    taught = _chains(dataset, CHAIN_STEPS, STRIDES, "train")
+    units = touch_units(dataset, taught, parameters.map_unit_m)
+    pairs = draw_pairs(dataset, geodesics, TRAIN, parameters.pair_pool, rng)
+    data = training_data(dataset, pairs, taught, units)
+    splits = {}
+    for name, split in SPLITS.items():
+        compared = draw_pairs(dataset, geodesics, split, parameters.evaluation_pairs, rng)
+        splits[name] = _split_data(data, dataset.split == split, compared, units)
+    tested = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
+    groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
+    work = [
+        (tuple(group.tolist()), data, splits, _chain_data(data, tested, units), parameters)
+        for group in groups
+    ]
+    stacks, latent, forward, directions, curves = zip(
+        *parallel_map(_learned, work, "latent spaces", local=True), strict=True
+    )
+    tables = [pd.concat(parts, ignore_index=True) for parts in (latent, forward, directions, curves)]
+    models = LatentModels.joined(stacks)
+    return LatentComparison(models, units, *tables, latent_map(models, data.signals, dataset))
+
+
+def _learned(
+    work: tuple[tuple[int, ...], TrainingData, dict[str, SplitData], ChainData, LatentParameters],
+) -> tuple[LatentModels, pd.DataFrame, pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+    seeds, data, splits, tested, parameters = work
+    training = parameters.training
+    generator = seeded(training.seed * 1000 + seeds[0])
+    models = LatentModels.initial(seeds, data.signals.shape[1], parameters.networks, generator)
+    curve = []
+    with one_thread():
+        for step in train(models, data, training):
+            curve.append(_point(models, splits["test"], tested, training.action_penalty).assign(step=step))
+        latent = latent_errors(models, splits)
+        forward = forward_errors(models, tested)
+        directions = direction_errors(models, tested, training.action_penalty)
+    return models.detached(), latent, forward, directions, pd.concat(curve, ignore_index=True)
+
+
+def _point(models: LatentModels, split: SplitData, tested: ChainData, penalty: float) -> pd.DataFrame:
+    """Key figures of a stack on the test split: `structure`, `seed`, `quantity`, `value`."""
+    keys = ["structure", "seed"]
+    latent = latent_errors(models, {"test": split}).melt(
+        keys, ["reconstruction", "distances", "pressure"], "quantity"
+    )
+    forward = forward_errors(models, tested).query("steps == 3 and forward != 'unchanged'")
+    forward = forward.assign(quantity="forward " + forward["forward"] + "-" + forward["trained_with"])
+    asked = direction_errors(models, tested, penalty).query("comparison == 'encoder'")
+    asked = asked.assign(quantity="direction " + asked["inverse"] + "-" + asked["trained_with"])
+    asked = asked.groupby([*keys, "quantity"], as_index=False)["distance"].mean()
+    columns = [*keys, "quantity", "value"]
+    return pd.concat(
+        [
+            latent[columns],
+            forward.rename(columns={"nmse": "value"})[columns],
+            asked.rename(columns={"distance": "value"})[columns],
+        ],
+        ignore_index=True,
+    )
+
+
+def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: str) -> Chains:
+    """Chains of a split, of which there must be some."""
+    found = chains(dataset, length, strides, SPLITS[split])
+    if not len(found):
+        needed = length * min(strides) / float(dataset.rate_hz)
+        raise InputError(
+            f"touch: a chain of {length} steps needs a contact that stays pressed for {needed:.2f} s; the "
+            f"{split} split has none"
+        )
+    return found
+
+
+def _split_data(data: TrainingData, rows: np.ndarray, pairs: Pairs, units: TouchUnits) -> SplitData:
+    chosen = torch.from_numpy(np.flatnonzero(rows))
+    first, second = (data.signals[torch.from_numpy(found)] for found in (pairs.first, pairs.second))
+    geodesic = as_tensor(pairs.distance / units.length)
+    return SplitData(data.signals[chosen], data.pressure[chosen], first, second, geodesic)
+
+
+def _chain_data(data: TrainingData, found: Chains, units: TouchUnits) -> ChainData:
+    rows, time_step = torch.from_numpy(found.rows), as_tensor(found.time_step)
+    return ChainData(data.signals, rows, as_tensor(found.actions / units.action_scale), time_step)

@@ -1,0 +1,293 @@
+"""Training of latent spaces and their dynamics, all variants and seeds at once (II.3.5, II.4.1.3).
+
+Two optimisers run in parallel, step by step: one on the autoencoders (eq. II.23), one on the dynamics
+(eq. II.24), which see the encoders as they are at that step and do not change them. Every seed has batches of
+its own; the variants of one seed see the same batches, so that their differences are paired.
+
+The learning rate falls to zero along half a cosine. The dissertation says nothing of a schedule; without one
+RMSProp's last steps are as large as its first, and the errors of one step are a matter of luck.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from pydantic import Field, PositiveInt
+from torch import Tensor
+from tqdm import tqdm
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.networks.torch_settings import as_tensor
+from structlearn.tactile.autoencoder import latent_losses
+from structlearn.tactile.forward_dynamics import chained
+from structlearn.tactile.geodesics import Geodesics
+from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
+from structlearn.tactile.latent_models import FORWARD_OF, TRAINED_WITH, LatentModels
+from structlearn.tactile.touch_dataset import Chains, TouchDataset
+from structlearn.tactile.units import TouchUnits
+
+CHAIN_STEPS = 3
+"""Actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)."""
+
+DRAWN_AT_ONCE = 100
+"""Steps whose batches are drawn in one call."""
+
+SHORTEST_ACTION = 1e-6
+"""Floor of the length by which an action is divided, in the networks' units."""
+
+
+class LossWeights(Parameters):
+    """Weights of the losses (eq. II.23, II.24), for quantities in the units of `TouchUnits`.
+
+    Attributes:
+        reconstruction: w_AER.
+        distances: w_MDS.
+        pressure: w_CDP.
+        forward: w_LFD.
+        inverse: w_ID.
+    """
+
+    reconstruction: float = Field(default=1.0, ge=0)
+    distances: float = Field(default=10.0, ge=0)
+    pressure: float = Field(default=2.0, ge=0)
+    forward: float = Field(default=100.0, ge=0)
+    inverse: float = Field(default=1.0, ge=0)
+
+
+class LatentTrainingParameters(Parameters):
+    """How latent spaces and dynamics are trained.
+
+    Attributes:
+        steps: of both optimisers.
+        batch_size: pairs of samples, and chains, per model and step.
+        learning_rate: of RMSProp at the start; it falls to zero.
+        decay: of RMSProp's running mean of squared gradients.
+        weights: of the losses.
+        action_penalty: beta of the inverse models (eq. II.12), in the units of `TouchUnits`.
+        evaluate_every: steps between two points of the learning curve.
+        seed: of initial weights and batches.
+    """
+
+    steps: PositiveInt = 6000
+    batch_size: PositiveInt = 128
+    learning_rate: float = Field(default=5e-3, gt=0)
+    decay: float = Field(default=0.99, gt=0, lt=1)
+    weights: LossWeights = LossWeights()
+    action_penalty: float = Field(default=0.01, gt=0)
+    evaluate_every: PositiveInt = 500
+    seed: int = Field(default=0, ge=0)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of samples with their distance on the skin.
+
+    Attributes:
+        first: (K,) rows of the dataset.
+        second: (K,) rows of the dataset.
+        distance: (K,) m.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    distance: np.ndarray
+
+
+def draw_pairs(
+    dataset: TouchDataset, geodesics: Geodesics, split: int, count: int, rng: np.random.Generator
+) -> Pairs:
+    """Random pairs of one split; both of a pair are in the same bin, as their distance must be known.
+
+    Args:
+        dataset: the samples.
+        geodesics: bins of them and their distances.
+        split: which samples.
+        count: of pairs, spread evenly over the bins.
+        rng: source of the draws.
+
+    Raises:
+        InputError: a bin has fewer than two samples of the split.
+    """
+    bins = len(geodesics.rows)
+    members = [np.flatnonzero(dataset.split[rows] == split) for rows in geodesics.rows]
+    if min(len(found) for found in members) < 2:
+        raise InputError(f"geodesics: a bin has fewer than two samples of split {split}")
+    parts = []
+    for place, found in enumerate(members):
+        size = count // bins + (place < count % bins)
+        first, second = found[rng.integers(0, len(found), (2, size))]
+        rows = geodesics.rows[place]
+        parts.append((rows[first], rows[second], geodesics.distance[place, first, second]))
+    return Pairs(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What a stack trains on, in the networks' units.
+
+    Attributes:
+        signals: (N, E) of all samples.
+        pressure: (N,) of all samples.
+        pairs: (K, 2) rows.
+        geodesic: (K,) distance of each pair.
+        chains: (L, CHAIN_STEPS + 1) rows.
+        actions: (L, CHAIN_STEPS, 6).
+        time_step: (L,) s.
+    """
+
+    signals: Tensor
+    pressure: Tensor
+    pairs: Tensor
+    geodesic: Tensor
+    chains: Tensor
+    actions: Tensor
+    time_step: Tensor
+
+
+def training_data(dataset: TouchDataset, pairs: Pairs, chains: Chains, units: TouchUnits) -> TrainingData:
+    """Training samples in the networks' units; pairs and chains are of the training split."""
+    return TrainingData(
+        signals=as_tensor(units.signals(dataset.signals)),
+        pressure=as_tensor(units.pressure(dataset.pressure)),
+        pairs=torch.from_numpy(np.stack([pairs.first, pairs.second], axis=1)),
+        geodesic=as_tensor(pairs.distance / units.length),
+        chains=torch.from_numpy(chains.rows),
+        actions=as_tensor(chains.actions / units.action_scale),
+        time_step=as_tensor(chains.time_step),
+    )
+
+
+def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingParameters) -> Iterator[int]:
+    """Train a stack in place; in the pauses the caller may evaluate it.
+
+    Args:
+        models: the stack.
+        data: what it trains on; without chains the dynamics stay as they are.
+        parameters: of the training.
+
+    Yields:
+        Steps done, every `evaluate_every` of them and at the end.
+    """
+    rngs = [np.random.default_rng([parameters.seed, seed]) for seed in models.seeds]
+    descents = [
+        (
+            torch.optim.RMSprop(trained, parameters.learning_rate, parameters.decay, foreach=True),
+            loss,
+            _batches(len(drawn_from), parameters, rngs),
+        )
+        for trained, loss, drawn_from in (
+            (models.autoencoders.parameters(), autoencoder_loss, data.pairs),
+            (models.dynamics_parameters(), dynamics_loss, data.chains),
+        )
+        if len(drawn_from)
+    ]
+    for step in tqdm(range(parameters.steps), desc="latent spaces", leave=False, disable=None):
+        rate = parameters.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / parameters.steps))
+        for optimiser, loss, batches in descents:
+            _descend(optimiser, loss(models, data, next(batches), parameters), rate)
+        done = step + 1
+        if done % parameters.evaluate_every == 0 or done == parameters.steps:
+            yield done
+
+
+def autoencoder_loss(
+    models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
+) -> Tensor:
+    """Loss of the autoencoders (eq. II.23), summed over models: their gradients do not mix.
+
+    Args:
+        models: the stack.
+        data: what it trains on.
+        drawn: (S, B) numbers of pairs, per seed.
+        parameters: of the training.
+    """
+    rows = data.pairs[drawn].transpose(1, 2).flatten(1)  # (S, 2 B): all first ones, then all second ones
+    losses = latent_losses(
+        models.autoencoders,
+        models.for_all(data.signals[rows].transpose(1, 2)),
+        models.for_all(data.pressure[rows]),
+        models.for_all(data.geodesic[drawn]),
+    )
+    weights = parameters.weights
+    structure = weights.distances * losses.distances + weights.pressure * losses.pressure
+    return (weights.reconstruction * losses.reconstruction + models.structured() * structure).sum()
+
+
+def dynamics_loss(
+    models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
+) -> Tensor:
+    """Loss of the dynamics (eq. II.24), summed over models: their gradients do not mix.
+
+    Args:
+        models: the stack; nothing flows back into its encoders.
+        data: what it trains on.
+        drawn: (S, B) numbers of chains, per seed.
+        parameters: of the training.
+    """
+    latents = encoded(models, data.signals, data.chains[drawn])
+    actions = models.for_all(data.actions[drawn].movedim(1, -1)).movedim(1, 0)  # (C, M, 6, B)
+    time_step = models.for_all(data.time_step[drawn])[:, None]
+    step = LatentStep(latents[1], latents[0], actions[0], time_step)
+    forward = inverse = 0.0
+    for name, ways in TRAINED_WITH.items():
+        times = len(ways)
+        predicted = chained(
+            models.forward_stack(name),
+            step.latent.repeat(times, 1, 1),
+            actions[1:].repeat(1, times, 1, 1),
+            time_step.repeat(times, 1, 1),
+        )
+        error = predicted - latents[2:].repeat(1, times, 1, 1)
+        forward = forward + error.square().sum() / drawn.shape[-1]
+    for name, of in FORWARD_OF.items():
+        found = inferred_action(name, models.dynamics(of, name), step, latents[2], parameters.action_penalty)
+        inverse = inverse + direction_loss(found, actions[1])
+    return parameters.weights.forward * forward + parameters.weights.inverse * inverse
+
+
+def encoded(models: LatentModels, signals: Tensor, rows: Tensor) -> Tensor:
+    """Latent states of chains by the encoders as they are, without gradient.
+
+    Args:
+        models: the stack.
+        signals: (N, E).
+        rows: (S, B, C + 1) per seed.
+
+    Returns:
+        (C + 1, M, 3, B).
+    """
+    flat = rows.transpose(1, 2)
+    with torch.no_grad():
+        found = signals.index_select(0, flat.flatten()).unflatten(0, (len(rows), -1)).transpose(1, 2)
+        latent = models.autoencoders.encoder.forward(models.for_all(found))  # (M, 3, (C + 1) B)
+    return latent.unflatten(-1, flat.shape[1:]).movedim(2, 0)
+
+
+def direction_loss(found: Tensor, action: Tensor) -> Tensor:
+    """L_ID (eq. II.22): squared distance to an action (M, 6, B), once the found one has its length.
+
+    It is meant over samples and summed over models.
+    """
+    length = (found.square().sum(dim=1, keepdim=True) + SHORTEST_ACTION**2).sqrt()
+    wanted = action.square().sum(dim=1, keepdim=True).sqrt()
+    return (found / length * wanted - action).square().sum() / action.shape[-1]
+
+
+def _batches(
+    count: int, parameters: LatentTrainingParameters, rngs: Sequence[np.random.Generator]
+) -> Iterator[Tensor]:
+    """Batches (S, B) of random numbers below `count`, each seed's from its own generator."""
+    while True:
+        shape = (DRAWN_AT_ONCE, parameters.batch_size)
+        yield from torch.from_numpy(np.stack([rng.integers(0, count, shape) for rng in rngs], axis=1))
+
+
+def _descend(optimiser: torch.optim.Optimizer, loss: Tensor, rate: float) -> None:
+    """One step down the gradient of a loss."""
+    for group in optimiser.param_groups:
+        group["lr"] = rate
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()

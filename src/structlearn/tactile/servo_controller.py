@@ -1,0 +1,161 @@
+"""Tactile servoing at run time: the action that brings the wanted touch (II.3.5).
+
+    servo = TactileServo(models, units, structure=True, parameters=ServoParameters(), rate_hz=100 / 31)
+    target = servo.encode(wanted_signals)
+    memory = servo.start(servo.encode(signals))
+    while True:
+        action, memory = servo.act(servo.encode(signals), target, memory)
+
+All seeds of a stack act at once, each on trials of its own: arrays are (S, T, ...), seeds and trials. Numbers
+go in and out as numpy arrays in SI units and counts; inside, everything is in double precision.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import torch
+from pydantic import Field, PositiveInt
+from torch import Tensor
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.tactile.inverse_dynamics import (
+    NEGATIVE_GRADIENT,
+    LatentStep,
+    affine_dynamics,
+    inferred_action,
+    receding_horizon_action,
+)
+from structlearn.tactile.latent_models import FORWARD_OF, NO_INVERSE, STRUCTURES, LatentModels
+from structlearn.tactile.units import TouchUnits
+
+
+class ServoParameters(Parameters):
+    """Which inverse model acts, and how far it may go.
+
+    Attributes:
+        inverse: LL, NG or NJ (II.3.5).
+        trained_with_inverse: take the forward model that was trained with the loss of this inverse model.
+        action_penalty: beta (eq. II.12), in the networks' units.
+        gradient_gain: alpha of NG (eq. II.14), in the networks' units.
+        largest_action: bound of |a|, in root mean squares of the demonstrated actions; longer ones are
+            shortened and keep their direction.
+        horizon: steps ahead for LL and NJ; 1 is the dissertation.
+    """
+
+    inverse: Literal["LL", "NG", "NJ"] = "NJ"
+    trained_with_inverse: bool = True
+    action_penalty: float = Field(default=0.01, gt=0)
+    gradient_gain: float = Field(default=10.0, gt=0)
+    largest_action: float = Field(default=3.0, gt=0)
+    horizon: PositiveInt = 1
+
+
+@dataclass(frozen=True)
+class ServoMemory:
+    """The step before, which NJ linearises about, in the networks' units.
+
+    Attributes:
+        latent: (S, T, 3) z_t-1.
+        action: (S, T, 6) a_t-1.
+    """
+
+    latent: np.ndarray
+    action: np.ndarray
+
+
+class TactileServo:
+    """Controllers of all seeds of a stack, for latent spaces with or without structure.
+
+    Args:
+        models: trained models.
+        units: that they see touch in.
+        structure: whether the latent space has structure.
+        parameters: of the controller.
+        rate_hz: actions per second; the models were trained for about 3.
+
+    Raises:
+        InputError: NG has no longer horizon.
+    """
+
+    def __init__(
+        self,
+        models: LatentModels,
+        units: TouchUnits,
+        structure: bool,
+        parameters: ServoParameters,
+        rate_hz: float,
+    ) -> None:
+        """See the class."""
+        if parameters.inverse == NEGATIVE_GRADIENT and parameters.horizon > 1:
+            raise InputError("servo: the negative gradient looks one step ahead, its horizon must be 1")
+        count = len(models.seeds)
+        first = STRUCTURES.index(structure) * count
+        chosen = slice(first, first + count)
+        arrays = {name: values.double() for name, values in models.to_arrays().items()}
+        models = LatentModels.from_arrays(models.seeds, arrays)
+        way = parameters.inverse if parameters.trained_with_inverse else NO_INVERSE
+        self.seeds, self.units, self.parameters = models.seeds, units, parameters
+        self._encoder = models.autoencoders.encoder.part(chosen)
+        self._decoder = models.autoencoders.decoder.part(chosen)
+        self._dynamics = models.dynamics(FORWARD_OF[parameters.inverse], way).part(chosen)
+        self._time_step = torch.tensor([1.0 / rate_hz], dtype=torch.float64)
+
+    def encode(self, signals: np.ndarray) -> np.ndarray:
+        """Latent states (S, T, 3) of signals (S, T, E), counts less their offset, low-passed."""
+        return _array(self._encoder.forward(_tensor(self.units.signals(signals))))
+
+    def decode(self, latent: np.ndarray) -> np.ndarray:
+        """Signals (S, T, E) counts of latent states (S, T, 3)."""
+        return (
+            _array(self._decoder.forward(_tensor(latent))) * self.units.signal_scale + self.units.signal_mean
+        )
+
+    def start(self, latent: np.ndarray) -> ServoMemory:
+        """Memory at the start, after a rest: the latent states (S, T, 3) were the same, the action was 0."""
+        return ServoMemory(latent, np.zeros((*latent.shape[:-1], len(self.units.action_scale))))
+
+    @torch.no_grad()
+    def act(
+        self, latent: np.ndarray, target: np.ndarray, memory: ServoMemory
+    ) -> tuple[np.ndarray, ServoMemory]:
+        """The next action.
+
+        Args:
+            latent: (S, T, 3) z_t.
+            target: (S, T, 3) z_T.
+            memory: of the step before; if another action was done than the one given out, see `remembered`.
+
+        Returns:
+            Actions (S, T, 6), m/s and rad/s in the frame of the finger, and the memory for the next step.
+        """
+        step = LatentStep(_tensor(latent), _tensor(memory.latent), _tensor(memory.action), self._time_step)
+        found = _array(self._unbounded(step, _tensor(target)))
+        length = np.linalg.norm(found, axis=-1, keepdims=True)
+        bounded = found * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
+        return bounded * self.units.action_scale, ServoMemory(latent, bounded)
+
+    def remembered(self, latent: np.ndarray, action: np.ndarray) -> ServoMemory:
+        """Memory of a step that was done otherwise: latent states (S, T, 3) and actions (S, T, 6) in SI."""
+        return ServoMemory(latent, action / self.units.action_scale)
+
+    def _unbounded(self, step: LatentStep, target: Tensor) -> Tensor:
+        chosen = self.parameters
+        if chosen.horizon > 1:
+            dynamics = affine_dynamics(chosen.inverse, self._dynamics, step)
+            return receding_horizon_action(
+                dynamics, step.latent, target, self._time_step, chosen.action_penalty, chosen.horizon
+            )
+        found = inferred_action(chosen.inverse, self._dynamics, step, target, chosen.action_penalty)
+        return chosen.gradient_gain * found if chosen.inverse == NEGATIVE_GRADIENT else found
+
+
+def _tensor(values: np.ndarray) -> Tensor:
+    """(S, T, D) array -> (S, D, T) tensor."""
+    return torch.from_numpy(np.asarray(values, dtype=np.float64)).transpose(1, 2)
+
+
+def _array(values: Tensor) -> np.ndarray:
+    """The inverse of `_tensor`."""
+    return values.transpose(1, 2).numpy()

@@ -1,0 +1,146 @@
+"""What demonstrations of touch say about a skin: samples, and chains of actions between them (II.4.1)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.ground import quaternion
+from structlearn.ground.artefacts import read_tensors, write_tensors
+from structlearn.ground.errors import InputError
+
+TRAIN, VALIDATION, TEST = 0, 1, 2
+"""Numbers of the splits."""
+
+ROTATION, TRANSLATION, OTHER = 0, 1, 2
+"""Numbers of the motions that were demonstrated."""
+
+STRIDES = (29, 30, 31, 32, 33)
+"""Samples per step of prediction while learning: 100 Hz / 29 to 100 Hz / 33 (II.4.1.1)."""
+
+TEST_STRIDE = 31
+"""The same for evaluation."""
+
+ACTION_DIMENSIONS = 6
+
+
+@dataclass(frozen=True)
+class TouchDataset:
+    """N samples with something on a skin of E electrodes, one contact after the other.
+
+    A contact is what lies between touching and lifting. Its rows are successive samples of a uniform clock.
+    Splits are by contact, so that no sample of a split has its neighbour in another.
+
+    Attributes:
+        signals: (N, E) counts less their offset, after the low-pass; float32, as all numbers here.
+        pressure: (N,) counts, p = -mean of the signals.
+        contact_point: (N, 3) m, estimated from the signals, on the skin, frame of the finger.
+        velocity: (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass.
+        orientation: (N, 4) of the finger in the base frame, unit quaternions.
+        contact: (N,) number of the contact, rising.
+        pressed: (N,) whether the pressure suffices for the dynamics to be learned from the sample.
+        trial: (N,) number of the demonstration.
+        time: (N,) s since its start.
+        motion: (N,) `ROTATION`, `TRANSLATION` or `OTHER`.
+        split: (N,) `TRAIN`, `VALIDATION` or `TEST`.
+        rate_hz: () samples per second.
+    """
+
+    signals: np.ndarray
+    pressure: np.ndarray
+    contact_point: np.ndarray
+    velocity: np.ndarray
+    orientation: np.ndarray
+    contact: np.ndarray
+    pressed: np.ndarray
+    trial: np.ndarray
+    time: np.ndarray
+    motion: np.ndarray
+    split: np.ndarray
+    rate_hz: np.ndarray
+
+    def __len__(self) -> int:
+        """Number of samples N."""
+        return len(self.pressure)
+
+
+@dataclass(frozen=True)
+class Chains:
+    """K chains of C successive actions; a pair of the text, (s_t-1, a_t-1, s_t, a_t, s_t+1), is one of C = 2.
+
+    Attributes:
+        rows: (K, C + 1) rows of the dataset; action c leads from row c to row c + 1.
+        actions: (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start.
+        time_step: (K,) s per step.
+    """
+
+    rows: np.ndarray
+    actions: np.ndarray
+    time_step: np.ndarray
+
+    def __len__(self) -> int:
+        """Number of chains K."""
+        return len(self.rows)
+
+
+def chains(
+    dataset: TouchDataset, length: int, strides: Sequence[int] = STRIDES, split: int | None = None
+) -> Chains:
+    """All chains within one contact whose samples are pressed (II.4.1.1, II.4.1.2).
+
+    Velocities between two samples are averaged in the base frame, then turned into the frame of the finger
+    (eq. II.25).
+
+    Args:
+        dataset: the samples.
+        length: C, steps per chain.
+        strides: samples per step; chains of all of them are put one after the other.
+        split: only chains of this split; a contact is wholly in one.
+
+    Raises:
+        ValueError: length or a stride is below 1.
+    """
+    if length < 1 or min(strides) < 1:
+        raise ValueError(f"chains need positive lengths and strides, have {length} and {tuple(strides)}")
+    found = [_chains(dataset, length, stride, split) for stride in strides]
+    return Chains(
+        *(np.concatenate([getattr(one, name) for one in found]) for name in ("rows", "actions", "time_step"))
+    )
+
+
+def write_dataset(dataset: TouchDataset, path: str | Path) -> None:
+    """Publish the samples as safetensors."""
+    write_tensors(
+        vars(dataset), path, "samples of touch; fields of structlearn.tactile.touch_dataset.TouchDataset"
+    )
+
+
+def read_dataset(path: str | Path) -> TouchDataset:
+    """Read the samples.
+
+    Raises:
+        InputError: the file is missing, damaged or holds something else.
+    """
+    tensors = read_tensors(path)
+    fields = set(TouchDataset.__dataclass_fields__)
+    if set(tensors) != fields:
+        raise InputError(f"{path}: holds no samples of touch: {', '.join(sorted(set(tensors) ^ fields))}")
+    return TouchDataset(**tensors)
+
+
+def _chains(dataset: TouchDataset, length: int, stride: int, split: int | None) -> Chains:
+    starts = np.arange(max(len(dataset) - length * stride, 0))
+    rows = starts[:, None] + stride * np.arange(length + 1)
+    kept = dataset.contact[rows[:, 0]] == dataset.contact[rows[:, -1]]
+    kept &= dataset.pressed[rows].all(axis=1)
+    if split is not None:
+        kept &= dataset.split[rows[:, 0]] == split
+    rows = rows[kept]
+    total = np.vstack([np.zeros(ACTION_DIMENSIONS), np.cumsum(dataset.velocity, axis=0, dtype=float)])
+    mean = (total[rows[:, 1:]] - total[rows[:, :-1]]) / stride
+    to_finger = quaternion.conjugate(dataset.orientation[rows[:, :-1]])
+    actions = np.concatenate(
+        [quaternion.rotate(to_finger, mean[..., :3]), quaternion.rotate(to_finger, mean[..., 3:])], axis=-1
+    )
+    return Chains(rows, actions.astype(np.float32), np.full(len(rows), stride / float(dataset.rate_hz)))

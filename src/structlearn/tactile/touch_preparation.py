@@ -1,0 +1,197 @@
+"""From recordings of a finger that touches to samples: low-pass, offsets, contacts, splits (II.4.1.1)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from structlearn.ground import quaternion, signals
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.tactile.contact_point import contact_points
+from structlearn.tactile.electrodes import Skin
+from structlearn.tactile.touch_dataset import (
+    OTHER,
+    ROTATION,
+    TEST,
+    TRAIN,
+    TRANSLATION,
+    VALIDATION,
+    TouchDataset,
+)
+
+MOTIONS: Mapping[str | None, int] = {"rotation": ROTATION, "translation": TRANSLATION}
+"""Numbers of what a recording's provenance calls its `motion`; all else is `OTHER`."""
+
+
+class TouchDataParameters(Parameters):
+    """From recorded counts and poses to samples.
+
+    Attributes:
+        rate_hz: samples per second, the electrodes' own rate.
+        cutoff_hz: low-pass of counts and velocities.
+        air_s: at the start of each recording, in the air; the mean of the counts there is their offset.
+        touched_counts: pressure p from which on something touches; in the air a skin that still creeps back
+            keeps up to 8 counts after a contact, so contact points below are of the last contact.
+        pressed_counts: pressure from which on a sample counts in the dynamics.
+        contact_s: shorter contacts are left out.
+        validation_share: of the contacts.
+        test_share: of the contacts.
+        seed: of the splits.
+    """
+
+    rate_hz: float = Field(default=100.0, ge=10, le=1000)
+    cutoff_hz: float = Field(default=1.0, gt=0)
+    air_s: float = Field(default=0.3, gt=0)
+    touched_counts: float = Field(default=10.0, gt=0)
+    pressed_counts: float = Field(default=30.0, gt=0)
+    contact_s: float = Field(default=1.0, gt=0)
+    validation_share: float = Field(default=0.075, gt=0, lt=0.5)
+    test_share: float = Field(default=0.075, gt=0, lt=0.5)
+    seed: int = Field(default=0, ge=0)
+
+    @model_validator(mode="after")
+    def _thresholds_rise(self) -> "TouchDataParameters":
+        if self.pressed_counts < self.touched_counts:
+            raise ValueError("pressed_counts must not be below touched_counts")
+        return self
+
+
+class GuidedTouch(Protocol):
+    """A recording on one uniform clock, as `recordings.Demonstration` is; the finger's pose and counts."""
+
+    name: str
+    position: np.ndarray  # (T, 3) m
+    orientation: np.ndarray | None  # (T, 4)
+    tactile: np.ndarray | None  # (T, E) counts
+    provenance: Mapping[str, str]
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval in s."""
+
+
+def prepare(
+    demonstrations: Sequence[GuidedTouch], skin: Skin, parameters: TouchDataParameters
+) -> TouchDataset:
+    """Samples of all contacts of all demonstrations, in their order.
+
+    Splits are drawn by contact, evenly over the motions.
+
+    Args:
+        demonstrations: with poses of the finger and counts, all at `rate_hz`.
+        skin: that was touched with.
+        parameters: see there.
+
+    Raises:
+        InputError: there is no pose or no touch in a demonstration, its channels are not the skin's, it has
+            another rate, nothing touches in it, it is shorter than the time in the air, or there are fewer
+            than three contacts in all; the message names the demonstration.
+    """
+    parts = []
+    count = 0
+    for trial, demonstration in enumerate(demonstrations):
+        for fields in _contacts(demonstration, skin, parameters):
+            size = len(fields["pressure"])
+            labels = {"contact": count, "trial": trial, "motion": _motion(demonstration)}
+            parts.append(fields | {name: np.full(size, value) for name, value in labels.items()})
+            count += 1
+    if count < 3:
+        raise InputError(f"touch: three splits need three contacts, the recordings have {count}")
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    motions = np.array([part["motion"][0] for part in parts])
+    return TouchDataset(
+        signals=columns["signals"].astype(np.float32),
+        pressure=columns["pressure"].astype(np.float32),
+        contact_point=contact_points(columns["signals"], skin).astype(np.float32),
+        velocity=columns["velocity"].astype(np.float32),
+        orientation=columns["orientation"].astype(np.float32),
+        contact=columns["contact"],
+        pressed=columns["pressure"] >= parameters.pressed_counts,
+        trial=columns["trial"],
+        time=columns["time"].astype(np.float32),
+        motion=columns["motion"],
+        split=splits(motions, parameters)[columns["contact"]],
+        rate_hz=np.array(parameters.rate_hz),
+    )
+
+
+def splits(motions: np.ndarray, parameters: TouchDataParameters) -> np.ndarray:
+    """Split of every contact, (K,), at least one each for validation and test; evenly over motions (K,)."""
+    rng = np.random.default_rng(parameters.seed)
+    order = rng.permutation(len(motions))
+    order = order[np.argsort(motions[order], kind="stable")]
+    split = np.full(len(motions), TRAIN)
+    for number, share in ((TEST, parameters.test_share), (VALIDATION, parameters.validation_share)):
+        left = order[split[order] == TRAIN]
+        size = max(1, round(share * len(motions)))
+        split[left[((np.arange(size) + 0.5) * len(left) / size).astype(int)]] = number
+    return split
+
+
+def _motion(demonstration: GuidedTouch) -> int:
+    return MOTIONS.get(demonstration.provenance.get("motion"), OTHER)
+
+
+def _contacts(
+    demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters
+) -> list[dict[str, np.ndarray]]:
+    """Signals, pressure, velocity, orientation and time of every contact of one demonstration."""
+    _check(demonstration, skin, parameters)
+    dt, cutoff = 1 / parameters.rate_hz, parameters.cutoff_hz
+    air = round(parameters.air_s * parameters.rate_hz)
+    offset = demonstration.tactile[:air].mean(axis=0)
+    signal = signals.low_pass(demonstration.tactile - offset, dt, cutoff)
+    pressure = -signal.mean(axis=1)
+    orientation = quaternion.normalised(
+        signals.low_pass(quaternion.sign_continuous(demonstration.orientation), dt, cutoff)
+    )
+    velocity = np.hstack(
+        [
+            signals.derivative(signals.low_pass(demonstration.position, dt, cutoff), dt),
+            quaternion.angular_velocity(orientation, dt),
+        ]
+    )
+    touched = np.concatenate([[False], pressure >= parameters.touched_counts, [False]])
+    edges = np.diff(touched.astype(int))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    long = ends - starts >= parameters.contact_s * parameters.rate_hz
+    if not long.any():
+        raise InputError(
+            f"{demonstration.name}: nothing touches for {parameters.contact_s:g} s: the pressure, minus the "
+            f"mean of the counts less their offset, is at most {pressure.max():.3g} counts"
+        )
+    whole = {
+        "signals": signal,
+        "pressure": pressure,
+        "velocity": velocity,
+        "orientation": orientation,
+        "time": dt * np.arange(len(signal)),
+    }
+    return [
+        {name: values[start:end] for name, values in whole.items()}
+        for start, end in zip(starts[long], ends[long], strict=True)
+    ]
+
+
+def _check(demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters) -> None:
+    name = demonstration.name
+    if demonstration.tactile is None:
+        raise InputError(f"{name}: has no tactile signal; name its topic in the parameters")
+    if demonstration.orientation is None:
+        raise InputError(f"{name}: has no orientation, without which velocities have no frame of the finger")
+    channels = demonstration.tactile.shape[1]
+    if channels != len(skin.electrodes):
+        raise InputError(
+            f"{name}: has {channels} tactile channels, the skin '{skin.name}' {len(skin.electrodes)}"
+        )
+    if not np.isclose(demonstration.dt * parameters.rate_hz, 1.0, rtol=1e-6):
+        raise InputError(f"{name}: has {1 / demonstration.dt:g} samples per s, not {parameters.rate_hz:g}")
+    if not np.isfinite(demonstration.tactile).all():
+        row, column = np.argwhere(~np.isfinite(demonstration.tactile))[0]
+        value = demonstration.tactile[row, column]
+        raise InputError(f"{name}: row {row}, electrode {column + 1}: value is {value}")
+    shortest = max(parameters.air_s, parameters.contact_s) * parameters.rate_hz
+    if len(demonstration.tactile) < max(shortest, 5):
+        raise InputError(f"{name}: {len(demonstration.tactile)} samples are too few for air and a contact")

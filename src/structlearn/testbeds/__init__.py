@@ -1,0 +1,1 @@
+"""What belongs to one testbed alone; no testbed imports another."""

@@ -1,0 +1,1 @@
+"""Dynamics learning of an arm (chapter III)."""

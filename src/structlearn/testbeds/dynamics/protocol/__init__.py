@@ -1,0 +1,1 @@
+"""Tracking with learned models."""

@@ -1,0 +1,1 @@
+"""The simulated arms and their motions."""

@@ -1,0 +1,153 @@
+"""Joint logs of the simulated arms, and a robot's own log checked against its URDF."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+import structlearn
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.recordings.checks import at_row
+from structlearn.recordings.joint_log import JOINT_STATES, JointLog, read_joint_log
+from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
+from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order
+from structlearn.simulation.arm import Arm, Mechanics, Payload, ideal
+from structlearn.testbeds.dynamics.world.arm_motion import (
+    SineParameters,
+    joint_feedback,
+    run,
+    sine_path,
+    sine_policy,
+)
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, measured_torques, stand_in
+
+SIMULATED = "simulated"
+
+
+class PayloadParameters(Parameters):
+    """A body that the arm picks up while it moves.
+
+    Attributes:
+        mass_kg: its mass.
+        point_m: its centre of mass in the last joint's frame.
+        radius_m: of gyration.
+        at_share: share of the motion after which it is picked up.
+    """
+
+    mass_kg: float = Field(default=1.5, gt=0)
+    point_m: tuple[float, float, float] = (0.0, 0.0, 0.1)
+    radius_m: float = Field(default=0.05, gt=0)
+    at_share: float = Field(default=0.5, gt=0, lt=1)
+
+    @property
+    def body(self) -> Payload:
+        """The body itself."""
+        return Payload(self.mass_kg, self.point_m, self.radius_m)
+
+
+class MotionSourceParameters(Parameters):
+    """Where the log of the robot comes from.
+
+    Attributes:
+        source: `simulated`: the stand-in's; or your robot's own log, an .mcap file or a folder with one.
+        topic: joint states of your log, with position, velocity and effort.
+        max_gap_s: longest hole in your log that is bridged by interpolation.
+        payload: picked up by the simulated arm in a log of its own.
+    """
+
+    source: str = Field(default=SIMULATED, min_length=1)
+    topic: str = Field(default=JOINT_STATES, min_length=1)
+    max_gap_s: float = Field(default=0.1, gt=0)
+    payload: PayloadParameters = PayloadParameters()
+
+
+def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:
+    """Sines of the arm as its URDF has it, tracked with that very model (III.4.1)."""
+    return _sine_log("sine", robot, ideal(robot.inertias), motion, {"arm": "as in its URDF"})
+
+
+def stand_in_log(robot: Robot, motion: SineParameters, parameters: StandInParameters) -> JointLog:
+    """Sines of the stand-in for the real robot, tracked with the URDF's model (III.4.2)."""
+    mechanics = stand_in(robot.tree, robot.inertias, parameters)
+    remark = {
+        "arm": "stand-in with friction, ripple, latency and other inertias",
+        "seed": str(parameters.seed),
+    }
+    log = _sine_log("sine", robot, mechanics, motion, remark)
+    return replace(log, torques=measured_torques(log.torques, robot.tree, parameters))
+
+
+def payload_log(robot: Robot, motion: SineParameters, parameters: PayloadParameters) -> JointLog:
+    """Sines of the arm as its URDF has it, which picks up a body that its controller does not know."""
+    tick = round(parameters.at_share * motion.duration_s * motion.rate_hz)
+    remark = {
+        "arm": "as in its URDF",
+        "payload": f"{parameters.mass_kg:g} kg from {tick / motion.rate_hz:g} s on",
+    }
+    return _sine_log("payload", robot, ideal(robot.inertias), motion, remark, parameters.body, tick)
+
+
+def own_log(source: str | Path, topic: str, tree: KinematicTree, max_gap_s: float) -> JointLog:
+    """A robot's own log with the URDF's joints in the URDF's order.
+
+    Args:
+        source: an .mcap file, or a folder with one.
+        topic: its joint states.
+        tree: of the URDF; joints of the log that it lacks are left out.
+        max_gap_s: longest step in s between neighbouring samples.
+
+    Raises:
+        InputError: there is no file, or more than one; it fails `read_joint_log`; a joint of the URDF is not
+            in it, or it has a longer gap.
+    """
+    path = Path(source)
+    if path.is_dir():
+        files = sorted(file for file in path.glob("*.mcap") if not file.name.startswith("."))
+        if len(files) != 1:
+            raise InputError(f"{path}: holds {len(files)} .mcap files, one log of the robot is needed")
+        path = files[0]
+    log = read_joint_log(path, topic)
+    order = joint_order(tree, log.joints, path)
+    steps = np.diff(log.stamps)
+    if steps.max() > max_gap_s * 1e9:
+        row = int(np.argmax(steps))
+        raise InputError(
+            f"{path}: {at_row(row, log.stamps)} is followed by a gap of {steps[row] * 1e-9:.3g} s, "
+            f"longer than max_gap_s = {max_gap_s:g}"
+        )
+    columns = (log.positions[:, order], log.velocities[:, order], log.torques[:, order])
+    return JointLog(log.name, tree.names, log.stamps, *columns, provenance=log.provenance)
+
+
+def _sine_log(
+    name: str,
+    robot: Robot,
+    mechanics: Mechanics,
+    motion: SineParameters,
+    remark: Mapping[str, str],
+    payload: Payload | None = None,
+    take_at: int = -1,
+) -> JointLog:
+    reference = sine_path(robot.tree, motion)
+    feedback = joint_feedback(robot.tree, robot.inertias, motion.feedback)
+    policy = sine_policy(inverse_dynamics(robot.tree, robot.inertias), reference, feedback)
+    ticks = len(reference.q)
+    with Arm(robot.tree, mechanics, 1.0 / motion.rate_hz, payload) as arm:
+        arm.place(reference.q[0], reference.qd[0])
+        moved = run(arm, robot.tree, policy, ticks, robot.model.effortLimit, take_at)
+    if moved.stopped:
+        raise InputError(
+            f"simulated {name}: stopped after {len(moved.q) / motion.rate_hz:.3g} s: {moved.stopped}; "
+            "give the sines less amplitude or longer periods, or the joints more feedback"
+        )
+    stamps = np.round(np.arange(ticks) * (1e9 / motion.rate_hz)).astype(np.int64)
+    provenance = {
+        "origin": "simulated",
+        "generator": f"structlearn {structlearn.__version__}",
+        "robot": robot.name,
+        **remark,
+    }
+    return JointLog(name, robot.tree.names, stamps, moved.q, moved.qd, moved.torques, provenance)

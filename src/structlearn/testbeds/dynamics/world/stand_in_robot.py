@@ -1,0 +1,94 @@
+"""A simulated stand-in for the dissertation's real robot: an arm with what the models of III.4.2 do not know.
+
+Its links are not those of the URDF, its joints rub, its drives ripple, its torque sensors are noisy, and
+torques act a tick after they are commanded. Everything that belongs to a drive scales with its rated torque,
+because larger gears rub and ripple more. No number is chosen to fit an outcome:
+
+* Coulomb friction 0.5 % of the rated torque, viscous friction 0.3 % per rad/s: the recorded Franka Emika
+  Panda has Coulomb friction of 0.2 to 0.6 % in the large joints and 1.4 to 2 % in the small ones, and viscous
+  friction of 0.04 to 0.8 % (least squares of `recorded.dynamics`; its drives are rated 87 and 12 N m).
+* Ripple 0.1 %, noise 0.05 % (std), masses off by 15 % (std of the log), centres of mass by 1.5 cm (std per
+  axis), one tick of latency: assumptions, with no source but judgement.
+"""
+
+import numpy as np
+from pydantic import Field
+
+from structlearn.ground.params import Parameters
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.simulation.arm import Mechanics
+from structlearn.testbeds.dynamics.world.arm_motion import of_joints
+
+
+class StandInParameters(Parameters):
+    """The stand-in; reasons are in the module's header.
+
+    Attributes:
+        seed: of the links' true inertias and of the sensors' noise.
+        rated_n_m: torque of each joint's drive; an arm with fewer joints takes the first ones.
+        viscous_share: viscous friction at 1 rad/s, share of the rated torque.
+        coulomb_share: Coulomb friction, share of the rated torque.
+        ripple_share: amplitude of the ripple, share of the rated torque.
+        noise_share: std of a torque reading, share of the rated torque.
+        ripple_per_turn: periods of the ripple per turn of a joint, two per turn of a harmonic drive's motor.
+        mass_spread: std of the log of a link's mass over the URDF's.
+        centre_spread_m: std per axis of a link's centre of mass about the URDF's.
+        latency_ticks: control ticks between command and torque.
+    """
+
+    seed: int = Field(default=1, ge=0)
+    rated_n_m: tuple[float, ...] = (176.0, 176.0, 110.0, 110.0, 110.0, 40.0, 40.0)
+    viscous_share: float = Field(default=0.003, ge=0)
+    coulomb_share: float = Field(default=0.005, ge=0)
+    ripple_share: float = Field(default=0.001, ge=0)
+    noise_share: float = Field(default=0.0005, ge=0)
+    ripple_per_turn: float = Field(default=320.0, gt=0)
+    mass_spread: float = Field(default=0.15, ge=0)
+    centre_spread_m: float = Field(default=0.015, ge=0)
+    latency_ticks: int = Field(default=1, ge=0, le=20)
+
+
+def stand_in(tree: KinematicTree, default: LinkInertias, parameters: StandInParameters) -> Mechanics:
+    """The stand-in of an arm.
+
+    A link that weighs more is denser: its inertia grows with its mass, and stays that of a real body.
+
+    Args:
+        tree: the arm.
+        default: inertias of its URDF, which the robot's default model believes.
+        parameters: see there.
+
+    Raises:
+        InputError: there are fewer rated torques than joints.
+    """
+    rated = rated_torques(tree, parameters)
+    rng = np.random.default_rng([parameters.seed, 0])
+    count = len(tree.names)
+    factor = np.exp(rng.normal(0.0, parameters.mass_spread, count))
+    shift = rng.normal(0.0, parameters.centre_spread_m, (count, 3))
+    mass = default.mass * factor
+    centre = default.first_moment / default.mass[:, None] + shift
+    inertias = LinkInertias(mass, mass[:, None] * centre, default.inertia * factor[:, None, None])
+    return Mechanics(
+        inertias,
+        viscous=parameters.viscous_share * rated,
+        coulomb=parameters.coulomb_share * rated,
+        ripple=parameters.ripple_share * rated,
+        ripple_waves=parameters.ripple_per_turn / (2.0 * np.pi),
+        latency_steps=parameters.latency_ticks,
+    )
+
+
+def measured_torques(torques: np.ndarray, tree: KinematicTree, parameters: StandInParameters) -> np.ndarray:
+    """Torques (T, n) in N m as the stand-in's sensors report them."""
+    rng = np.random.default_rng([parameters.seed, 1])
+    return torques + parameters.noise_share * rated_torques(tree, parameters) * rng.normal(size=torques.shape)
+
+
+def rated_torques(tree: KinematicTree, parameters: StandInParameters) -> np.ndarray:
+    """Rated torque (n,) in N m of each drive of an arm.
+
+    Raises:
+        InputError: there are fewer rated torques than joints.
+    """
+    return of_joints("rated_n_m", parameters.rated_n_m, tree)

@@ -1,0 +1,1 @@
+"""Reaches past spheres, cubes and cylinders (IV.8)."""

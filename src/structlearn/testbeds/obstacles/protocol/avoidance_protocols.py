@@ -1,0 +1,319 @@
+"""What the avoidance models are put to: known and unseen obstacles (IV.8.4-8.7), and what the text left out.
+
+trained       the scenarios of the demonstrations
+unseen        63 small spheres close round the reach
+moving        the same spheres, crossing the reach just as the hand would be there
+pair          two of them at once
+goal_change   the same spheres while the goal moves
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, PositiveInt, model_validator
+
+from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
+from structlearn.avoidance.avoiding_unroll import AvoidancePaths, GoalChange, no_coupling, unroll
+from structlearn.avoidance.clouds import CloudBatch, cloud_batch, constant_velocity
+from structlearn.avoidance.features import CouplingModel
+from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
+from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
+from structlearn.avoidance.shapes import CLOUD_COUNT, SHAPES, Shape
+from structlearn.ground.params import Parameters
+from structlearn.primitives.position import PositionPrimitive
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.obstacles.protocol import avoidance_scores
+from structlearn.testbeds.obstacles.world.scenarios import (
+    UNSEEN_RADIUS_M,
+    Scenario,
+    unseen_centres,
+    unseen_clouds,
+)
+
+TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE = "trained", "unseen", "moving", "pair", "goal_change"
+PROTOCOLS = (TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE)
+
+NO_MODEL = "none"
+"""The baseline without coupling term."""
+
+LIMITED, PUBLISHED = "limited", "published"
+"""Post-processing: the text's rules with limits at the goal, or alone."""
+
+PAIR_SPACING_M = 0.2
+"""Between the centres of a pair along the reach: nearer ones may leave no way between them."""
+
+
+class AvoidanceEvaluationParameters(Parameters):
+    """How the models are put to the test.
+
+    Attributes:
+        rate_hz: of the unrolls; hits are looked for at every sample.
+        kept_every: of these samples, those whose path is written.
+        speeds_m_s: of moving spheres, half of them to either side.
+        pairs: of spheres.
+        pair_seed: which pairs.
+        goal_change_s: when the goal moves, after the start.
+        goal_shift_m: by how much, in the local frame of the reach.
+        postprocessing: what acts of a model's coupling term.
+    """
+
+    rate_hz: float = Field(default=100.0, ge=25, le=1000)
+    kept_every: PositiveInt = 4
+    speeds_m_s: tuple[float, ...] = (0.1, 0.2)
+    pairs: PositiveInt = 100
+    pair_seed: int = Field(default=0, ge=0)
+    goal_change_s: float = Field(default=0.4, gt=0)
+    goal_shift_m: tuple[float, float, float] = (0.0, 0.1, 0.05)
+    postprocessing: PostprocessingParameters = PostprocessingParameters()
+
+    @model_validator(mode="after")
+    def _limited(self) -> Self:
+        if self.postprocessing.late_factor > avoidance_scores.LATE_FACTOR:
+            raise ValueError(
+                f"late_factor must be at most {avoidance_scores.LATE_FACTOR:g}, where goals are scored"
+            )
+        return self
+
+
+@dataclass(frozen=True)
+class Situations:
+    """A batch of reaches past obstacles.
+
+    Attributes:
+        protocol: one of `PROTOCOLS`.
+        obstacle: shape of the obstacles.
+        numbers: (B,) of the setting, sphere or pair, from 1.
+        obstacles: one or two of each reach.
+        speed: of moving obstacles in m/s, (B,).
+        scenarios: (B,) number of the scenario in the dataset, from 0; None for what was not demonstrated.
+        goal_change: the goal moves.
+    """
+
+    protocol: str
+    obstacle: Shape
+    numbers: np.ndarray
+    obstacles: tuple[CloudBatch, ...]
+    speed: np.ndarray
+    scenarios: np.ndarray | None = None
+    goal_change: GoalChange | None = None
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A coupling model under its name and what it learned from (`learned_models.AvoidanceModels`)."""
+
+    model: str
+    learned_from: str
+    coupling: CouplingModel
+
+
+def situations(
+    scenarios: Sequence[Scenario],
+    baseline: PositionPrimitive,
+    parameters: AvoidanceEvaluationParameters,
+    cloud_count: int = CLOUD_COUNT,
+) -> list[Situations]:
+    """All protocols; the trained one comes shape by shape."""
+    shapes = [shape for shape in SHAPES if any(scenario.shape == shape for scenario in scenarios)]
+    return [
+        *(trained(scenarios, shape, baseline, cloud_count) for shape in shapes),
+        unseen(baseline),
+        moving(baseline, parameters),
+        pairs(baseline, parameters),
+        goal_change(baseline, parameters),
+    ]
+
+
+def trained(
+    scenarios: Sequence[Scenario], shape: Shape, baseline: PositionPrimitive, cloud_count: int = CLOUD_COUNT
+) -> Situations:
+    """The scenarios of one shape, as they were demonstrated."""
+    places = np.array([place for place, scenario in enumerate(scenarios) if scenario.shape == shape])
+    clouds = np.stack([scenarios[place].obstacle.cloud(cloud_count) for place in places])
+    obstacles = cloud_batch(to_local(clouds, baseline))
+    numbers = np.array([scenarios[place].setting for place in places])
+    return Situations(TRAINED, shape, numbers, (obstacles,), np.zeros(len(places)), places)
+
+
+def unseen(baseline: PositionPrimitive) -> Situations:
+    """The grid of spheres round the baseline (IV.8.7)."""
+    clouds = unseen_clouds(baseline.start, baseline.goal)
+    obstacles = cloud_batch(
+        to_local(clouds, baseline),
+        to_local(unseen_centres(baseline.start, baseline.goal), baseline),
+        UNSEEN_RADIUS_M,
+    )
+    count = len(clouds)
+    return Situations(UNSEEN, "sphere", np.arange(1, count + 1), (obstacles,), np.zeros(count))
+
+
+def moving(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
+    """The spheres of the grid crossing the reach: at their place when the baseline is closest to it.
+
+    At each speed those with an even number go to the left, the others to the right.
+    """
+    grid = unseen(baseline)
+    spheres = grid.obstacles[0]
+    path = baseline.unroll(1.0 / parameters.rate_hz)
+    way = np.linalg.norm(to_local(path.position, baseline) - spheres.centre[:, None], axis=-1)
+    passing = path.time[way.argmin(axis=1)]  # (63,)
+    count, speeds = len(passing), np.array(parameters.speeds_m_s)
+    speed = np.repeat(speeds, count)
+    velocity = np.zeros((len(speed), 3))
+    velocity[:, 1] = speed * np.tile(np.where(grid.numbers % 2 == 0, 1.0, -1.0), len(speeds))
+    ahead = velocity * np.tile(passing, len(speeds))[:, None]
+    obstacles = cloud_batch(
+        np.tile(spheres.points, (len(speeds), 1, 1)) - ahead[:, None],
+        np.tile(spheres.centre, (len(speeds), 1)) - ahead,
+        UNSEEN_RADIUS_M,
+        constant_velocity(velocity),
+    )
+    return Situations(MOVING, "sphere", np.tile(grid.numbers, len(speeds)), (obstacles,), speed)
+
+
+def pairs(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
+    """Two spheres of the grid at once, at least `PAIR_SPACING_M` apart along the reach."""
+    spheres = unseen(baseline).obstacles[0]
+    along = spheres.centre[:, 0]
+    first, second = np.nonzero(along[None] - along[:, None] >= PAIR_SPACING_M)
+    rng = np.random.default_rng(parameters.pair_seed)
+    chosen = np.sort(rng.permutation(len(first))[: parameters.pairs])
+    obstacles = tuple(
+        replace(spheres, points=spheres.points[one], centre=spheres.centre[one], radius=spheres.radius[one])
+        for one in (first[chosen], second[chosen])
+    )
+    count = len(chosen)
+    return Situations(PAIR, "sphere", np.arange(1, count + 1), obstacles, np.zeros(count))
+
+
+def goal_change(baseline: PositionPrimitive, parameters: AvoidanceEvaluationParameters) -> Situations:
+    """The grid of spheres, and a goal that moves while the hand is under way."""
+    shift = baseline_axes(baseline) @ np.array(parameters.goal_shift_m)
+    change = GoalChange(parameters.goal_change_s, baseline.goal + shift)
+    return replace(unseen(baseline), protocol=GOAL_CHANGE, goal_change=change)
+
+
+def contenders(models: AvoidanceModels, situation: Situations) -> Iterator[Contender]:
+    """No model, and all that are meant for a situation.
+
+    Demonstrated scenarios: the model of each, of their shape, of all shapes. Others: of every shape, of all.
+    """
+    yield Contender(NO_MODEL, "", no_coupling)
+    shapes = SHAPES if situation.scenarios is None else (situation.obstacle,)
+    for kind, found in models.kinds.items():
+        if situation.scenarios is not None and SETTING in found:
+            yield Contender(kind, SETTING, found[SETTING].take(situation.scenarios))
+        yield from (Contender(kind, name, found[name]) for name in (*shapes, ALL) if name in found)
+
+
+def evaluate(
+    situation: Situations,
+    models: AvoidanceModels,
+    baseline: PositionPrimitive,
+    parameters: AvoidanceEvaluationParameters,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Unroll all contenders.
+
+    Args:
+        situation: where.
+        models: what was learned.
+        baseline: the unhindered reach.
+        parameters: see there.
+
+    Returns:
+        Scores: the columns of `avoidance_scores.scores` per `protocol`, `rules` (post-processing), `model`,
+        `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; trained and unseen obstacles with
+        both kinds of rules.
+        Paths: per sample of the unrolls with the rules `limited` the same keys, `time_s`, positions `x_m`,
+        `y_m`, `z_m` in the base frame and coupling terms `coupling_x`, `coupling_y`, `coupling_z` that acted,
+        local frame, m.
+    """
+    rules = {LIMITED: parameters.postprocessing}
+    if situation.protocol in (TRAINED, UNSEEN):
+        published = {"passed_decay_per_m2": parameters.postprocessing.passed_decay_per_m2}
+        rules[PUBLISHED] = TEXT_ONLY.model_copy(update=published)
+    scores, paths = [], []
+    for contender in contenders(models, situation):
+        keys = situation_keys(situation).assign(model=contender.model, learned_from=contender.learned_from)
+        for name, postprocessing in rules.items():
+            found = unrolled(situation, contender.coupling, baseline, parameters, postprocessing)
+            its = avoidance_scores.scores(found, situation.obstacles)
+            scores.append(pd.concat([keys.assign(rules=name), its], axis=1))
+            if name == LIMITED:
+                paths.append(_path_table(keys, found, parameters.kept_every))
+    return pd.concat(scores, ignore_index=True), pd.concat(paths, ignore_index=True)
+
+
+def unrolled(
+    situation: Situations,
+    coupling: CouplingModel,
+    baseline: PositionPrimitive,
+    parameters: AvoidanceEvaluationParameters,
+    postprocessing: PostprocessingParameters,
+) -> AvoidancePaths:
+    """All reaches of a situation with one model, until the goal is looked at for the last time."""
+    return unroll(
+        baseline,
+        coupling,
+        situation.obstacles,
+        1.0 / parameters.rate_hz,
+        postprocessing,
+        until_factor=avoidance_scores.LATE_FACTOR,
+        goal_change=situation.goal_change,
+    )
+
+
+def situation_keys(situation: Situations) -> pd.DataFrame:
+    """Columns `protocol`, `obstacle`, `scenario` and `speed_m_s` of every reach."""
+    return pd.DataFrame(
+        {
+            "protocol": situation.protocol,
+            "obstacle": situation.obstacle,
+            "scenario": situation.numbers,
+            "speed_m_s": situation.speed,
+        }
+    )
+
+
+def demonstration_scores(
+    sets: Sequence[Sequence[Demonstration]],
+    scenarios: Sequence[Scenario],
+    baseline: PositionPrimitive,
+    cloud_count: int = CLOUD_COUNT,
+) -> pd.DataFrame:
+    """How the demonstrations themselves avoid their obstacles and reach the baseline's goal.
+
+    Returns:
+        The columns of `avoidance_scores.demonstration_scores` per `obstacle`, `scenario` (number of the
+        setting) and `demonstration` (from 1).
+    """
+    rows = []
+    for scenario, its in zip(scenarios, sets, strict=True):
+        cloud = cloud_batch(to_local(scenario.obstacle.cloud(cloud_count), baseline)[None])
+        found = avoidance_scores.demonstration_scores(
+            [one.time for one in its],
+            [to_local(one.position, baseline) for one in its],
+            to_local(baseline.goal, baseline),
+            [cloud] * len(its),
+        )
+        keys = {"obstacle": scenario.shape, "scenario": scenario.setting}
+        numbers = np.arange(1, len(its) + 1)
+        rows.append(pd.concat([pd.DataFrame(keys | {"demonstration": numbers}), found], axis=1))
+    return pd.concat(rows, ignore_index=True)
+
+
+def _path_table(keys: pd.DataFrame, paths: AvoidancePaths, kept_every: int) -> pd.DataFrame:
+    kept = slice(None, None, kept_every)
+    time = paths.path.time[kept]
+    table = keys.iloc[np.repeat(np.arange(len(keys)), len(time))].reset_index(drop=True)
+    table["time_s"] = np.tile(time, len(keys))
+    for prefix, suffix, signal in (
+        ("", "_m", paths.in_base_frame.position),
+        ("coupling_", "", paths.coupling),
+    ):
+        for axis, values in zip("xyz", np.moveaxis(signal[:, kept], -1, 0), strict=True):
+            table[f"{prefix}{axis}{suffix}"] = values.ravel().astype(np.float32)
+    return table

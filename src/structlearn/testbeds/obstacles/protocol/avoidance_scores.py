@@ -1,0 +1,151 @@
+"""How well movements avoid obstacles and reach their goals: the columns of tables IV.1 to IV.3.
+
+The tables' distance to an obstacle is unitless, (|x - centre| - r) / r with the virtual radius r; a movement
+hits when it is 0 or less. That is exact for spheres only; the distance to the closest point of the cloud, in
+metres, stands beside it.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from structlearn.avoidance.avoiding_unroll import AvoidancePaths
+from structlearn.avoidance.clouds import CloudBatch
+from structlearn.avoidance.features import closest_distance
+from structlearn.ground.errors import InputError
+from structlearn.primitives.vector import sample_count
+
+LATE_FACTOR = 1.5
+"""Durations after which the goal is looked at again: the last remains of the forcing term are gone."""
+
+
+def unitless_distance(position: np.ndarray, centre: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
+    """Distance to an obstacle in virtual radii from its virtual surface.
+
+    Args:
+        position: (..., 3) m.
+        centre: (..., 3) m.
+        radius: (...) m.
+
+    Returns:
+        (...), at least -1; a hit where it is not positive.
+    """
+    return (np.linalg.norm(np.subtract(position, centre), axis=-1) - radius) / radius
+
+
+def closest_approaches(
+    time: np.ndarray, position: np.ndarray, obstacles: Sequence[CloudBatch]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Closest approach of each movement to any of its obstacles, moving ones included.
+
+    Args:
+        time: (T,) s since the start; obstacles that move are where they are then.
+        position: (B, T, 3) m in the local frames.
+        obstacles: of the B scenarios.
+
+    Returns:
+        unitless: (B,) see `unitless_distance`.   clearance: (B,) distance to the closest cloud point in m.
+    """
+    unitless, clearance = [], []
+    for obstacle in obstacles:
+        seen = position - obstacle.path(time)  # as if the obstacle had stayed where it was
+        distances = unitless_distance(seen, obstacle.centre[:, None], obstacle.radius[:, None])
+        unitless.append(distances.min(axis=1))
+        clearance.append(closest_distance(seen, obstacle.points[:, None]).min(axis=1))
+    return np.min(unitless, axis=0), np.min(clearance, axis=0)
+
+
+def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch]) -> pd.DataFrame:
+    """One row per scenario of a batch of unrolls.
+
+    Args:
+        paths: unrolled for at least `LATE_FACTOR` durations.
+        obstacles: those they were unrolled with.
+
+    Returns:
+        Columns `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest to the cloud), all over
+        the prescribed duration; `goal_distance_m` at its end, `late_goal_distance_m` at `LATE_FACTOR`
+        durations; `restrained`: share of the samples up to the prescribed end whose coupling term was changed
+        for the goal.
+
+    Raises:
+        InputError: the paths end too early.
+    """
+    dt = paths.path.dt
+    end, late = (sample_count(factor * paths.duration, dt) for factor in (1.0, LATE_FACTOR))
+    if late > len(paths.path.time):
+        raise InputError(
+            f"unrolls of {paths.path.duration:g} s are too short to score: the goal is looked at "
+            f"{LATE_FACTOR:g} durations of {paths.duration:g} s after the start"
+        )
+    position = paths.path.position
+    distance, clearance = closest_approaches(paths.path.time[:end], position[:, :end], obstacles)
+    to_goal = np.linalg.norm(position - paths.goal[:, None], axis=-1)
+    return pd.DataFrame(
+        {
+            "obstacle_distance": distance,
+            "hit": distance <= 0.0,
+            "clearance_m": clearance,
+            "goal_distance_m": to_goal[:, end - 1],
+            "late_goal_distance_m": to_goal[:, late - 1],
+            "restrained": (paths.asked != paths.coupling)[:, :end].any(axis=-1).mean(axis=1),
+        }
+    )
+
+
+def demonstration_scores(
+    times: Sequence[np.ndarray],
+    positions: Sequence[np.ndarray],
+    goals: np.ndarray,
+    obstacles: Sequence[CloudBatch],
+) -> pd.DataFrame:
+    """The same of demonstrations, whose lengths differ.
+
+    Args:
+        times: of each demonstration, (T_i,) s since its start.
+        positions: of each, (T_i, 3) m in the frame of goals and obstacles.
+        goals: (D, 3) or (3,) m.
+        obstacles: of each, batches of one scenario.
+
+    Returns:
+        Columns `obstacle_distance`, `hit`, `clearance_m` and, at its last sample, `goal_distance_m`.
+    """
+    rows = []
+    for time, position, goal, obstacle in zip(
+        times, positions, np.broadcast_to(goals, (len(positions), 3)), obstacles, strict=True
+    ):
+        distance, clearance = closest_approaches(time, position[None], [obstacle])
+        rows.append((distance[0], distance[0] <= 0.0, clearance[0], np.linalg.norm(position[-1] - goal)))
+    return pd.DataFrame(rows, columns=["obstacle_distance", "hit", "clearance_m", "goal_distance_m"])
+
+
+def summary(rows: pd.DataFrame, nmse_train: float | None = None, nmse_test: float | None = None) -> Mapping:
+    """One row of the tables: extremes and means over scenarios.
+
+    Args:
+        rows: of `scores` or `demonstration_scores`, at least one.
+        nmse_train: fit of the model, where there is one.
+        nmse_test: the same held out.
+
+    Returns:
+        `goal_max`, `goal_mean` (m), `obstacle_min`, `obstacle_mean` (unitless), `hits`, `clearance_min_m`,
+        with `late_goal_max` (m) of unrolls and `nmse_train`, `nmse_test` where given.
+
+    Raises:
+        InputError: there are no rows.
+    """
+    if rows.empty:
+        raise InputError("no movements to summarise")
+    row = {
+        "goal_max": float(rows["goal_distance_m"].max()),
+        "goal_mean": float(rows["goal_distance_m"].mean()),
+        "obstacle_min": float(rows["obstacle_distance"].min()),
+        "obstacle_mean": float(rows["obstacle_distance"].mean()),
+        "hits": int(rows["hit"].sum()),
+        "clearance_min_m": float(rows["clearance_m"].min()),
+    }
+    if "late_goal_distance_m" in rows:
+        row["late_goal_max"] = float(rows["late_goal_distance_m"].max())
+    fits = {"nmse_train": nmse_train, "nmse_test": nmse_test}
+    return row | {name: float(value) for name, value in fits.items() if value is not None}

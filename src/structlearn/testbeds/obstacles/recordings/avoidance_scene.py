@@ -1,0 +1,169 @@
+"""The obstacle testbed in recordings: solids and their clouds, hands that reach past them, coupling terms.
+
+Everything is in the base frame. No robot is shown: the hand is a point, as motion capture sees it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+from rerun.components import FillMode
+from scipy.spatial.transform import Rotation
+
+from structlearn.avoidance.shapes import Obstacle
+from structlearn.palette import GREY, LIGHT_GREY, SKY, VERMILION
+from structlearn.testbeds.obstacles.recordings.shown_reaches import Reach, ShownScenario, of_baseline
+from structlearn.testbeds.obstacles.world.scenarios import Scenario
+from structlearn.viewer.rrd import entity, rgba, send_moving_frame, time_column
+
+HIT, FREE = VERMILION, GREY
+"""Colours of obstacles that the baseline hits and of others."""
+
+PERSON, BASELINE = SKY, LIGHT_GREY
+"""Colours of demonstrations and of the baseline."""
+
+PALE = 0.4
+"""Opacity of demonstrations, of which there are many."""
+
+SOLID_OPACITY = 0.35
+"""Of obstacles: the cloud on the far side stays visible."""
+
+ARROW_SCALE = 1.5e-3
+"""Length of an arrow per coupling term, m per m: those of networks are up to 0.15 m long."""
+
+LONGEST_ARROW_M = 0.15
+"""Of longer ones the direction is drawn: the human-inspired model asks for up to 100 times as much."""
+
+ARROW_EVERY = 2
+"""Every how many samples of a path an arrow is drawn."""
+
+
+def send_obstacle(
+    stream: rr.RecordingStream, path: str, solid: Obstacle, cloud: np.ndarray, colour: str
+) -> None:
+    """Log an obstacle at rest: its solid, and its cloud (P, 3) in m, base frame."""
+    pose = {
+        "centers": [solid.centre],
+        "quaternions": [Rotation.from_matrix(solid.rotation).as_quat()],  # x, y, z, w
+        "colors": rgba([colour], SOLID_OPACITY),
+        "fill_mode": FillMode.Solid,
+    }
+    if solid.shape == "cylinder":
+        radius, _, half_height = solid.half_size
+        body = rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
+    else:
+        drawn = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
+        body = drawn(half_sizes=[solid.half_size], **pose)
+    stream.log(f"{path}/solid", body, static=True)
+    stream.log(f"{path}/cloud", rr.Points3D(cloud, colors=rgba([colour]), radii=-1.5), static=True)
+
+
+def send_sphere(
+    stream: rr.RecordingStream,
+    path: str,
+    cloud: np.ndarray,
+    radius: float,
+    indexes: Sequence[rr.TimeColumn],
+    centres: np.ndarray,
+    colours: Sequence[str],
+) -> None:
+    """Log a sphere that changes its place and its colour.
+
+    Args:
+        stream: of the recording.
+        path: of its entity.
+        cloud: (P, 3) m, relative to its centre.
+        radius: m.
+        indexes: the time lines, each with T times.
+        centres: (T, 3) m.
+        colours: T of them.
+    """
+    solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
+    stream.log(f"{path}/solid", solid, static=True)
+    stream.log(f"{path}/cloud", rr.Points3D(cloud, radii=-1.5), static=True)
+    pale = rr.Ellipsoids3D.columns(colors=rgba(colours, SOLID_OPACITY))
+    stream.send_columns(path, indexes, rr.Transform3D.columns(translation=centres))
+    stream.send_columns(f"{path}/solid", indexes, pale)
+    stream.send_columns(f"{path}/cloud", indexes, rr.Points3D.columns(colors=rgba(colours)))
+
+
+def send_places(
+    stream: rr.RecordingStream, path: str, places: Sequence[Scenario], colours: Sequence[str]
+) -> None:
+    """Log where the obstacles of scenarios stand, as small balls with the numbers of their settings."""
+    points = rr.Points3D(
+        [place.obstacle.centre for place in places],
+        colors=rgba(colours),
+        radii=0.012,
+        labels=[f"{place.setting:02d}" for place in places],
+        show_labels=True,
+    )
+    stream.log(path, points, static=True)
+
+
+def send_paths(
+    stream: rr.RecordingStream,
+    path: str,
+    positions: Sequence[np.ndarray],
+    colour: str,
+    opacity: float = 1.0,
+    width: float = 1.0,
+) -> None:
+    """Log whole paths, each (T, 3) m, as lines with a half width in points."""
+    strips = rr.LineStrips3D(list(positions), colors=rgba([colour], opacity), radii=-width)
+    stream.log(path, strips, static=True)
+
+
+def send_hand(
+    stream: rr.RecordingStream, path: str, time: np.ndarray, position: np.ndarray, colour: str
+) -> None:
+    """Log where a hand is over time (T,) in s, as a point (T, 3) in m."""
+    send_moving_frame(stream, path, [time_column(time)], position, None, colour, 0.0)
+
+
+def send_arrows(stream: rr.RecordingStream, path: str, reach: Reach, colour: str) -> None:
+    """Log the coupling term along a whole path."""
+    kept = slice(None, None, ARROW_EVERY)
+    arrows = rr.Arrows3D(
+        origins=reach.position[kept],
+        vectors=arrow_vectors(reach.coupling_in_base[kept]),
+        colors=rgba([colour], 0.8),
+        radii=-0.8,
+    )
+    stream.log(path, arrows, static=True)
+
+
+def send_trail(stream: rr.RecordingStream, path: str, reach: Reach, colour: str) -> None:
+    """Log a reach as it comes about: its hand with the coupling term, and the path that lies behind it."""
+    times = [time_column(reach.time)]
+    send_hand(stream, f"{path}/hand", reach.time, reach.position, colour)
+    stream.log(f"{path}/trail", rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)
+    trails = [reach.position[: max(end, 2)] for end in range(1, len(reach.time) + 1)]
+    stream.send_columns(f"{path}/trail", times, rr.LineStrips3D.columns(strips=trails))
+    stream.log(f"{path}/coupling", rr.Arrows3D.from_fields(colors=rgba([colour]), radii=-1.5), static=True)
+    arrows = rr.Arrows3D.columns(origins=reach.position, vectors=arrow_vectors(reach.coupling_in_base))
+    stream.send_columns(f"{path}/coupling", times, arrows)
+
+
+def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
+    """Vectors in m, (N, 3), that stand for coupling terms (N, 3) in m; see `LONGEST_ARROW_M`."""
+    vectors = ARROW_SCALE * coupling
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
+
+
+def send_scenario(stream: rr.RecordingStream, one: ShownScenario, person_colour: str) -> None:
+    """The obstacle, demonstrated paths, and the baseline."""
+    name, solid, reach = one.scenario.name, one.scenario.obstacle, of_baseline(one.reaches)
+    colour = HIT if reach.hit else FREE
+    send_obstacle(stream, entity(name, "obstacle"), solid, one.cloud, colour)
+    demonstrated = [person.position for person in one.demonstrations]
+    send_paths(stream, entity(name, "demonstrated"), demonstrated, person_colour, PALE)
+    send_paths(stream, entity(name, "baseline", "path"), [reach.position], BASELINE, width=2.0)
+    send_hand(stream, entity(name, "baseline", "hand"), reach.time, reach.position, BASELINE)
+
+
+def scenario_points(one: ShownScenario) -> np.ndarray:
+    """All that a scene of a scenario has to show, (N, 3) m."""
+    paths = [person.position for person in one.demonstrations]
+    return np.concatenate([one.cloud, of_baseline(one.reaches).position, *paths])

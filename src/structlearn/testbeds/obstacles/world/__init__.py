@@ -1,0 +1,1 @@
+"""Where obstacles stand, and the simulated people who reach past them."""

@@ -1,0 +1,291 @@
+"""A simulated person who reaches past obstacles; nothing here knows of coupling terms or of networks.
+
+A reach is of minimum jerk (Flash & Hogan 1985), a little lifted as over a table. Where it would come too near
+to an obstacle, the person picks a side, goes by a via point there with the least additional jerk, and the
+path gives way until the hand's clearance is kept everywhere: descent on a hinge of the obstacle's signed
+distance in the metric of squared jerk (covariant descent, Ratliff et al. 2009). Trials differ in duration,
+lift, end points, clearance, perceived place of the obstacle, side and motor noise.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+import structlearn
+from structlearn.avoidance.shapes import SHAPES, Obstacle
+from structlearn.ground import minimum_jerk
+from structlearn.ground.params import Parameters
+from structlearn.recordings.recording import Recording, Stream
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
+
+PLAN_POINTS = 51
+"""Points of a planned path over its normalised duration; it is smooth, recorded samples are in between."""
+
+FIXED_POINTS = 3
+"""At either end of a plan: place, velocity and acceleration there stay those of rest."""
+
+SIDES = 16
+"""Directions across the reach among which a person picks the side."""
+
+DETOURS_M = np.linspace(0.0, 0.5, 101)
+"""Detours that are tried on each side."""
+
+DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4
+"""Of the descent: it stops when no clearance is missed by more than the tolerance."""
+
+TIGHT = 0.9
+"""Share of the free space at start or goal that is kept where it is less than the clearance."""
+
+NOISE_CORRELATION_S = 0.12
+"""Of motor noise: std of the Gaussian that smooths it; corrections within a reach take 0.1 to 0.3 s."""
+
+EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
+BETWEEN_STARTS_NS = 10_000_000_000
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+"""Orientation of all poses: markers on the hand give a position only."""
+
+
+Seconds = Annotated[float, Field(ge=0, le=10)]
+Spread = Annotated[float, Field(ge=0, le=0.1)]
+
+
+class AvoiderParameters(Parameters):
+    """The person, and the motion capture that records the hand; spreads are std between trials.
+
+    Attributes:
+        baseline_count: demonstrations without obstacle.
+        count: demonstrations per scenario.
+        seed: of the person; with scenario and number it seeds each demonstration on its own.
+        rate_hz: of motion capture.
+        movement_s: median duration of the movement itself.
+        movement_cv: its std of the log; timed movements vary by 5 to 10 %.
+        rest_s: range of the rests before and after it that are recorded as well. Recorded reaches last
+            1.609 s with them; the spread of tau v in the public samples says that 0.7 of that is movement.
+        lift_m: height of the reach above the straight line, halfway.
+        bow_spread_m: of the deviation from the straight line halfway, sideways and upwards.
+        end_spread_m: of start and goal, per axis.
+        clearance_m: of the tracked point on the hand from the obstacle's surface; in the public samples the
+            closest point of an obstacle is never nearer than 0.10 m.
+        clearance_spread: relative.
+        perception_m: of the perceived place of the obstacle, per axis.
+        preferred_deg: side that the person likes best, across the reach: 0 is to the left, 90 upwards.
+        preference_m: a detour there may be so much longer than one at right angles to it. With 0.05
+            neighbouring settings are often passed on different sides, and a network learns the mean of both,
+            which leads into the obstacle.
+        indecision_m: scale of the chance in that choice, as a length of detour.
+        motor_noise_m: std per axis at the fastest moment; in proportion to speed (Harris & Wolpert 1998).
+        marker_noise_m: std per axis of a reading of motion capture.
+    """
+
+    baseline_count: int = Field(default=21, ge=1, le=1000)
+    count: int = Field(default=15, ge=1, le=1000)
+    seed: int = Field(default=1, ge=0)
+    rate_hz: float = Field(default=25.0, ge=10, le=1000)
+    movement_s: float = Field(default=1.2, ge=0.3, le=20)
+    movement_cv: float = Field(default=0.07, ge=0, le=0.4)
+    rest_s: tuple[Seconds, Seconds] = (0.05, 0.35)
+    lift_m: float = Field(default=0.03, ge=0, le=0.3)
+    bow_spread_m: tuple[Spread, Spread] = (0.005, 0.010)
+    end_spread_m: float = Field(default=0.005, ge=0, le=0.05)
+    clearance_m: float = Field(default=0.12, ge=0.01, le=0.3)
+    clearance_spread: float = Field(default=0.08, ge=0, le=0.3)
+    perception_m: float = Field(default=0.003, ge=0, le=0.02)
+    preferred_deg: float = Field(default=90.0, ge=-180, le=180)
+    preference_m: float = Field(default=0.2, ge=0, le=0.5)
+    indecision_m: float = Field(default=0.005, ge=0, le=0.1)
+    motor_noise_m: float = Field(default=0.002, ge=0, le=0.01)
+    marker_noise_m: float = Field(default=0.0003, ge=0, le=0.01)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.rest_s[0] > self.rest_s[1]:
+            raise ValueError("rest_s must be (low, high) with low <= high")
+        return self
+
+
+def demonstrate(
+    scenarios: Sequence[Scenario | None], scene: SceneParameters, person: AvoiderParameters
+) -> list[list[Recording]]:
+    """Demonstrations in several scenarios, as motion capture records them.
+
+    Each depends on the seed, its scenario and its number only, not on what else is asked for.
+
+    Args:
+        scenarios: where; None is the baseline without obstacle.
+        scene: start and goal.
+        person: who, and how often.
+
+    Returns:
+        Per scenario, in order, recordings "01", "02", ... with a pose stream.
+
+    Raises:
+        InputError: an obstacle contains start or goal, or the reach has no direction.
+    """
+    return [_recordings(scenario, scene, person) for scenario in scenarios]
+
+
+def reaches(
+    scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What the hand does in one scenario.
+
+    Args:
+        scenario: None is the baseline without obstacle.
+        scene: start and goal.
+        person: who, and how often.
+
+    Returns:
+        Per demonstration times (T,) s from 0 and measured positions (T, 3) m in the base frame.
+
+    Raises:
+        InputError: as `demonstrate`.
+    """
+    count = person.baseline_count if scenario is None else person.count
+    draws = [np.random.default_rng(seed) for seed in _seeds(scenario, person, count)]
+    axes = reach_frame(scene.start, scene.goal)
+    trials = np.stack([rng.standard_normal(13) for rng in draws])  # a fixed number of draws
+    durations = person.movement_s * np.exp(person.movement_cv * np.clip(trials[:, 0], -2.5, 2.5))
+    bow = np.array([0.0, person.lift_m]) + np.array(person.bow_spread_m) * trials[:, 11:]
+    starts = scene.start + person.end_spread_m * trials[:, 1:4]
+    goals = scene.goal + person.end_spread_m * trials[:, 4:7]
+    plans = _undisturbed(starts, goals, bow @ axes[:, 1:].T)
+    if scenario is not None:
+        check_clear(scenario.obstacle, scene.start, scene.goal)
+        clearance = person.clearance_m * np.exp(person.clearance_spread * trials[:, 7])
+        moved = person.perception_m * trials[:, 8:11]  # seen there instead: the same as a hand that is off
+        chance = np.stack([rng.gumbel(size=SIDES) for rng in draws])
+        seen = plans - moved[:, None]
+        plans = _avoiding(seen, scenario.obstacle, clearance, axes, person, chance) + moved[:, None]
+    return [
+        _moved(plan, duration, rng, person)
+        for plan, duration, rng in zip(plans, durations, draws, strict=True)
+    ]
+
+
+def _seeds(scenario: Scenario | None, person: AvoiderParameters, count: int) -> list[np.random.SeedSequence]:
+    place = (0, 0) if scenario is None else (1 + SHAPES.index(scenario.shape), scenario.setting)
+    return [np.random.SeedSequence([person.seed, *place, number]) for number in range(count)]
+
+
+def _undisturbed(starts: np.ndarray, goals: np.ndarray, bow: np.ndarray) -> np.ndarray:
+    """Minimum-jerk reaches (D, N, 3) from starts (D, 3) to goals (D, 3), bowed by (D, 3) halfway."""
+    s = np.linspace(0.0, 1.0, PLAN_POINTS)[:, None]
+    arch = 64.0 * (s * (1.0 - s)) ** 3  # at rest at both ends, 1 halfway
+    return starts[:, None] + (goals - starts)[:, None] * minimum_jerk.progress(s) + bow[:, None] * arch
+
+
+def _avoiding(
+    paths: np.ndarray,
+    solid: Obstacle,
+    clearance: np.ndarray,
+    axes: np.ndarray,
+    person: AvoiderParameters,
+    chance: np.ndarray,
+) -> np.ndarray:
+    """Paths (D, N, 3) changed with little jerk so that they keep their clearance (D,) from the obstacle."""
+    ends = solid.signed_distance(paths[:, [0, -1]]).min(axis=1)
+    clearance = np.minimum(clearance, TIGHT * ends)[:, None]
+    metric = jerk_metric(PLAN_POINTS)
+    distance = solid.signed_distance(paths)
+    closest = np.clip(distance.argmin(axis=1), FIXED_POINTS, PLAN_POINTS - FIXED_POINTS - 1)
+    each = np.arange(len(paths))
+    detour = _detour(paths[each, closest], solid, clearance, axes, person, chance)
+    hindered = (distance < clearance).any(axis=1)
+    via = metric[closest] / metric[closest, closest][:, None]  # least jerk through the via point
+    paths = paths + np.where(hindered[:, None], detour, 0.0)[:, None] * via[..., None]
+    for _ in range(DESCENT_STEPS):
+        distance, normal = solid.distance_and_normal(paths)
+        missing = np.maximum(clearance - distance, 0.0)  # (D, N)
+        worst = missing.max(axis=1)
+        wanting = worst >= TOLERANCE_M  # the others stay: each as if it were alone
+        if not wanting.any():
+            break
+        step = metric @ (missing[..., None] * normal)
+        longest = np.linalg.norm(step, axis=-1).max(axis=1)
+        rate = DESCENT_RATE * worst * wanting / np.where(wanting, longest, 1.0)
+        paths = paths + rate[:, None, None] * step
+    return paths
+
+
+def _detour(
+    points: np.ndarray,
+    solid: Obstacle,
+    clearance: np.ndarray,
+    axes: np.ndarray,
+    person: AvoiderParameters,
+    chance: np.ndarray,
+) -> np.ndarray:
+    """Displacement (D, 3) of the closest points (D, 3) to the side of least cost with its chance (D, S)."""
+    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    sides = np.outer(np.cos(angle), axes[:, 1]) + np.outer(np.sin(angle), axes[:, 2])  # (S, 3)
+    tried = points[:, None, None] + sides[:, None] * DETOURS_M[:, None]  # (D, S, M, 3)
+    free = solid.signed_distance(tried) >= clearance[..., None]
+    needed = DETOURS_M[np.where(free.any(axis=-1), free.argmax(axis=-1), -1)]  # (D, S)
+    cost = (
+        needed
+        - person.preference_m * np.cos(angle - np.radians(person.preferred_deg))
+        - person.indecision_m * chance
+    )
+    side = cost.argmin(axis=1)
+    return np.take_along_axis(needed, side[:, None], axis=1) * sides[side]
+
+
+@lru_cache
+def jerk_metric(count: int) -> np.ndarray:
+    """How a path with rest at both ends gives way to a push with the least squared jerk.
+
+    Args:
+        count: points of the path.
+
+    Returns:
+        (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
+        rows and columns of the `FIXED_POINTS` at either end are 0.
+    """
+    third = np.diff(np.eye(count), n=3, axis=0)[:, FIXED_POINTS:-FIXED_POINTS]
+    metric = np.zeros((count, count))
+    metric[FIXED_POINTS:-FIXED_POINTS, FIXED_POINTS:-FIXED_POINTS] = np.linalg.inv(third.T @ third)
+    metric /= metric.max()
+    metric.flags.writeable = False
+    return metric
+
+
+def _moved(
+    plan: np.ndarray, duration: float, rng: np.random.Generator, person: AvoiderParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (T,) s and measured positions (T, 3) m of one planned path (N, 3)."""
+    before, after = rng.uniform(*person.rest_s, size=2)
+    time = np.arange(round((before + duration + after) * person.rate_hz) + 1) / person.rate_hz
+    moving = np.clip((time - before) / duration, 0.0, 1.0)
+    path = CubicSpline(np.linspace(0.0, 1.0, PLAN_POINTS), plan)
+    speed = np.linalg.norm(path(moving, 1), axis=1, keepdims=True) * ((moving > 0) & (moving < 1))[:, None]
+    width = NOISE_CORRELATION_S * person.rate_hz
+    motor = gaussian_filter1d(rng.standard_normal((len(time) + 200, 3)), width, axis=0)[100:-100]
+    motor *= np.sqrt(2.0 * np.sqrt(np.pi) * width)  # unit std again
+    noise = person.motor_noise_m * speed / speed.max() * motor
+    return time, path(moving) + noise + person.marker_noise_m * rng.standard_normal((len(time), 3))
+
+
+def _recordings(
+    scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
+) -> list[Recording]:
+    place = "no obstacle" if scenario is None else scenario.name
+    recordings = []
+    for number, (time, position) in enumerate(reaches(scenario, scene, person)):
+        stamps = EPOCH_NS + number * BETWEEN_STARTS_NS + np.round(time * 1e9).astype(np.int64)
+        pose = np.hstack([position, np.broadcast_to(UPRIGHT, (len(time), 4))])
+        provenance = {
+            "origin": "simulated",
+            "generator": "structlearn.testbeds.obstacles.world.reaching_person",
+            "version": structlearn.__version__,
+            "seed": str(person.seed),
+            "setting": place,
+            "orientation": "not recorded",
+        }
+        stream = Stream("/hand/pose", "pose", stamps, pose)
+        recordings.append(Recording(f"{number + 1:02d}", (stream,), None, provenance))
+    return recordings

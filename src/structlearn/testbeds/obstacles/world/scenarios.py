@@ -1,0 +1,216 @@
+"""Where the obstacles stand: 40 settings for each of three shapes, and 63 unseen spheres (IV.8.3, IV.8.7).
+
+The recorded settings are not public. What is known of them is met, more or less: an unhindered reach hits the
+obstacle in 4 of 120 scenarios, 43 of 120 have a dominant axis of avoidance, the mean over scenarios of the
+closest distance is 5 radii (table IV.1), and in the public samples obstacles lie up to 1.1 m along and 0.9 m
+beside the reach, at up to 0.25 m of height difference.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, Shape, obstacle, ringed_sphere
+from structlearn.ground.errors import InputError
+from structlearn.ground.frames import frame_kind, local_frame
+from structlearn.ground.params import Parameters
+from structlearn.primitives.position import SHORTEST_REACH
+
+Metres = tuple[float, float, float]
+
+NEAR_M = (0.15, 0.09)
+"""Half axes of the ellipse across the reach, sideways and upwards, in which near obstacles lie: a hand keeps
+about 0.12 m off, so nearly all of them have to be avoided and a few of them are hit without."""
+
+FAR_ALONG = (-0.6, 1.6)
+"""Range of far obstacles along the reach, in reaches from the start: before it, beside it, beyond it."""
+
+FAR_M = (0.9, 0.2)
+"""Half width sideways and upwards of the box in which far obstacles lie."""
+
+FAR_CLEARANCE_M = 0.25
+"""Between the line of the reach and the centre of a far obstacle: nobody makes a detour for it."""
+
+END_CLEARANCE_M = 0.06
+"""Between start or goal and the surface of any obstacle: a hand has to fit there. The unseen spheres are as
+close. With 0.09 m most of those that networks hit were close to the ends, where nobody had shown any."""
+
+GRID_ALONG = np.array([-1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0]) / 6.0
+"""Seven points from start to goal, the two at the ends pushed one spacing outwards."""
+
+GRID_ACROSS_M = np.array([-0.025, 0.0, 0.025])
+UNSEEN_RADIUS_M = 0.05
+
+
+class SceneParameters(Parameters):
+    """Reach and obstacles.
+
+    Attributes:
+        start_m: where the reach starts, base frame.
+        goal_m: where it ends; recorded reaches are 0.664 m long.
+        settings: positions of the obstacle; each is used with every shape.
+        near_share: of the settings, whose obstacle is near the line of the reach.
+        seed: of the positions.
+    """
+
+    start_m: Metres = (-0.07, 0.35, 0.09)
+    goal_m: Metres = (0.5938, 0.335, 0.1)
+    settings: int = Field(default=40, ge=1, le=1000)
+    near_share: float = Field(default=0.45, ge=0, le=1)
+    seed: int = Field(default=6, ge=0)
+
+    @property
+    def start(self) -> np.ndarray:
+        """(3,) m."""
+        return np.array(self.start_m)
+
+    @property
+    def goal(self) -> np.ndarray:
+        """(3,) m."""
+        return np.array(self.goal_m)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """An obstacle in one of its settings.
+
+    Attributes:
+        setting: number of the position, from 1.
+        obstacle: in the base frame.
+    """
+
+    setting: int
+    obstacle: Obstacle
+
+    @property
+    def shape(self) -> Shape:
+        """Shape of the obstacle."""
+        return self.obstacle.shape
+
+    @property
+    def name(self) -> str:
+        """E.g. `sphere/07`, also the folder of its recordings."""
+        return f"{self.shape}/{self.setting:02d}"
+
+
+def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> list[Scenario]:
+    """All settings with all shapes, shape by shape.
+
+    Args:
+        parameters: reach, number of settings, seed.
+        shapes: which.
+
+    Returns:
+        `len(shapes)` times `settings` scenarios; their order numbers them.
+
+    Raises:
+        InputError: start and goal are too close to each other.
+    """
+    centres, yaws = _positions(parameters)
+    return [
+        Scenario(number, obstacle(shape, centre, yaw))
+        for shape in shapes
+        for number, (centre, yaw) in enumerate(zip(centres, yaws, strict=True), start=1)
+    ]
+
+
+def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Local frame of a reach, as its primitive will have it: x along the reach (IV.6.1).
+
+    A reach along gravity has no z axis closest to up; then y is anchored instead (`frames.frame_kind`).
+
+    Args:
+        start: (3,) m.
+        goal: (3,) m.
+
+    Returns:
+        (3, 3) local to base.
+
+    Raises:
+        InputError: start and goal are nearer than a primitive needs to have a direction.
+    """
+    length = float(np.linalg.norm(np.subtract(goal, start)))
+    if not length >= SHORTEST_REACH:
+        raise InputError(f"a reach of {length:g} m has no direction; it needs at least {SHORTEST_REACH:g} m")
+    return local_frame(start, goal, frame_kind(np.subtract(goal, start), SHORTEST_REACH))
+
+
+def check_clear(solid: Obstacle, start: np.ndarray, goal: np.ndarray) -> None:
+    """Raise InputError if an obstacle contains the start or the goal: no reach can avoid it then."""
+    for end, point in (("start", start), ("goal", goal)):
+        if solid.contains(point):
+            place = ", ".join(f"{value:g}" for value in solid.centre)
+            raise InputError(f"the {solid.shape} at ({place}) m contains the {end} of the reach")
+
+
+def unseen_centres(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Centres of the unseen spheres: a 7 x 3 x 3 grid close round the reach (IV.8.7).
+
+    The author's grid has the axes of his world, along which his reach ran; ours has those of the reach.
+
+    Args:
+        start: (3,) m.
+        goal: (3,) m.
+
+    Returns:
+        (63, 3) m; z changes fastest, the place along the reach slowest.
+
+    Raises:
+        InputError: as `reach_frame`.
+    """
+    axes = reach_frame(start, goal)
+    length = np.linalg.norm(np.subtract(goal, start))
+    grid = np.meshgrid(length * GRID_ALONG, GRID_ACROSS_M, GRID_ACROSS_M, indexing="ij")
+    return start + np.stack(grid, axis=-1).reshape(-1, 3) @ axes.T
+
+
+def unseen_clouds(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Clouds (63, 35, 3) m of the unseen spheres, of radius `UNSEEN_RADIUS_M`."""
+    return ringed_sphere(unseen_centres(start, goal), UNSEEN_RADIUS_M)
+
+
+def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (settings, 3) m in the base frame and turns (settings,) rad about the vertical.
+
+    Positions are drawn until all shapes leave start and goal free. The near ones go evenly along the reach.
+    """
+    start, goal = parameters.start, parameters.goal
+    axes = reach_frame(start, goal)
+    length = float(np.linalg.norm(goal - start))
+    largest = max(max(size) for size in HALF_SIZE_M.values())
+    if length < 2.0 * (END_CLEARANCE_M + largest):
+        raise InputError(f"no obstacle fits between start and goal of a reach of {length:g} m")
+    rng = np.random.default_rng(parameters.seed)
+    near = round(parameters.near_share * parameters.settings)
+    yaws = rng.uniform(0.0, 2.0 * np.pi, parameters.settings)
+    places = []
+    while len(places) < parameters.settings:
+        number = len(places)
+        local = (
+            _near_place(rng, (number + rng.random()) / near, length)
+            if number < near
+            else _far_place(rng, length)
+        )
+        centre = start + axes @ local
+        solids = [obstacle(shape, centre, yaws[number]) for shape in SHAPES]
+        ends = np.stack([start, goal])
+        if min(solid.signed_distance(ends).min() for solid in solids) >= END_CLEARANCE_M:
+            places.append(centre)
+    return np.array(places).reshape(-1, 3), yaws
+
+
+def _near_place(rng: np.random.Generator, along: float, length: float) -> np.ndarray:
+    """Evenly distributed over the ellipse across the reach, (3,) m in the local frame."""
+    radius, angle = np.sqrt(rng.random()), rng.uniform(0.0, 2.0 * np.pi)
+    across = np.array(NEAR_M) * radius * np.array([np.cos(angle), np.sin(angle)])
+    return np.array([length * (0.1 + 0.8 * along), *across])
+
+
+def _far_place(rng: np.random.Generator, length: float) -> np.ndarray:
+    while True:
+        place = np.array([length * rng.uniform(*FAR_ALONG), *(np.array(FAR_M) * rng.uniform(-1.0, 1.0, 2))])
+        beyond = place[0] - np.clip(place[0], 0.0, length)
+        if np.hypot(beyond, np.hypot(place[1], place[2])) >= FAR_CLEARANCE_M:
+            return place

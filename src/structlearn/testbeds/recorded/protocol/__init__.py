@@ -1,0 +1,1 @@
+"""What is asked of each method on recorded data."""

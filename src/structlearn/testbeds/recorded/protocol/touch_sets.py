@@ -1,0 +1,133 @@
+"""Sets of touches to learn latent spaces from: recorded slides and logs of unscrewing, simulated touches.
+
+What the counts mean differs. In the logs of unscrewing they rise under pressure: the contact force that a
+log itself holds rises with their mean (correlation 0.98 and more), so their sign is turned. The slides were
+published as magnitudes of change: none is below zero. Which way an electrode changed is lost, so each is
+taken for pressed, and magnitudes are compared with magnitudes.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from structlearn.ground import quaternion, signals
+from structlearn.ground.errors import InputError
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.tactile.contact_point import contact_points
+from structlearn.tactile.electrodes import Skin
+from structlearn.tactile.geodesics import GeodesicParameters, Geodesics, geodesics
+from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, TouchDataset
+
+RECORDED = (SLIDES, UNSCREWING) = ("slides", "unscrewing")
+SIMULATED = "simulated"
+MAGNITUDES = "simulated, magnitudes"
+"""Simulated touches of which only the magnitudes of the changes are kept, as of the slides."""
+
+
+@dataclass(frozen=True)
+class TouchSet:
+    """Touches of one origin.
+
+    Attributes:
+        name: of the set.
+        samples: all of them; their split does not count.
+        geodesics: bins of them and their distances.
+        groups: per trial, what was touched.
+    """
+
+    name: str
+    samples: TouchDataset
+    geodesics: Geodesics
+    groups: tuple[str, ...]
+
+    def without(self, trials: Sequence[int]) -> TouchDataset:
+        """The samples with these trials as the test split, all others to be learned from."""
+        return replace(self.samples, split=np.where(np.isin(self.samples.trial, trials), TEST, TRAIN))
+
+
+def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: float) -> TouchDataset:
+    """Samples of trials in which something touches from start to end; every trial is one contact.
+
+    Args:
+        demonstrations: with poses and counts less an offset, which rise under pressure.
+        skin: that was touched with.
+        cutoff_hz: low-pass of counts and velocities, as in `tactile.preparation`.
+
+    Raises:
+        InputError: the number of electrodes is not the skin's, or nothing touches in a sample.
+    """
+    parts = []
+    for trial, one in enumerate(demonstrations):
+        orientation = quaternion.normalised(signals.low_pass(one.orientation, one.dt, cutoff_hz))
+        position = signals.low_pass(one.position, one.dt, cutoff_hz)
+        velocity = signals.derivative(position, one.dt), quaternion.angular_velocity(orientation, one.dt)
+        parts.append(
+            {
+                "signals": -signals.low_pass(one.tactile, one.dt, cutoff_hz),
+                "velocity": np.hstack(velocity),
+                "orientation": orientation,
+                "time": one.time,
+                "trial": np.full(len(one.time), trial),
+            }
+        )
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    trial = columns.pop("trial")
+    found = {name: values.astype(np.float32) for name, values in columns.items()}
+    return TouchDataset(
+        **found,
+        pressure=-found["signals"].mean(axis=1),
+        contact_point=contact_points(found["signals"], skin).astype(np.float32),
+        contact=trial,
+        trial=trial,
+        pressed=np.full(len(trial), True),
+        motion=np.full(len(trial), OTHER),
+        split=np.full(len(trial), TRAIN),
+        rate_hz=np.array(1 / demonstrations[0].dt),
+    )
+
+
+def magnitudes(samples: TouchDataset, skin: Skin) -> TouchDataset:
+    """The same touches when the directions of the changes are lost: every electrode is taken for pressed."""
+    found = -np.abs(samples.signals)
+    points = contact_points(found, skin).astype(np.float32)
+    return replace(samples, signals=found, pressure=-found.mean(axis=1), contact_point=points)
+
+
+def touch_sets(
+    slides: Sequence[Demonstration],
+    unscrewing: Sequence[Demonstration],
+    simulated: TouchDataset,
+    skin: Skin,
+    cutoff_hz: float,
+    faulty: Collection[str],
+    parameters: GeodesicParameters,
+) -> list[TouchSet]:
+    """All sets with their distances on the skin.
+
+    Args:
+        slides: named MATERIAL_TRIAL.
+        unscrewing: the logs.
+        simulated: touches of a handle.
+        skin: of all fingers.
+        cutoff_hz: low-pass of the recorded counts.
+        faulty: names of slides that are left out altogether.
+        parameters: of the neighbour graph of each set.
+
+    Raises:
+        InputError: all slides are faulty, a set has too few samples, or patches of its contact points lie too
+            far apart.
+    """
+    sound = [one for one in slides if one.name not in faulty]
+    if not sound:
+        raise InputError("recorded_latent_touch: no slide is left, all are named as faulty")
+    found = {
+        SLIDES: (held_touch(sound, skin, cutoff_hz), [one.name.split("_")[0] for one in sound]),
+        UNSCREWING: (held_touch(unscrewing, skin, cutoff_hz), [one.name for one in unscrewing]),
+        SIMULATED: (simulated, ["handle"] * (int(simulated.trial.max()) + 1)),
+    }
+    found[MAGNITUDES] = (magnitudes(simulated, skin), found[SIMULATED][1])
+    return [
+        TouchSet(name, samples, geodesics(samples.contact_point, parameters), tuple(groups))
+        for name, (samples, groups) in found.items()
+    ]

@@ -1,0 +1,1 @@
+"""Scraping with tactile feedback (chapter IV) on a tilting board."""

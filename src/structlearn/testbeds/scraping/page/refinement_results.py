@@ -1,0 +1,315 @@
+"""What came of refining the feedback models by trial on a new tilt (IV.9.4)."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from structlearn.ground.artefacts import Metrics
+from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE, mean_interval, verdict
+from structlearn.policy_search.rollouts import FEEDBACK
+from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.scraping.page.execution_results import ALL, ExecutionResults, weakest
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+
+PUBLISHED_ITERATIONS = 2
+"""After which both primitives had converged (IV.9.4.1)."""
+
+AIMED_RATIO = 0.7
+"""This project's aim: at the refined tilt at most this share of the cost before."""
+
+
+@dataclass(frozen=True)
+class RefinementResults(ExecutionResults):
+    """Executions without feedback, before and after refinement; `example_deg` is the tilt refined on.
+
+    Attributes:
+        history: of `rollouts.history_rows`, with `primitive`.
+        search: of `comparison.compare`, with `primitive`; empty where not made.
+        parameters: of the refinement.
+    """
+
+    history: pd.DataFrame
+    search: pd.DataFrame
+    parameters: BoardRefinementParameters
+
+    @cached_property
+    def refined(self) -> list[str]:
+        """Primitives that were refined, in order of time."""
+        return list(self.history["primitive"].unique())
+
+    @cached_property
+    def seen_deg(self) -> list[float]:
+        """Executed settings of whose demonstrations the models were learned."""
+        return [setting for setting in self.settings_deg if setting in self.parameters.settings_deg]
+
+    @cached_property
+    def unseen_deg(self) -> list[float]:
+        """Executed tilts that were neither learned from nor refined on."""
+        known = (*self.parameters.settings_deg, self.example_deg)
+        return [setting for setting in self.tilted_deg if setting not in known]
+
+    @cached_property
+    def evaluated(self) -> bool:
+        """Whether the tilt refined on is among the executed settings."""
+        return self.example_deg in self.settings_deg
+
+    @cached_property
+    def iterations(self) -> dict[str, int]:
+        """By primitive, iterations until the threshold was met or the last was used up."""
+        return {name: int(self._rows(name)["iteration"].max()) for name in self.refined}
+
+    @cached_property
+    def curves(self) -> pd.DataFrame:
+        """Figure IV.19: cost over the iterations, of the rollouts that did not fail.
+
+        One row per `primitive`, `iteration` and `kind`: `mean`, `std`, `low`, `high` (extremes) of the
+        accumulated cost in rad, `count` of rollouts, `norm_rad` (mean), and `failed` ones.
+        """
+        rows = []
+        keys = ["primitive", "iteration", "kind"]
+        for key, group in self.history.groupby(keys, sort=False):
+            cost = group["cost_rad"]
+            row = dict(zip(keys, key, strict=True))
+            row |= {"mean": cost.mean(), "std": cost.std(), "low": cost.min(), "high": cost.max()}
+            row |= {"count": len(group), "norm_rad": group["norm_rad"].mean()}
+            rows.append(row | {"failed": int((group["fault"] != "").sum())})
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def network_costs(self) -> dict[str, np.ndarray]:
+        """By primitive, mean accumulated cost with the network after every iteration in rad, from the 0th."""
+        fed = self.curves[self.curves["kind"] == FEEDBACK]
+        return {name: fed.loc[fed["primitive"] == name, "mean"].to_numpy() for name in self.refined}
+
+    @cached_property
+    def norms(self) -> dict[str, float]:
+        """By primitive, mean norm of the cost vector of the last executions with the network, rad."""
+        last = self.curves[self.curves["kind"] == FEEDBACK].groupby("primitive")["norm_rad"].last()
+        return {name: float(last[name]) for name in self.refined}
+
+    @cached_property
+    def progress(self) -> pd.DataFrame:
+        """What every iteration gained, in pairs: numbered runs meet equal conditions in all iterations.
+
+        One row per `primitive` and `iteration` from 1: mean paired difference `lower_rad` to the iteration
+        before and `since_lower_rad` to iteration `PUBLISHED_ITERATIONS` (missing up to it), each with half
+        width and verdict.
+        """
+        rows = []
+        for name in self.refined:
+            runs = self._rows(name)
+            wide = runs[runs["kind"] == FEEDBACK].pivot_table("cost_rad", "number", "iteration")
+            for iteration in wide.columns[1:]:
+                row = {"primitive": name, "iteration": iteration}
+                row |= _gain(wide[iteration - 1] - wide[iteration], "")
+                if iteration > PUBLISHED_ITERATIONS:
+                    row |= _gain(wide[PUBLISHED_ITERATIONS] - wide[iteration], "since_")
+                rows.append(row)
+        columns = [f"{prefix}{part}" for prefix in ("", "since_") for part in GAIN]
+        return pd.DataFrame(rows, columns=["primitive", "iteration", *columns])
+
+    @cached_property
+    def convergence(self) -> dict[str, str]:
+        """By primitive, whether it converged within `PUBLISHED_ITERATIONS`.
+
+        Worse if a later iteration is proven to be lower; undecided if there was no later one though the
+        threshold was not met, or a difference is not known.
+        """
+        verdicts = {}
+        for name in self.refined:
+            later = self.progress[
+                (self.progress["primitive"] == name) & (self.progress["iteration"] > PUBLISHED_ITERATIONS)
+            ]
+            if later.empty:
+                met = self.norms[name] <= self.parameters.scales[name].threshold_rad
+                verdicts[name] = BETTER if met else UNDECIDED
+            elif (later["since_verdict"] == BETTER).any():
+                verdicts[name] = WORSE
+            else:
+                verdicts[name] = BETTER if later["since_half_width"].notna().all() else UNDECIDED
+        return verdicts
+
+    def kept(self, primitive: str = ALL) -> pd.DataFrame:
+        """Rows of `ratios`, after against before, in the settings that the models were learned from."""
+        return self.ratio(AFTER, BEFORE, primitive).loc[self.seen_deg]
+
+    def not_worse(self, primitive: str = ALL) -> str:
+        """Verdict on: no setting learned from is worse after; undecided where an interval is not known."""
+        rows = self.kept(primitive)
+        if (rows["verdict"] == WORSE).any():
+            return WORSE
+        return BETTER if rows["half_width"].notna().all() else UNDECIDED
+
+    def nominal_is_worst(self, primitive: str) -> str:
+        """Verdict on: without feedback a primitive costs most at every tilt, before and after."""
+        tables = (self.ratio(model, NOMINAL, primitive).loc[self.tilted_deg] for model in (BEFORE, AFTER))
+        return weakest(one for table in tables for one in table["verdict"])
+
+    @cached_property
+    def between(self) -> pd.DataFrame:
+        """Whether a tilt that was never seen costs between its neighbours.
+
+        One row per `primitive`, `model` (before, after) and `setting_deg`: `below_deg`, `above_deg`, the
+        nearest tilts; `mean`, `mean_below`, `mean_above` in rad; the `verdict` of Welch's intervals over the
+        runs, which at different tilts are no pairs.
+        """
+        cost = self.scores.groupby(["primitive", "model", "setting_deg"])["cost_rad"].apply(np.array)
+        rows = []
+        for setting in self.unseen_deg:
+            place = self.tilted_deg.index(setting)
+            if 0 < place < len(self.tilted_deg) - 1:
+                below, above = self.tilted_deg[place - 1], self.tilted_deg[place + 1]
+                for name in self.primitives:
+                    for model in (BEFORE, AFTER):
+                        near = [cost[name, model, one] for one in (below, setting, above)]
+                        means = [values.mean() for values in near]
+                        row = {"primitive": name, "model": model, "setting_deg": setting}
+                        row |= {"below_deg": below, "above_deg": above}
+                        row |= dict(zip(("mean_below", "mean", "mean_above"), means, strict=True))
+                        rows.append(row | {"verdict": _in_between(*near)})
+        return pd.DataFrame(rows)
+
+    @property
+    def between_deg(self) -> list[float]:
+        """Tilts never seen that have a tilt on either side."""
+        return list(self.between["setting_deg"].unique()) if len(self.between) else []
+
+    @cached_property
+    def faults(self) -> pd.DataFrame:
+        """Rollouts that failed: `primitive`, `fault` with its numbers left out, `rollouts`."""
+        failed = self.history[self.history["fault"] != ""]
+        kinds = failed["fault"].map(lambda fault: re.sub(r"\d+(\.\d+)?", "…", fault)).rename("fault")
+        return failed.groupby(["primitive", kinds], sort=False).size().rename("rollouts").reset_index()
+
+    @cached_property
+    def searches(self) -> pd.DataFrame:
+        """Cost of the mean policy over rollouts: mean, `low` and `high` of the searches.
+
+        One row per `primitive`, `method` and `rollouts`; `known` counts the searches whose mean policy did
+        not fail.
+        """
+        keys = ["primitive", "method", "rollouts"]
+        grouped = self.search.groupby(keys, sort=False)["cost_rad"]
+        found = grouped.agg(mean="mean", low="min", high="max", known="count").reset_index()
+        return found.sort_values(keys, kind="stable", ignore_index=True)
+
+    @property
+    def searched_primitives(self) -> list[str]:
+        """Primitives whose policies were searched by both methods, in order of time."""
+        known = self.search["primitive"].unique() if len(self.search) else ()
+        return [name for name in self.refined if name in known]
+
+    @cached_property
+    def searched(self) -> pd.DataFrame:
+        """Where the searches ended, by primitive and method.
+
+        The last rows of `searches`, with `seeds` (number of searches), `updates` and `failed` (rollouts) of
+        all, `start_rad`, the cost of the policy that they began with, and `best_rad`, of the best rollout.
+        """
+        keys = ["primitive", "method"]
+        begun = self.search[self.search["update"] == 0].groupby(keys)
+        ended = self.search.groupby([*keys, "seed"]).tail(1).groupby(keys)
+        return (
+            self.searches.groupby(keys)
+            .tail(1)
+            .set_index(keys)
+            .assign(
+                seeds=ended.size(),
+                updates=ended["update"].max(),
+                failed=ended["failed"].sum(),
+                start_rad=begun["cost_rad"].mean(),
+                best_rad=ended["best_rad"].min(),
+            )
+        )
+
+    @cached_property
+    def pair(self) -> tuple[Demonstration, Demonstration]:
+        """Executions before and after under the same conditions; of all pairs that which gained the mean."""
+        rows = self.scores[self.scores["setting_deg"] == self.example_deg]
+        total = rows.groupby(["model", "run"])["cost_rad"].sum()
+        gain = total[BEFORE] - total[AFTER]
+        name = (gain - gain.mean()).abs().idxmin()
+        before, after = ({run.name: run for run in self.examples[model]} for model in (BEFORE, AFTER))
+        return before[name], after[name]
+
+    def _rows(self, primitive: str) -> pd.DataFrame:
+        return self.history[self.history["primitive"] == primitive]
+
+
+GAIN = ("lower_rad", "half_width", "verdict")
+
+
+def _gain(difference: pd.Series, prefix: str) -> dict[str, object]:
+    """Mean of paired differences, its half width and verdict; pairs of which one failed are left out."""
+    known = difference.dropna().to_numpy()
+    lower, half_width = mean_interval(known) if len(known) else (np.nan, np.nan)
+    values = (lower, half_width, str(verdict(lower - half_width, lower + half_width)))
+    return dict(zip((f"{prefix}{part}" for part in GAIN), values, strict=True))
+
+
+def _in_between(below: np.ndarray, own: np.ndarray, above: np.ndarray) -> str:
+    """Whether costs (R,) lie between those of two other settings, whichever of these is higher."""
+    low, high = sorted((below, above), key=np.mean)
+    return weakest((_higher(own, low), _higher(high, own)))
+
+
+def _higher(costs: np.ndarray, than: np.ndarray) -> str:
+    if min(len(costs), len(than)) < 2:
+        return UNDECIDED
+    interval = stats.ttest_ind(costs, than, equal_var=False).confidence_interval()
+    return str(verdict(interval.low, interval.high))
+
+
+def tables(results: RefinementResults) -> dict[str, pd.DataFrame]:
+    """Tables by name; those without content are left out further on."""
+    return {
+        "refinement_curves": results.curves,
+        "refinement_progress": results.progress,
+        "refinement_costs": results.costs,
+        "refinement_cost_ratios": results.ratios,
+        "refinement_between": results.between,
+        "refinement_hand_roll": results.hand_roll,
+        "refinement_faults": results.faults,
+        "search_efficiency": results.searches if len(results.search) else results.search,
+    }
+
+
+def metrics(results: RefinementResults, number: Callable[[str], int]) -> Metrics:
+    """Key figures of the refinement; what was not executed is left out.
+
+    `rl_cost_before_prim<number>` and `rl_cost_after_prim<number>` are the mean accumulated cost in rad at the
+    tilt refined on; `rl_iterations` counts until the end, the largest of all primitives; `rl_rollouts` are
+    all, `rl_failed_rollouts` those that failed. `seen_cost_ratio_after_over_before_max` is the largest ratio
+    of mean costs, summed over the primitives, over the settings learned from.
+    `search_cost_<method>_prim<number>` is the mean cost of what the searches ended with.
+
+    Args:
+        results: of the refinement.
+        number: of a primitive, from 1.
+    """
+    values: Metrics = {}
+    if results.evaluated:
+        costs = results.costs.set_index(["primitive", "model", "setting_deg"])["mean"]
+        for name in results.refined:
+            for model in (BEFORE, AFTER):
+                cost = float(costs[name, model, results.example_deg])
+                values[f"rl_cost_{model}_prim{number(name)}"] = cost
+    values["rl_iterations"] = max(results.iterations.values())
+    values |= {f"rl_iterations_prim{number(name)}": count for name, count in results.iterations.items()}
+    values["rl_rollouts"] = len(results.history)
+    values["rl_failed_rollouts"] = int(results.faults["rollouts"].sum())
+    if results.seen_deg:
+        values["seen_cost_ratio_after_over_before_max"] = float(results.kept()["ratio"].max())
+    for method in (PI2, CMA_ES) if len(results.search) else ():
+        for name in results.searched_primitives:
+            cost = results.searched["mean"].get((name, method), np.nan)
+            if np.isfinite(cost):
+                values[f"search_cost_{method}_prim{number(name)}"] = float(cost)
+    return values

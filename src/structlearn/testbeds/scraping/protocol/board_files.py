@@ -1,0 +1,60 @@
+"""The simulated board with the skill that was learned for it, read from the files of the stages."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.runtime import Limits, largest_coupling
+from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.primitives.primitive_files import read_primitives
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.source import ClockParameters
+from structlearn.testbeds.scraping.files import read_datasets, read_expected
+from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+
+
+def read_board(
+    data: str | Path,
+    settings_deg: Sequence[float],
+    setting_deg: float,
+    supervision: SupervisionParameters,
+    testbed: TestbedParameters,
+    clock: ClockParameters,
+) -> tuple[Board, dict[str, CouplingDataset]] | None:
+    """The board of the first primitive with feedback, and the demonstrations.
+
+    Args:
+        data: folder of all data.
+        settings_deg: rolls that demonstrations are read of; their coupling terms bound those of the feedback.
+        setting_deg: roll of this board.
+        supervision: how executions become supervised data.
+        testbed: see there.
+        clock: on which executions are read and judged.
+
+    Returns:
+        The board and the demonstrations by primitive; None where nobody corrected.
+
+    Raises:
+        InputError: a file is missing or not readable, or a setting was not recorded.
+    """
+    data = Path(data)
+    feedback = data / "feedback" / "scraping"
+    datasets = read_datasets(feedback / "dataset", settings_deg)
+    if not datasets:
+        return None
+    unrolls = read_demonstrations(data / "raw" / "scraping" / "unrolls", **clock.model_dump())
+    board = Board(
+        primitives=read_primitives(data / "primitives" / "scraping" / "primitives.safetensors"),
+        expected=read_expected(feedback / "expected"),
+        preceding={},
+        name=supervision.primitives[0],
+        setting_deg=setting_deg,
+        nominal=nominal_orientation(unrolls),
+        supervision=supervision,
+        testbed=testbed,
+        limits=Limits(largest_coupling=largest_coupling([one.target for one in datasets.values()])),
+        clock=clock,
+    )
+    return board, datasets

@@ -1,0 +1,135 @@
+"""Refinement of the feedback models on a tilt of the simulated board, primitive after primitive (IV.9.4)."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+from pydantic import Field
+
+import structlearn
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.supervised_training import train_final
+from structlearn.ground.compilation import sources_digest
+from structlearn.ground.errors import InputError
+from structlearn.policy_search.checkpoint import Checkpoint, digest
+from structlearn.policy_search.refinement import Progress, RefinementParameters, ScaleParameters, refine
+from structlearn.policy_search.rollouts import FEEDBACK
+from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+
+EVERY_SOURCE = b""
+"""Mark that stands in all files."""
+
+
+class BoardRefinementParameters(RefinementParameters):
+    """Refinement on the board.
+
+    Attributes:
+        settings_deg: rolls of the board that the models before refinement are learned from.
+        setting_deg: new roll of the board, on which they are refined.
+        scales: by primitive, of those that are refined.
+        hidden: nodes of the regular hidden layers.
+        seed: of the exploration.
+    """
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+    setting_deg: float
+    scales: dict[str, ScaleParameters]
+    hidden: tuple[int, ...] = (100,)
+    seed: int = Field(default=0, ge=0)
+
+
+@dataclass(frozen=True)
+class Refined:
+    """Feedback models before and after, and every rollout in between; tables have a column `primitive`.
+
+    Attributes:
+        before: networks by primitive, learned from demonstrations alone.
+        after: networks by primitive.
+        history: of `rollouts.history_rows`.
+        samples: of `rollouts.sample_rows`.
+        policies: `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
+    """
+
+    before: Mapping[str, PhaseModulatedNetwork]
+    after: Mapping[str, PhaseModulatedNetwork]
+    history: pd.DataFrame
+    samples: pd.DataFrame
+    policies: pd.DataFrame
+
+
+def refine_on_board(
+    board: Board,
+    datasets: Mapping[str, CouplingDataset],
+    parameters: BoardRefinementParameters,
+    unfinished: Path,
+    report: Callable[[str, Progress], None] = lambda name, progress: None,
+) -> Refined:
+    """Learn the models from demonstrations, then refine them in order of time.
+
+    While a primitive is refined, those before it run with their refined models.
+
+    Args:
+        board: tilted as it is refined on; its name and preceding networks are replaced.
+        datasets: demonstrations of the settings to learn from, by primitive.
+        parameters: see there.
+        unfinished: folder for finished iterations, in which a killed refinement of the same data,
+            parameters and code goes on.
+        report: called with the primitive's name after every iteration.
+
+    Raises:
+        InputError: a primitive to be refined has no demonstrations, or too many rollouts fail.
+    """
+    unknown = sorted(set(parameters.scales) - set(datasets))
+    if unknown:
+        raise InputError(f"refine.scales names {', '.join(unknown)}: no primitive with corrections")
+    names = [primitive.name for primitive in board.primitives if primitive.name in datasets]
+    before = {name: train_final(datasets[name], parameters.training, parameters.hidden) for name in names}
+    after, states = dict(before), {}
+    for place, name in enumerate(names):
+        if name in parameters.scales:
+            own = replace(board, name=name, preceding={one: after[one] for one in names[:place]})
+            checkpoint = _checkpoint(own, datasets[name], parameters, unfinished)
+
+            def keep(progress: Progress, name: str = name, checkpoint: Checkpoint = checkpoint) -> None:
+                checkpoint.save(progress)
+                report(name, progress)
+
+            states[name] = refine(
+                own,
+                before[name],
+                datasets[name],
+                parameters,
+                parameters.scales[name],
+                parameters.seed,
+                resume=checkpoint.last(),
+                report=keep,
+            )
+            after[name] = states[name].network
+    tables = {
+        "history": {name: state.history for name, state in states.items()},
+        "samples": {name: state.samples for name, state in states.items()},
+        "policies": {name: _policies(state) for name, state in states.items()},
+    }
+    return Refined(before, after, **{name: _joined(parts) for name, parts in tables.items()})
+
+
+def _checkpoint(
+    board: Board, dataset: CouplingDataset, parameters: BoardRefinementParameters, unfinished: Path
+) -> Checkpoint:
+    """In a folder named after all that decides the result, the code included."""
+    sources = sources_digest(Path(structlearn.__file__).parent, EVERY_SOURCE)
+    parts = {"board": board, "dataset": dataset, "parameters": parameters, "sources": sources}
+    return Checkpoint(unfinished / digest(parts))
+
+
+def _policies(state: Progress) -> pd.DataFrame:
+    rows = state.history.loc[state.history["kind"] != FEEDBACK, ["iteration", "kind", "number"]]
+    weights = {f"weight_{index:02d}": values for index, values in enumerate(state.policies.T)}
+    return rows.assign(**weights)
+
+
+def _joined(parts: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    tables = [table.assign(primitive=name) for name, table in parts.items()]
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()

@@ -1,0 +1,128 @@
+"""Rollouts of one primitive on the simulated board, for the refinement of its feedback model."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.runtime import Limits
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.supervision import SupervisionParameters, coupling_dataset
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
+from structlearn.policy_search.rollouts import Rollout
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.vector import VectorPrimitive
+from structlearn.recordings.clock import synchronise
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
+from structlearn.testbeds.scraping.protocol.orientation_cost import orientation_cost
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+
+REFINED = 4
+"""First number of a rollout's seed: what the run is for."""
+
+FAILURES = (InputError, ValueError, FloatingPointError, ArithmeticError, np.linalg.LinAlgError)
+"""What a run that diverges may raise; errors of the program itself are not hidden."""
+
+DIVERGED_RAD = np.pi / 2
+"""A tool that is off by a right angle is no longer used as one. The simulator bounds what a diverging robot
+does, so it flails with finite signals; its cost beside the others' would make them all look alike."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """One primitive of the scraping task on a board of one tilt (`refinement.Environment`).
+
+    The robot executes the primitives up to this one and stops; those before it run with their own networks.
+
+    Attributes:
+        primitives: of the whole task.
+        expected: expected traces by the primitive's name.
+        preceding: networks of the primitives before this one.
+        name: of the primitive that is refined.
+        setting_deg: roll of the board.
+        nominal: (T, 4) of `cost.nominal_orientation`.
+        supervision: how executions become supervised data.
+        testbed: see there.
+        limits: of the feedback.
+        clock: on which executions are judged.
+    """
+
+    primitives: Sequence[PosePrimitive]
+    expected: Mapping[str, VectorPrimitive]
+    preceding: Mapping[str, PhaseModulatedNetwork]
+    name: str
+    setting_deg: float
+    nominal: np.ndarray
+    supervision: SupervisionParameters
+    testbed: TestbedParameters
+    limits: Limits
+    clock: ClockParameters
+
+    @property
+    def rate_hz(self) -> float:
+        """Ticks per second of the costs."""
+        return self.clock.rate_hz
+
+    @property
+    def place(self) -> int:
+        """Of the primitive in the task."""
+        return [primitive.name for primitive in self.primitives].index(self.name)
+
+    def rollouts(
+        self, networks: Sequence[PhaseModulatedNetwork], seeds: Sequence[tuple[int, ...]]
+    ) -> list[Rollout]:
+        """Execute once per network, in processes; a run that fails is reported in its rollout."""
+        work = [(self, network, seed) for network, seed in zip(networks, seeds, strict=True)]
+        return parallel_map(_rollout, work, f"rollouts of {self.name}", lost=_lost)
+
+
+Work = tuple[Board, PhaseModulatedNetwork, tuple[int, ...]]
+
+
+def _rollout(work: Work) -> Rollout:
+    board, network, seed = work
+    try:
+        return _judged(board, network, seed)
+    except FAILURES as error:
+        return _failed(f"{type(error).__name__}: {error}")
+
+
+def _lost(work: Work) -> Rollout:
+    return _failed("the process died")
+
+
+def _failed(fault: str) -> Rollout:
+    return Rollout(np.array([np.nan]), None, fault)
+
+
+def _judged(board: Board, network: PhaseModulatedNetwork, seed: tuple[int, ...]) -> Rollout:
+    """One execution with its cost per tick and what it says as supervised data.
+
+    Raises:
+        InputError: the run has diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
+    """
+    executed = board.primitives[: board.place + 1]
+    expected = {one.name: board.expected[one.name] for one in executed if one.name in board.expected}
+    skill = ReactiveSkill(
+        executed, expected, {**board.preceding, board.name: network}, board.supervision.unit_axis
+    )
+    run = Run("rollout", board.setting_deg, (REFINED, board.place, *seed), feedback=True)
+    recording = execute_run(run, 0, skill, board.testbed, board.limits)
+    demonstration = synchronise(recording, board.clock.rate_hz, board.clock.max_gap_s)
+    cuts = commanded_cuts([demonstration], [primitive.name for primitive in executed])[board.name]
+    cost = orientation_cost(demonstration, board.nominal)
+    if cost.max() > DIVERGED_RAD:
+        raise InputError(f"the tool is off by {np.degrees(cost.max()):.0f} degrees: the run has diverged")
+    first, last = (round(float(cuts.iloc[0][end]) / demonstration.dt) for end in ("start_s", "end_s"))
+    samples, _ = coupling_dataset(
+        {board.setting_deg: [demonstration]},
+        {board.setting_deg: cuts},
+        executed[-1],
+        expected[board.name],
+        board.supervision,
+    )
+    return Rollout(cost[first : last + 1], samples)

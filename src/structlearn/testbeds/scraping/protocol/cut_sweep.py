@@ -1,0 +1,89 @@
+"""How the errors of cut points grow with the noise of the simulated demonstrator."""
+
+from functools import partial
+
+import pandas as pd
+from pydantic import Field
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
+from structlearn.ground.params import Parameters
+from structlearn.recordings.clock import synchronise
+from structlearn.segmentation.cut_errors import cut_errors
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters, simulate_demonstrations
+
+
+class SweepParameters(Parameters):
+    """Parameters of the sweep.
+
+    Attributes:
+        noise_mm: noise levels of the demonstrator.
+        seeds: sets of demonstrations per level.
+        first_seed: of the simulated people; not those on whom thresholds were tuned.
+        downsampling: factors of the alignment whose effect is shown on the recorded demonstrations.
+    """
+
+    noise_mm: tuple[float, ...] = Field(min_length=1)
+    seeds: int = Field(ge=1, le=1000)
+    first_seed: int = Field(default=0, ge=0)
+    downsampling: tuple[int, ...] = Field(min_length=1)
+
+
+COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_error_s", "end_error_s"]
+
+
+def noise_sweep(
+    parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    """Cut errors of all methods at every noise level, for several simulated people.
+
+    The same people move in the same way at every level: only the noise grows.
+
+    Args:
+        parameters: levels and number of seeds.
+        simulation: of the demonstrator; its noise and seed are replaced.
+        segmentation: of the cuts; demonstrations that cannot be cut are left out and counted.
+
+    Returns:
+        Errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one
+        row with method `left_out`; without a reference that is all of them.
+
+    Raises:
+        InputError: the segmentation is not for the simulated task.
+    """
+    task = len(simulation.durations_s)
+    if len(segmentation.primitives) != task:
+        raise InputError(
+            f"segment.primitives: names {len(segmentation.primitives)}, the simulated task has {task}"
+        )
+    people = range(parameters.first_seed, parameters.first_seed + parameters.seeds)
+    work = [(noise, seed) for noise in parameters.noise_mm for seed in people]
+    tolerant = segmentation.model_copy(update={"skip_failures": True})
+    errors = parallel_map(
+        partial(_one_set, simulation=simulation, segmentation=tolerant), work, "noise sweep"
+    )
+    return pd.concat(errors, ignore_index=True)
+
+
+def no_sweep() -> pd.DataFrame:
+    """What stands in for the sweep where the task is not the simulated one: the same table without rows."""
+    return pd.DataFrame(columns=COLUMNS)
+
+
+def _one_set(
+    level: tuple[float, int], simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    noise, seed = level
+    settings = simulation.model_copy(update={"noise_mm": noise, "seed": seed})
+    recordings = simulate_demonstrations(settings)
+    demonstrations = [synchronise(recording, settings.rate_hz) for recording in recordings]
+    try:
+        cuts = cut(demonstrations, segmentation)
+        found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
+    except InputError:  # the reference itself is lost in the noise, and all with it
+        found, left_out = [], [demonstration.name for demonstration in demonstrations]
+    missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
+    errors = pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)
+    return errors.reindex(columns=COLUMNS)

@@ -1,0 +1,124 @@
+"""What executions on the board achieve, primitive by primitive (IV.9.3.5, fig. IV.17, IV.18, IV.20)."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.supervision import Cuts, SupervisionParameters, executed_primitive
+from structlearn.ground import quaternion
+from structlearn.ground.metrics import mean_interval
+from structlearn.primitives import canonical, kernels
+from structlearn.primitives.vector import VectorPrimitive
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.scraping.protocol.orientation_cost import accumulated, orientation_cost
+
+END_S = 0.2
+"""s at the end of a primitive over which its final roll is taken."""
+
+SETTLED_S = 1.0
+"""s after the start of a primitive from which force is judged: contact and correction are over; of one
+that takes less than twice this the second half."""
+
+
+def execution_scores(
+    runs: Sequence[Demonstration], cuts: Cuts, nominal: np.ndarray, axis: np.ndarray
+) -> pd.DataFrame:
+    """Scores of executions in one setting.
+
+    Args:
+        runs: executions of one kind in one setting.
+        cuts: of these runs, for the primitives that are scored.
+        nominal: (T, 4) of `cost.nominal_orientation`.
+        axis: (3,) roll axis.
+
+    Returns:
+        One row per run and primitive: `run`, `primitive`; `cost_rad`, accumulated over ticks; `mean_deg`, its
+        mean; `end_roll_deg`, roll of the tool relative to the board at the end, 0 when flat; `force_n`,
+        downward force once settled, and its std `force_std_n`; `roll_torque_mn_m`, of the board on the tool.
+        Force and torque are missing where no wrench was recorded.
+    """
+    rows = []
+    for run in runs:
+        cost = orientation_cost(run, nominal)
+        roll = np.degrees(quaternion.rotation_vector(run.tool_to_board) @ axis)
+        for name, table in cuts.items():
+            start, end = (float(table.loc[run.name, column]) for column in ("start_s", "end_s"))
+            last = round(end / run.dt)
+            total = accumulated(cost, (start, end), 1.0 / run.dt)
+            row = {
+                "run": run.name,
+                "primitive": name,
+                "cost_rad": total,
+                "mean_deg": np.degrees(total) / (last - round(start / run.dt) + 1),
+                "end_roll_deg": roll[last - round(END_S / run.dt) : last + 1].mean(),
+            }
+            if run.wrench is not None:
+                settled_from = min(start + SETTLED_S, 0.5 * (start + end))
+                settled = run.wrench[round(settled_from / run.dt) : last + 1]
+                row |= {
+                    "force_n": -settled[:, 2].mean(),
+                    "force_std_n": settled[:, 2].std(),
+                    "roll_torque_mn_m": -1e3 * (settled[:, 3:] @ axis).mean(),
+                }
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> pd.DataFrame:
+    """Accumulated cost with feedback relative to the nominal runs, by setting.
+
+    Args:
+        scores: rows of `execution_scores` with `model` and `setting_deg`; runs of equal name are pairs, they
+            met equal conditions.
+        model: with feedback.
+        baseline: without.
+
+    Returns:
+        One row per setting: `setting_deg`, `ratio` of the mean costs over all scored primitives, and the mean
+        paired difference `lower_rad` (baseline minus model) with the half width of its 95 % interval.
+    """
+    totals = scores.groupby(["model", "setting_deg", "run"])["cost_rad"].sum()
+    rows = []
+    for setting in sorted(scores["setting_deg"].unique()):
+        ours, theirs = totals[model, setting], totals[baseline, setting]
+        lower, half_width = mean_interval((theirs - ours).to_numpy())
+        rows.append((setting, ours.mean() / theirs.mean(), lower, half_width))
+    return pd.DataFrame(rows, columns=["setting_deg", "ratio", "lower_rad", "half_width"])
+
+
+def feedback_traces(
+    runs: Mapping[float, Sequence[Demonstration]],
+    cuts: Mapping[float, pd.DataFrame],
+    expected: VectorPrimitive,
+    network: PhaseModulatedNetwork | None,
+    parameters: SupervisionParameters,
+) -> pd.DataFrame:
+    """Sensor deviations of one primitive in executions, and the coupling term that a model makes of them.
+
+    Args:
+        runs: executions by setting.
+        cuts: the primitive's segments by setting.
+        expected: its expected traces.
+        network: the model; None where there was no feedback.
+        parameters: rate of the samples.
+
+    Returns:
+        One row per sample: `setting_deg`, `run`, `time_s`, `coupling` (0 without a model), `channel_00`.
+    """
+    tables = []
+    for setting, group in runs.items():
+        for run in group:
+            time, deviation = executed_primitive(run, cuts[setting].loc[run.name], expected)
+            kept = slice(None, None, max(1, round(1.0 / (parameters.rate_hz * run.dt))))
+            time, duration, deviation = time[kept], time[-1], deviation[kept]
+            coupling = np.zeros(len(time))
+            if network is not None:
+                p, u = canonical.phase(time, canonical.time_constant(duration))
+                features = kernels.features(p, u, len(network.output_weights))
+                coupling = network.coupling(deviation, features)
+            channels = {f"channel_{index:02d}": values for index, values in enumerate(deviation.T)}
+            keys = {"setting_deg": setting, "run": run.name, "time_s": time, "coupling": coupling}
+            tables.append(pd.DataFrame(keys | channels))
+    return pd.concat(tables, ignore_index=True)

@@ -1,0 +1,158 @@
+"""Executions by the robot as recordings: nominal, corrected by a person, or with feedback.
+
+Every run draws what differs between runs of a real set-up from a seed of its own, so any run can be repeated
+alone, bit for bit, and the number of processes does not matter.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from structlearn.feedback.runtime import Controller, Limits
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.ground import quaternion
+from structlearn.ground.parallel import parallel_map
+from structlearn.primitives.sequence import default_start
+from structlearn.recordings.recording import Recording
+from structlearn.simulation.fingers import FingerPair
+from structlearn.testbeds.scraping.world.corrector import Corrector
+from structlearn.testbeds.scraping.world.demonstrator import (
+    first_stamp,
+)
+from structlearn.testbeds.scraping.world.execution import execute
+from structlearn.testbeds.scraping.world.recorder import provenance, recorded
+from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finger_rate, run_conditions
+
+HOLD_S = 0.3
+"""s that the robot waits at the end of an execution, so that all streams cover its last sample."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One execution to be made.
+
+    Attributes:
+        name: of the recording.
+        setting_deg: roll of the board.
+        seed: entropy of the run beside the testbed's seed; runs with equal seeds meet equal conditions.
+        corrected: whether a person corrects roll while the robot gives way.
+        feedback: whether the skill's networks act.
+    """
+
+    name: str
+    setting_deg: float
+    seed: tuple[int, ...]
+    corrected: bool = False
+    feedback: bool = False
+
+
+NOMINAL, CORRECTED, EVALUATED = 1, 2, 3
+"""First number of a run's seed: what the run is for."""
+
+
+def nominal_runs(count: int) -> list[Run]:
+    """Executions in the default setting, from which the expected traces are learned."""
+    return [Run(_name(number), 0.0, (NOMINAL, 0, number)) for number in range(count)]
+
+
+def corrected_runs(settings_deg: Sequence[float], count: int) -> list[Run]:
+    """Executions that a person corrects, `count` per setting, setting by setting."""
+    return [
+        Run(_name(number), setting, (CORRECTED, _tenths(setting), number), corrected=True)
+        for setting in settings_deg
+        for number in range(count)
+    ]
+
+
+def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -> list[Run]:
+    """Executions without or with feedback, setting by setting; the n-th of both meet equal conditions."""
+    return [
+        Run(_name(number), setting, (EVALUATED, _tenths(setting), number), feedback=feedback)
+        for setting in settings_deg
+        for number in range(count)
+    ]
+
+
+def executions(
+    skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters, limits: Limits | None = None
+) -> list[Recording]:
+    """Executions by the robot from the skill's mean start.
+
+    Args:
+        skill: primitives, and where runs ask for it expected traces and networks.
+        runs: what to do.
+        testbed: see there.
+        limits: of the feedback.
+
+    Returns:
+        One recording per run, in order, with `true_segments` (P, 2) of the commanded primitives.
+    """
+    work = list(zip(runs, range(len(runs)), strict=True))
+    return parallel_map(partial(_execute, skill=skill, testbed=testbed, limits=limits), work, "executions")
+
+
+def _name(number: int) -> str:
+    return f"{number + 1:02d}"
+
+
+def _tenths(setting_deg: float) -> int:
+    """A setting as a whole number for a seed; negative tilts are told from positive ones."""
+    return 10_000 + round(10 * setting_deg)
+
+
+def execute_run(
+    run: Run, index: int, skill: ReactiveSkill, testbed: TestbedParameters, limits: Limits | None = None
+) -> Recording:
+    """One execution by the robot, as in `executions`; `index` sets the recorder's clock."""
+    sequence = np.random.SeedSequence([testbed.seed, *run.seed])
+    conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = (
+        np.random.default_rng(child) for child in sequence.spawn(5)
+    )
+    rate_hz = testbed.world.control_rate_hz
+    controller = Controller(skill, rate_hz, limits, feedback=run.feedback)
+    start = default_start(skill.primitives)
+    controller.start(start.position, start.orientation)
+    own = testbed.control
+    duration = sum(primitive.duration for primitive in skill.primitives)
+    ticks = round((duration + HOLD_S) * rate_hz)
+    with ScrapingWorld(testbed.world) as world:
+        conditions = run_conditions(
+            testbed,
+            np.radians(run.setting_deg),
+            conditions_rng,
+            stiffness=own.stiffness,
+            force=np.full(ticks, own.force_n),
+            gains=(own.force_p_m_n, own.force_i_m_n_s),
+        )
+        fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
+        corrector = Corrector(testbed.corrector, ticks, world.dt, person_rng) if run.corrected else None
+        pose = (start.position, quaternion.matrix(start.orientation))
+        log = execute(world, controller, pose, ticks, conditions, own, fingers, wrist_rng, corrector)
+    what = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
+    seed = " ".join(map(str, [testbed.seed, *run.seed]))
+    return recorded(
+        run.name,
+        first_stamp(index),
+        log,
+        _segments(log.primitive, rate_hz, duration),
+        provenance(f"execution, {what}", run.setting_deg, seed),
+        world.dt,
+        testbed.recorder,
+        clocks_rng,
+    )
+
+
+def _execute(
+    work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParameters, limits: Limits | None
+) -> Recording:
+    return execute_run(*work, skill, testbed, limits)
+
+
+def _segments(primitive: np.ndarray, rate_hz: float, duration: float) -> np.ndarray:
+    """(P, 2) s: start and end of the commanded primitives; the hold at the end belongs to none."""
+    switches = np.flatnonzero(np.diff(primitive)) + 1
+    edges = np.concatenate([[0.0], switches / rate_hz, [duration]])
+    return np.column_stack([edges[:-1], edges[1:]])

@@ -1,0 +1,1 @@
+"""The simulated robot, board and people of the scraping testbed."""

@@ -1,0 +1,75 @@
+"""A person guides the arm by hand (kinesthetic teaching): how nominal demonstrations are made (IV.9.1.3).
+
+The arm is in gravity compensation; what the person's own arm does to it is again a pose reference with a
+natural frequency, softer than the robot's. People who have practised compensate the inertia of what they hold
+(Shadmehr & Mussa-Ivaldi 1994), so the intended velocity and acceleration are fed forward and only the noise
+is filtered by the arm's inertia. Pressure on the board is regulated by feel, slowly.
+"""
+
+import numpy as np
+from pydantic import Field
+from scipy.signal import lfilter
+
+from structlearn.ground.params import Parameters
+from structlearn.testbeds.scraping.world.demonstrator import Intention, orientation_of
+
+
+class GuidanceParameters(Parameters):
+    """The guiding person.
+
+    Attributes:
+        frequency_hz: natural frequency with which the hand holds the arm to the intended path; arm and load
+            of some kg at a hand stiffness of several hundred N/m (Mussa-Ivaldi, Hogan & Bizzi 1985).
+        force_n: intended pressure.
+        force_spread: std of its log between trials: people reproduce a light force poorly.
+        force_cv: fluctuation within a trial, relative; noise grows with force (Jones, Hamilton & Wolpert
+            2002).
+        force_fluctuation_s: correlation time of it.
+        force_i_m_n_s: how fast the hand gives in to a wrong force; with the board about 0.25 s.
+    """
+
+    frequency_hz: float = Field(default=2.5, gt=0)
+    force_n: float = Field(default=1.0, gt=0)
+    force_spread: float = Field(default=0.15, ge=0)
+    force_cv: float = Field(default=0.06, ge=0)
+    force_fluctuation_s: float = Field(default=0.15, gt=0)
+    force_i_m_n_s: float = Field(default=4e-3, ge=0)
+
+
+class GuidedMotion:
+    """The intended movement as a pose reference; see `execution.Motion`."""
+
+    def __init__(self, movement: Intention) -> None:
+        step = movement.time[1]
+        self._position = movement.edge + movement.edge_noise
+        self._velocity = np.gradient(movement.edge, step, axis=0)
+        self._acceleration = np.gradient(self._velocity, step, axis=0)
+        self._orientation = orientation_of(movement.tilt + movement.tilt_noise)
+        self._angular_velocity = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
+        self._angular_acceleration = np.gradient(self._angular_velocity, step, axis=0)
+        self._primitive = np.searchsorted(movement.segments[1:, 0], movement.time, side="right")
+        self._k = -1
+
+    def tick(self, counts: np.ndarray | None) -> None:
+        """Advance by one sample; a guided arm does not look at the fingers."""
+        self._k += 1
+        k = self._k
+        self.position, self.velocity, self.acceleration = (
+            self._position[k],
+            self._velocity[k],
+            self._acceleration[k],
+        )
+        self.orientation = self._orientation[k]
+        self.angular_velocity, self.angular_acceleration = (
+            self._angular_velocity[k],
+            self._angular_acceleration[k],
+        )
+        self.primitive = int(self._primitive[k])
+
+
+def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
+    """Force that the person means to press with, over the ticks of one trial: (ticks,) N."""
+    level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
+    keep = np.exp(-dt / parameters.force_fluctuation_s)
+    fluctuation = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(ticks))
+    return level * (1.0 + parameters.force_cv * fluctuation)

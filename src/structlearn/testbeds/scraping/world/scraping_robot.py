@@ -1,0 +1,190 @@
+"""The robot of the scraping testbed: a KUKA iiwa, a hand, a springy grasp and a scraping tool.
+
+The dissertation's robot (Barrett arm and hand) has no public model; an iiwa does. The hand holds the tool
+between two soft finger tips, which are six passive joints with springs and dampers. Frames are those of
+`layout`.
+"""
+
+import re
+import tempfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pybullet
+import pybullet_data
+
+from structlearn.testbeds.scraping.world.layout import EDGE_M, GRASP_M
+
+ARM_JOINTS = 7
+TOOL_KG = 0.06
+TOOL_CENTRE_M = 0.02  # of mass, from the grasp
+HAND_KG = 0.9
+HAND_TO_FLANGE_M = 0.105
+
+HOME = np.array([0.0, 0.75, 0.0, -1.35, 0.0, 1.04, 0.0])
+"""rad; a posture away from limits and singularities with the hand above the board, fingers down."""
+
+GRASP_JOINTS = ("grasp_x", "grasp_y", "grasp_z", "grasp_yaw", "grasp_pitch", "grasp_roll")
+"""Displacements of the tool between the finger tips along x, y, z, then turns about z, x, y."""
+
+_GRASP_AXES = (
+    ("prismatic", "1 0 0"),
+    ("prismatic", "0 1 0"),
+    ("prismatic", "0 0 1"),
+    ("revolute", "0 0 1"),
+    ("revolute", "1 0 0"),
+    ("revolute", "0 1 0"),
+)
+# Bodies between two grasp joints are the skin: next to nothing.
+_SKIN_KG, _SKIN_INERTIA = 1e-4, (1e-8, 1e-8, 1e-8)
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Kinematics of arm and grasp for compiled loops: 13 joints in a row.
+
+    Attributes:
+        rotation: (13, 3, 3) each joint's frame in its parent's at zero.
+        translation: (13, 3) m, its origin in its parent's.
+        axis: (13, 3) in its own frame.
+        prismatic: (13,) whether it slides.
+    """
+
+    rotation: np.ndarray
+    translation: np.ndarray
+    axis: np.ndarray
+    prismatic: np.ndarray
+
+
+@dataclass(frozen=True)
+class ArmModel:
+    """What the controller knows: the arm with the hand and an unloaded tool, and the edge frame's number."""
+
+    model: pinocchio.Model
+    edge_frame: int
+
+
+@lru_cache
+def urdf() -> str:
+    """URDF of the whole robot, without meshes: contact is computed by `contact`, nothing else can touch."""
+    arm = (Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf").read_text()
+    arm = re.sub(r"<(visual|collision)>.*?</\1>", "", arm, flags=re.DOTALL)
+    parts = [
+        _link("hand", HAND_KG, (2e-3, 2e-3, 1e-3)),
+        _joint("wrist", "fixed", "lbr_iiwa_link_7", "hand", HAND_TO_FLANGE_M),
+    ]
+    parent = "hand"
+    for place, (name, (kind, axis)) in enumerate(zip(GRASP_JOINTS, _GRASP_AXES, strict=True)):
+        last = place == len(GRASP_JOINTS) - 1
+        child = "tool" if last else f"skin_{name}"
+        mass = (TOOL_KG, (5e-5, 5e-5, 1e-5), TOOL_CENTRE_M) if last else (_SKIN_KG, _SKIN_INERTIA)
+        parts += [
+            _link(child, *mass),
+            _joint(name, kind, parent, child, GRASP_M if place == 0 else 0.0, axis),
+        ]
+        parent = child
+    parts += [
+        _link("edge", 0.0, (0.0, 0.0, 0.0)),
+        _joint("edge_joint", "fixed", "hand", "edge", GRASP_M + EDGE_M),
+    ]
+    return arm.replace("</robot>", "\n".join(parts) + "\n</robot>")
+
+
+@lru_cache
+def arm_model() -> ArmModel:
+    """The controller's model: the grasp is rigid in it."""
+    whole = pinocchio.buildModelFromXML(urdf())
+    grasp = [whole.getJointId(name) for name in GRASP_JOINTS]
+    model = pinocchio.buildReducedModel(whole, grasp, pinocchio.neutral(whole))
+    return ArmModel(model, model.getFrameId("edge"))
+
+
+@lru_cache
+def chain() -> Chain:
+    """Kinematics of all thirteen joints, from Pinocchio's reading of the URDF."""
+    whole = pinocchio.buildModelFromXML(urdf())
+    joints = range(1, whole.njoints)
+    kinds = [whole.joints[joint].shortname() for joint in joints]
+    letters = {"X": [1.0, 0.0, 0.0], "Y": [0.0, 1.0, 0.0], "Z": [0.0, 0.0, 1.0]}
+    return Chain(
+        np.array([whole.jointPlacements[joint].rotation for joint in joints]),
+        np.array([whole.jointPlacements[joint].translation for joint in joints]),
+        np.array([letters[kind[-1]] for kind in kinds]),
+        np.array([kind.startswith("JointModelP") for kind in kinds]),
+    )
+
+
+def load(client: int) -> tuple[int, list[int]]:
+    """Load the robot into a PyBullet client, all joints free of motors, friction and damping.
+
+    Returns:
+        The body, and its thirteen movable joints: arm, then grasp.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scraping_robot.urdf"
+        # Bullet solves a constraint for every joint with limits in every step, which doubles the cost of a
+        # step; the task stays far from them. An upper limit below the lower one means none.
+        file.write_text(re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="1" upper="-1"', urdf()))
+        body = pybullet.loadURDF(
+            str(file), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
+        )  # without the flag Bullet makes up inertias from collision shapes
+    joints = []
+    for joint in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
+        pybullet.changeDynamics(
+            body, joint, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=client
+        )
+        if (
+            joint >= 0
+            and pybullet.getJointInfo(body, joint, physicsClientId=client)[2] != pybullet.JOINT_FIXED
+        ):
+            joints.append(joint)
+    pybullet.setJointMotorControlArray(
+        body, joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(joints), physicsClientId=client
+    )
+    return body, joints
+
+
+def joint_angles(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Arm posture near `HOME` that puts the edge frame at a pose, by damped Gauss-Newton steps.
+
+    Args:
+        position: (3,) m, base frame.
+        rotation: (3, 3) edge to base.
+
+    Returns:
+        (7,) rad.
+
+    Raises:
+        ValueError: the pose is out of reach.
+    """
+    arm = arm_model()
+    data = arm.model.createData()
+    goal = pinocchio.SE3(rotation, position)
+    angles = HOME.copy()
+    for _ in range(100):
+        pinocchio.framesForwardKinematics(arm.model, data, angles)
+        error = pinocchio.log6(data.oMf[arm.edge_frame].actInv(goal)).vector
+        if np.linalg.norm(error) < 1e-12:
+            return angles
+        jacobian = pinocchio.computeFrameJacobian(arm.model, data, angles, arm.edge_frame)
+        angles = angles + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-9 * np.eye(6), error)
+    raise ValueError(f"the arm does not reach {position}")
+
+
+def _link(name: str, mass: float, inertia: tuple[float, float, float], centre: float = 0.0) -> str:
+    ixx, iyy, izz = inertia
+    return (
+        f'<link name="{name}"><inertial><origin xyz="0 0 {centre}"/><mass value="{mass}"/>'
+        f'<inertia ixx="{ixx}" ixy="0" ixz="0" iyy="{iyy}" iyz="0" izz="{izz}"/></inertial></link>'
+    )
+
+
+def _joint(name: str, kind: str, parent: str, child: str, along_z: float, axis: str = "0 0 1") -> str:
+    limit = "" if kind == "fixed" else '<limit lower="-1" upper="1" effort="1000" velocity="100"/>'
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 0 {along_z}"/><axis xyz="{axis}"/>{limit}</joint>'
+    )

@@ -1,0 +1,95 @@
+"""The simulated testbed in numbers, and what a single run on it meets.
+
+The same robot, fingers and board serve all stages; what differs between runs of a real set-up is drawn from a
+seed of each run, so any run can be repeated alone, bit for bit.
+"""
+
+import numpy as np
+from pydantic import Field
+
+from structlearn.ground.params import Parameters
+from structlearn.simulation.fingers import TouchParameters
+from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
+from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, Conditions, ControlParameters
+from structlearn.testbeds.scraping.world.guidance import GuidanceParameters
+from structlearn.testbeds.scraping.world.layout import CONTACT_M
+from structlearn.testbeds.scraping.world.recorder import RecorderParameters
+from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
+
+
+class VariationParameters(Parameters):
+    """What differs between runs.
+
+    Attributes:
+        board_roll_deg: std of the tilt stage about its setting; its protractor shows 0.1 degrees.
+        friction: std of the log of the friction coefficient: wipes, ink, dust.
+        board_stiffness: std of the log of the board's stiffness under the edge, which meets it elsewhere.
+    """
+
+    board_roll_deg: float = Field(default=0.1, ge=0)
+    friction: float = Field(default=0.15, ge=0)
+    board_stiffness: float = Field(default=0.1, ge=0)
+
+
+class TestbedParameters(Parameters):
+    """The simulated testbed: the same robot, fingers and board for all stages.
+
+    Attributes:
+        seed: of all runs; the guided demonstrations have the demonstrator's own.
+        sensor_seed: of what tells one electrode from another.
+        world: physical constants.
+        control: of the robot.
+        touch: of the fingers.
+        variation: between runs.
+        recorder: of the devices that record them.
+        guidance: of the person who guides the arm.
+        corrector: of the person who corrects roll.
+    """
+
+    __test__ = False  # not a test, whatever pytest thinks of its name
+
+    seed: int = Field(default=0, ge=0)
+    sensor_seed: int = Field(default=0, ge=0)
+    world: WorldParameters = WorldParameters()
+    control: ControlParameters = ControlParameters()
+    touch: TouchParameters = TouchParameters()
+    variation: VariationParameters = VariationParameters()
+    recorder: RecorderParameters = RecorderParameters()
+    guidance: GuidanceParameters = GuidanceParameters()
+    corrector: CorrectorParameters = CorrectorParameters()
+
+
+def run_conditions(
+    testbed: TestbedParameters,
+    board_roll: float,
+    rng: np.random.Generator,
+    stiffness: float,
+    force: np.ndarray,
+    gains: tuple[float, float],
+) -> Conditions:
+    """What one run meets: the board's roll, friction and stiffness as they vary, drawn from `rng`.
+
+    Args:
+        testbed: how much they vary.
+        board_roll: rad, as set.
+        rng: of this run.
+        stiffness: N/m per kg that holds the tool on its path.
+        force: (T,) N that presses it on the board.
+        gains: proportional and integral gain of the force.
+    """
+    own = testbed.variation
+    roll, friction, board = rng.standard_normal(3)
+    return Conditions(
+        board_roll=board_roll + np.radians(own.board_roll_deg) * roll,
+        board_point=CONTACT_M,
+        friction_factor=float(np.exp(own.friction * friction)),
+        board_stiffness_factor=float(np.exp(own.board_stiffness * board)),
+        stiffness=stiffness,
+        force=force,
+        force_gains=gains,
+    )
+
+
+def finger_rate(testbed: TestbedParameters) -> float:
+    """Samples per second that the fingers give."""
+    return testbed.world.control_rate_hz / FINGER_TICKS

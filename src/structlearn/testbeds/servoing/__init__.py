@@ -1,0 +1,1 @@
+"""Latent-space tactile servoing (chapter II)."""

@@ -1,0 +1,106 @@
+"""The whole way from demonstrations to closed loops for fingers of another shape, with the same code.
+
+The method is said not to assume the skin's geometry (II.5): distances on the skin come from the neighbours of
+contact points, and these from electrodes. Less is trained here than for the BioTac; the protocol is the same.
+"""
+
+from collections.abc import Mapping
+from typing import Literal
+
+import pandas as pd
+from pydantic import Field, PositiveInt
+
+from structlearn.ground.params import Parameters
+from structlearn.recordings.clock import synchronise
+from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
+from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.geodesics import GeodesicParameters, geodesics
+from structlearn.tactile.latent_comparison import LatentParameters, learn
+from structlearn.tactile.latent_models import FORWARD_OF
+from structlearn.tactile.resting_servo import demonstrated_actions
+from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.testbeds.servoing.protocol.servo_trials import (
+    PUBLISHED,
+    RESTING,
+    ServoTrialParameters,
+    Taught,
+    Variant,
+    compare,
+)
+
+
+class OtherSkin(Parameters):
+    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`.
+
+    Attributes:
+        along_mm: range along the finger.
+        across_deg: half the range of the turns about the core.
+        handle_half_mm: half the length of the handle.
+    """
+
+    along_mm: tuple[float, float]
+    across_deg: float = Field(default=60.0, ge=0, le=80)
+    handle_half_mm: float = Field(default=60.0, ge=0)
+
+
+class OtherSkinsParameters(Parameters):
+    """Other skins, and how much less is trained for them.
+
+    Attributes:
+        skins: by name.
+        bins: of geodesic distances.
+        seeds: of latent spaces and dynamics.
+        steps: of training.
+    """
+
+    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin] = {
+        "sphere": OtherSkin(along_mm=(-10.0, 10.0)),
+        "flat_pad": OtherSkin(along_mm=(-18.0, 0.0), across_deg=0.0, handle_half_mm=0.0),
+    }
+    bins: PositiveInt = 6
+    seeds: PositiveInt = 2
+    steps: PositiveInt = 4000
+
+
+def with_other_skin(
+    name: str,
+    other: OtherSkinsParameters,
+    person: ToucherParameters,
+    finger: FingerParameters,
+    preparation: TouchDataParameters,
+    distances: GeodesicParameters,
+    latent: LatentParameters,
+    servo: ServoTrialParameters,
+) -> dict[str, pd.DataFrame]:
+    """Demonstrate, learn and servo with another skin.
+
+    Args:
+        name: of the skin.
+        other: what is different.
+        person: who demonstrates.
+        finger: that touches.
+        preparation: from recordings to samples.
+        distances: on the skin.
+        latent: what is trained.
+        servo: closed loops, by published and resting controllers with structure and the inverse models' loss.
+
+    Returns:
+        `latent` (see `tactile.latent_evaluation.latent_errors`), `directions` (see
+        `tactile.latent_evaluation.direction_errors`) and `trials` (see `servo_trials.Comparison`), each with
+        the column `skin`.
+    """
+    person = person.model_copy(update={"skin": name} | other.skins[name].model_dump())
+    recordings = [recorded(run, person) for run in demonstrate(person, finger)]
+    demonstrations = [synchronise(one, preparation.rate_hz) for one in recordings]
+    dataset = prepare(demonstrations, SKINS[name], preparation)
+    measured = geodesics(dataset.contact_point, distances.model_copy(update={"bins": other.bins}))
+    training = latent.training.model_copy(update={"steps": other.steps, "evaluate_every": other.steps})
+    learned = learn(dataset, measured, latent.model_copy(update={"seeds": other.seeds, "training": training}))
+    chosen = [Variant(form, inverse) for form in (PUBLISHED, RESTING) for inverse in FORWARD_OF]
+    taught = Taught(learned.models, learned.units, demonstrated_actions(dataset))
+    trials = compare(taught, person, finger, servo, chosen).trials
+    tables = {"latent": learned.latent, "directions": learned.directions, "trials": trials}
+    for table in tables.values():
+        table.insert(0, "skin", name)
+    return tables

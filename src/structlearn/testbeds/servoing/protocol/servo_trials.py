@@ -1,0 +1,353 @@
+"""Which controllers are compared in closed loop, from which contacts to which, and what is kept of it.
+
+Published controllers are those of the text as they stand: the inverse model at about 3 Hz, electrodes behind
+the low-pass that the training data saw. Resting ones act more cautiously (`tactile.resting_servo`), see
+quicker electrodes and act more often. All of them meet the same trials, so that they are compared in pairs.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from pydantic import Field, PositiveInt
+
+from structlearn.ground.parallel import parallel_map
+from structlearn.ground.params import Parameters
+from structlearn.simulation.touch import FingerParameters, Handle, make_finger
+from structlearn.simulation.touch_demonstrator import SAMPLED_EVERY, ToucherParameters, covered
+from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.latent_models import FORWARD_OF, STRUCTURES, LatentModels
+from structlearn.tactile.resting_servo import Caution, RestingServo
+from structlearn.tactile.servo_controller import ServoParameters, TactileServo
+from structlearn.tactile.touch_dataset import TEST_STRIDE
+from structlearn.tactile.units import TouchUnits
+from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, ToleranceParameters, progress, scored
+from structlearn.testbeds.servoing.world.servo_loop import Held, LoopParameters, Scene, Servoed, press, servo
+
+PUBLISHED, RESTING = "published", "resting"
+"""Forms of the controllers."""
+
+MOTIONS = ("rotation", "translation", "mixed")
+"""What a trial needs: to go across the finger, along it, or both."""
+
+CENTRE = (0.5, 0.1, 0.9)
+"""m, of the handle in the base frame; its axis is y."""
+
+QUICK_FILTER = "quick filter"
+SLOW_FILTER, SLOW_ACTIONS, WHOLE_WAY = "slow filter", "slow actions", "whole way"
+ALL_ALIKE, DERIVATIVE = "all actions alike", "derivative at rest"
+CHANGES = (SLOW_FILTER, SLOW_ACTIONS, WHOLE_WAY, ALL_ALIKE, DERIVATIVE)
+"""What is taken from the resting controller, one at a time."""
+
+
+class PublishedParameters(Parameters):
+    """Controllers as published; the action limit and the gain are in the networks' units.
+
+    Attributes:
+        loop: timing.
+        action_penalty: beta (eq. II.12).
+        gradient_gain: alpha of NG (eq. II.14).
+        largest_action: bound of |a|, in root mean squares of the demonstrated actions.
+    """
+
+    loop: LoopParameters = LoopParameters(cutoff_hz=1.0, samples_per_action=TEST_STRIDE)
+    action_penalty: float = Field(default=0.01, gt=0)
+    gradient_gain: float = Field(default=0.3, gt=0)
+    largest_action: float = Field(default=3.0, gt=0)
+
+
+class RestingParameters(Parameters):
+    """Controllers that act more cautiously (`tactile.resting_servo`).
+
+    Attributes:
+        loop: timing.
+        action_penalty: beta, for actions in units of likely ones.
+        largest_action: bound of |a|, in root mean squares of the demonstrated actions.
+        approach: part of the way to the target that a step is to go.
+        spread: half the distance over which slopes are taken, in likely actions.
+    """
+
+    loop: LoopParameters = LoopParameters(cutoff_hz=5.0, samples_per_action=10)
+    action_penalty: float = Field(default=0.001, gt=0)
+    largest_action: float = Field(default=1.5, gt=0)
+    approach: float = Field(default=0.5, gt=0, le=1)
+    spread: float = Field(default=1.5, gt=0)
+
+
+class ServoTrialParameters(Parameters):
+    """Closed loops.
+
+    Attributes:
+        seed: of contacts and noise.
+        trials: of each controller per seed of the models; a third each rotation, translation, mixed.
+        duration_s: of a trial.
+        load_n: range of the loads at start and target.
+        tilt_deg: std of pitch and yaw by which a finger is held askew.
+        rest_s: before a target is read, and before a trial starts.
+        follow_s: time constant with which the robot takes up a velocity.
+        horizon: steps of the controllers that look further ahead than one.
+        published: controllers as published.
+        resting: more cautious ones.
+        tolerance: when a target counts as reached.
+        shown: trials per seed whose paths are kept.
+    """
+
+    seed: int = Field(default=0, ge=0)
+    trials: PositiveInt = 84
+    duration_s: float = Field(default=8.0, gt=0)
+    load_n: tuple[float, float] = (0.8, 2.0)
+    tilt_deg: float = Field(default=4.0, ge=0)
+    rest_s: float = Field(default=1.0, gt=0)
+    follow_s: float = Field(default=0.05, gt=0)
+    horizon: int = Field(default=3, ge=2)
+    published: PublishedParameters = PublishedParameters()
+    resting: RestingParameters = RestingParameters()
+    tolerance: ToleranceParameters = ToleranceParameters()
+    shown: PositiveInt = 3
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A controller that is compared.
+
+    Attributes:
+        form: `PUBLISHED` or `RESTING`.
+        inverse: LL, NG or NJ.
+        structure: whether its latent space has structure.
+        with_loss: whether its forward model was trained with the loss of the inverse model.
+        horizon: steps ahead.
+        change: what is different; empty for most.
+    """
+
+    form: str
+    inverse: str
+    structure: bool = True
+    with_loss: bool = True
+    horizon: int = 1
+    change: str = ""
+
+
+@dataclass(frozen=True)
+class Taught:
+    """What the demonstrations taught.
+
+    Attributes:
+        models: latent spaces and dynamics of S seeds.
+        units: that they see touch in.
+        likely: (6,) scales of demonstrated actions, see `tactile.resting_servo.demonstrated_actions`.
+    """
+
+    models: LatentModels
+    units: TouchUnits
+    likely: np.ndarray
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What is kept of all closed loops; the columns of `Variant` tell the controllers.
+
+    Attributes:
+        trials: `seed`, `trial`, `motion`, contacts and latent states of start and target, and the columns of
+            `servo_scores.scored`.
+        progress: see `servo_scores.progress`.
+        paths: of the first trials of every seed and some controllers, see `_paths`.
+    """
+
+    trials: pd.DataFrame
+    progress: pd.DataFrame
+    paths: pd.DataFrame
+
+
+def variants(horizon: int) -> list[Variant]:
+    """All controllers that are compared."""
+    every = [
+        Variant(form, inverse, structure, with_loss)
+        for form in (PUBLISHED, RESTING)
+        for structure in STRUCTURES
+        for with_loss in (True, False)
+        for inverse in FORWARD_OF
+    ]
+    further = [
+        Variant(form, inverse, horizon=horizon) for form in (PUBLISHED, RESTING) for inverse in ("LL", "NJ")
+    ]
+    quick = [Variant(PUBLISHED, inverse, change=QUICK_FILTER) for inverse in FORWARD_OF]
+    without = [Variant(RESTING, "NJ", change=change) for change in CHANGES]
+    return every + further + quick + without
+
+
+def compare(
+    taught: Taught,
+    person: ToucherParameters,
+    finger: FingerParameters,
+    parameters: ServoTrialParameters,
+    chosen: Sequence[Variant],
+) -> Comparison:
+    """Servo with several controllers, each on the same trials.
+
+    Args:
+        taught: by the demonstrations.
+        person: who demonstrated; trials are on the part of the skin that was demonstrated.
+        finger: that touched, and touches.
+        parameters: see there.
+        chosen: controllers, e.g. all `variants`.
+    """
+    run = partial(_run, taught=taught, person=person, finger=finger, parameters=parameters)
+    results = parallel_map(run, chosen, "closed loops", local=True)
+    return Comparison(
+        *(
+            pd.concat([getattr(result, field.name) for result in results], ignore_index=True)
+            for field in fields(Comparison)
+        )
+    )
+
+
+def make_scene(
+    person: ToucherParameters, finger: FingerParameters, parameters: ServoTrialParameters
+) -> Scene:
+    """The finger and the handle of the demonstrations, and the robot."""
+    skin = SKINS[person.skin]
+    return Scene(
+        finger=make_finger(finger, skin, person.sensor_seed, person.rate_hz / SAMPLED_EVERY),
+        handle=Handle(
+            np.array(CENTRE),
+            np.array([0.0, 1.0, 0.0]),
+            1e-3 * person.handle_half_mm,
+            1e-3 * person.handle_radius_mm,
+        ),
+        robot_hz=person.rate_hz,
+        follow_s=parameters.follow_s,
+        rest_s=parameters.rest_s,
+    )
+
+
+def draw(
+    person: ToucherParameters, parameters: ServoTrialParameters, models: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Random trials on the part of the skin that was demonstrated.
+
+    Returns:
+        Start and target, (B, 3) each: along and across the finger in m, load in N; and the number of the
+        motion (B,).
+    """
+    along, across = covered(person, SKINS[person.skin])
+    count = models * parameters.trials
+    start, target = (
+        np.stack([rng.uniform(*ends, count) for ends in (along, across, parameters.load_n)], axis=1)
+        for _ in range(2)
+    )
+    motion = np.arange(count) % len(MOTIONS)
+    for number, kept in ((MOTIONS.index("rotation"), 0), (MOTIONS.index("translation"), 1)):
+        target[motion == number, kept] = start[motion == number, kept]
+    return start, target, motion
+
+
+def make_controller(
+    variant: Variant, taught: Taught, parameters: ServoTrialParameters, sample_hz: float
+) -> tuple[TactileServo, LoopParameters]:
+    """A controller of all seeds, and its timing; electrodes are read `sample_hz` times per second."""
+    published, resting = parameters.published, parameters.resting
+    form = published if variant.form == PUBLISHED else resting
+    loop, own = form.loop, form.model_dump(include={"action_penalty", "gradient_gain", "largest_action"})
+    servo_parameters = ServoParameters(
+        inverse=variant.inverse, trained_with_inverse=variant.with_loss, horizon=variant.horizon, **own
+    )
+    other = resting if variant.change == QUICK_FILTER else published
+    if variant.change in (QUICK_FILTER, SLOW_FILTER):
+        loop = loop.model_copy(update={"cutoff_hz": other.loop.cutoff_hz})
+    if variant.change == SLOW_ACTIONS:
+        loop = loop.model_copy(update={"samples_per_action": other.loop.samples_per_action})
+    # The models predict steps of this length, also where an action is replaced before its step is over.
+    whole = (taught.models, taught.units, variant.structure, servo_parameters, sample_hz / TEST_STRIDE)
+    if variant.form == PUBLISHED:
+        return TactileServo(*whole), loop
+    caution = Caution(
+        likely=None if variant.change == ALL_ALIKE else taught.likely,
+        spread=0.0 if variant.change == DERIVATIVE else resting.spread,
+        approach=1.0 if variant.change == WHOLE_WAY else resting.approach,
+    )
+    return RestingServo(*whole, caution), loop
+
+
+def _run(
+    variant: Variant,
+    taught: Taught,
+    person: ToucherParameters,
+    finger: FingerParameters,
+    parameters: ServoTrialParameters,
+) -> Comparison:
+    """All trials of one controller; draws are the same for all."""
+    rng = np.random.default_rng(parameters.seed)
+    scene = make_scene(person, finger, parameters)
+    models = len(taught.models.seeds)
+    places, wanted, motion = draw(person, parameters, models, rng)
+    tilt = np.radians(parameters.tilt_deg) * rng.standard_normal((2, len(places), 2))
+    start, target = press(places, tilt[0], scene, rng), press(wanted, tilt[1], scene, rng)
+    controller, loop = make_controller(variant, taught, parameters, scene.sample_hz)
+    run = servo(controller, models, start, target, scene, loop, parameters.duration_s, rng)
+    seed = np.repeat(taught.models.seeds, parameters.trials)
+    number = np.tile(np.arange(parameters.trials), models)
+    keys = {"seed": seed, "trial": number, "motion": np.array(MOTIONS)[motion]}
+    trials = pd.DataFrame(
+        keys
+        | dict(_contact("start", start))
+        | dict(_contact("target", target))
+        | {f"target_latent_{name}": run.target_latent[:, place] for place, name in enumerate("xyz")}
+    )
+    trials = trials.join(scored(run, start, target, scene, parameters.tolerance))
+    shown = np.flatnonzero(number < parameters.shown) if _is_shown(variant) else np.empty(0, dtype=int)
+    tables = (
+        trials,
+        progress(run, target, scene, parameters.tolerance),
+        _paths(run, scene, shown, seed[shown], number[shown]),
+    )
+    return Comparison(*(_labelled(table, variant) for table in tables))
+
+
+def _is_shown(variant: Variant) -> bool:
+    return variant == Variant(variant.form, variant.inverse)
+
+
+def _contact(name: str, held: Held) -> Iterator[tuple[str, np.ndarray]]:
+    for place, axis in enumerate("xyz"):
+        yield f"{name}_{axis}_m", held.contact.point[:, place]
+    yield f"{name}_load_n", held.contact.load
+
+
+def _paths(
+    run: Servoed, scene: Scene, shown: np.ndarray, seed: np.ndarray, trial: np.ndarray
+) -> pd.DataFrame:
+    """Thinned paths of some trials, one after the other.
+
+    Returns:
+        `seed`, `trial`, `time_s`; pose of the finger in the base frame `finger_x_m` to `finger_z_m` and
+        `finger_qw` to `finger_qz`; true contact `x_m` to `z_m` in the finger, `load_n`; latent state
+        `latent_x` to `latent_z`; `electrode_01` and so on in counts less their offset.
+    """
+    rows = slice(0, None, THINNED)
+    steps = len(run.load[rows])
+    electrodes = [f"electrode_{number + 1:02d}" for number in range(run.signals.shape[2])]
+    values = {
+        ("finger_x_m", "finger_y_m", "finger_z_m"): run.position,
+        ("finger_qw", "finger_qx", "finger_qy", "finger_qz"): run.orientation,
+        ("x_m", "y_m", "z_m"): run.point,
+        ("load_n",): run.load[..., None],
+        ("latent_x", "latent_y", "latent_z"): run.latent,
+        tuple(electrodes): run.signals,
+    }
+    columns = {
+        "seed": np.repeat(seed, steps),
+        "trial": np.repeat(trial, steps),
+        "time_s": np.tile((np.arange(steps) * THINNED + 1) / scene.sample_hz, len(shown)).astype(np.float32),
+    }
+    for names, found in values.items():
+        flat = found[rows][:, shown].swapaxes(0, 1).reshape(-1, len(names)).astype(np.float32)
+        columns |= dict(zip(names, flat.T, strict=True))
+    return pd.DataFrame(columns)
+
+
+def _labelled(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
+    for place, field in enumerate(fields(Variant)):
+        table.insert(place, field.name, getattr(variant, field.name))
+    return table

@@ -1,0 +1,229 @@
+"""Tactile servoing in closed loop, for many fingers at once (II.4.6).
+
+A finger rests on the handle with some place of its skin and some load. A controller sees its electrodes and
+says how the finger is to move, until the handle is felt as it was felt at another place and load. The robot
+moves at its rate with the velocity asked for, with a little delay; the electrodes are read more slowly and
+pass a low-pass that knows no future; actions come slower still.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from pydantic import Field, PositiveInt
+from scipy.signal import butter, sosfilt
+
+from structlearn.ground import minimum_jerk
+from structlearn.ground.params import Parameters
+from structlearn.simulation.touch import (
+    Contact,
+    Finger,
+    Handle,
+    Memory,
+    moved,
+    read_out,
+    rested,
+    touch,
+    touching,
+)
+from structlearn.simulation.touch_demonstrator import PRESS_S, SAMPLED_EVERY, held_on_handle
+
+FILTER_ORDER = 2
+"""Of the low-pass, as in the preparation of the training data."""
+
+StateT = TypeVar("StateT")
+
+
+class Controller(Protocol[StateT]):
+    """What says how fingers are to move, as `tactile.controller.TactileServo`; S models, T fingers each."""
+
+    def encode(self, signals: np.ndarray) -> np.ndarray:
+        """Latent states (S, T, 3) of signals (S, T, E)."""
+
+    def start(self, latent: np.ndarray) -> StateT:
+        """Its memory at the start."""
+
+    def act(self, latent: np.ndarray, target: np.ndarray, memory: StateT) -> tuple[np.ndarray, StateT]:
+        """Actions (S, T, 6), m/s and rad/s in the frame of the finger, and the next memory."""
+
+
+class LoopParameters(Parameters):
+    """Timing of the loop.
+
+    Attributes:
+        cutoff_hz: of the low-pass on the electrodes.
+        samples_per_action: an action is held for so many samples of the electrodes.
+    """
+
+    cutoff_hz: float = Field(gt=0)
+    samples_per_action: PositiveInt
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What does not change between trials.
+
+    Attributes:
+        finger: that touches.
+        handle: that it touches.
+        robot_hz: ticks of the robot per second; electrodes are read every `SAMPLED_EVERY` ticks.
+        follow_s: time constant with which the robot takes up a velocity.
+        rest_s: before a target is read, and before a trial starts.
+    """
+
+    finger: Finger
+    handle: Handle
+    robot_hz: float
+    follow_s: float
+    rest_s: float
+
+    @property
+    def sample_hz(self) -> float:
+        """Samples of the electrodes per second."""
+        return self.robot_hz / SAMPLED_EVERY
+
+    @property
+    def offset(self) -> np.ndarray:
+        """Counts (E,) in the air."""
+        return self.finger.response.offset[0]
+
+
+class Held(NamedTuple):
+    """B fingers that have been pressed on the handle and rest there.
+
+    Attributes:
+        position: (B, 3) m.
+        orientation: (B, 4) finger to base.
+        contact: true ones.
+        memory: of the skins.
+        signals: (T, B, E) counts less their offset since the skin was touched.
+    """
+
+    position: np.ndarray
+    orientation: np.ndarray
+    contact: Contact
+    memory: Memory
+    signals: np.ndarray
+
+
+@dataclass(frozen=True)
+class Servoed:
+    """B fingers over N samples of the electrodes.
+
+    Attributes:
+        position: (N, B, 3) m.
+        orientation: (N, B, 4) finger to base.
+        point: (N, B, 3) m, true contact on the skin, frame of the finger.
+        load: (N, B) N; zero in the air.
+        signals: (N, B, E) counts less their offset, as read.
+        latent: (N, B, 3) that the last action was chosen for.
+        target_latent: (B, 3).
+    """
+
+    position: np.ndarray
+    orientation: np.ndarray
+    point: np.ndarray
+    load: np.ndarray
+    signals: np.ndarray
+    latent: np.ndarray
+    target_latent: np.ndarray
+
+
+class LowPass:
+    """Butterworth low-pass of signals (T, B, E) that come piece by piece; before the first they were zero.
+
+    Args:
+        cutoff_hz: its cut-off, below half of `rate_hz`.
+        rate_hz: samples per second.
+        shape: (B, E).
+    """
+
+    def __init__(self, cutoff_hz: float, rate_hz: float, shape: tuple[int, int]) -> None:
+        """See the class."""
+        self._sections = butter(FILTER_ORDER, 2 * cutoff_hz / rate_hz, output="sos")
+        self._state = np.zeros((len(self._sections), 2, *shape))
+
+    def __call__(self, piece: np.ndarray) -> np.ndarray:
+        """The next T samples, (T, B, E) -> (T, B, E)."""
+        passed, self._state = sosfilt(self._sections, piece, axis=0, zi=self._state)
+        return passed
+
+
+def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Generator) -> Held:
+    """Press fingers on the handle and let them rest.
+
+    Args:
+        places: (B, 3) surface coordinates along and across the finger in m, and load in N.
+        tilt: (B, 2) rad, pitch and yaw by which the fingers are held askew.
+        scene: see there.
+        rng: of the electrodes' noise.
+    """
+    finger, rate = scene.finger, scene.sample_hz
+    position, orientation = held_on_handle(*places.T, scene.handle, finger, tuple(tilt.T))
+    contact = touching(position, orientation, scene.handle, finger)
+    pressing = np.arange(1, round(PRESS_S * rate) + 1) / round(PRESS_S * rate)
+    rising = np.concatenate([minimum_jerk.progress(pressing), np.ones(round(scene.rest_s * rate))])
+    points = np.broadcast_to(contact.point, (len(rising), *contact.point.shape))
+    signal, memory = touch(rising[:, None] * contact.load, points, finger, rested(len(places), finger))
+    return Held(position, orientation, contact, memory, read_out(signal, finger, rng) - scene.offset)
+
+
+def servo(
+    controller: Controller,
+    models: int,
+    start: Held,
+    target: Held,
+    scene: Scene,
+    loop: LoopParameters,
+    duration_s: float,
+    rng: np.random.Generator,
+) -> Servoed:
+    """Servo fingers from where they rest to what others feel.
+
+    Args:
+        controller: of S models.
+        models: S; the first B / S trials are for the first model, and so on.
+        start: of B trials.
+        target: of the same trials.
+        scene: see there.
+        loop: timing.
+        duration_s: of a trial.
+        rng: of the electrodes' noise.
+    """
+    step = loop.samples_per_action
+    by_model = (models, -1)
+
+    def felt(held: Held) -> tuple[LowPass, np.ndarray]:
+        low_pass = LowPass(loop.cutoff_hz, scene.sample_hz, held.signals.shape[1:])
+        return low_pass, encoded(low_pass(held.signals)[-1])
+
+    def encoded(signals: np.ndarray) -> np.ndarray:
+        return controller.encode(signals.reshape(*by_model, signals.shape[-1]))
+
+    _, goal = felt(target)
+    low_pass, latent = felt(start)
+    memory = controller.start(latent)
+    position, orientation, touched = start.position, start.orientation, start.memory
+    velocity = np.zeros((len(position), 6))
+    keep = np.exp(-1 / (scene.robot_hz * scene.follow_s))
+    pieces = []
+    for _ in range(int(duration_s * scene.sample_hz / step)):
+        action, memory = controller.act(latent, goal, memory)
+        asked = action.reshape(velocity.shape)
+        poses, contacts = [], []
+        for _ in range(step):
+            for _ in range(SAMPLED_EVERY):
+                velocity = asked + keep * (velocity - asked)
+                position, orientation = moved(position, orientation, velocity, 1 / scene.robot_hz)
+            poses.append((position, orientation))
+            contacts.append(touching(position, orientation, scene.handle, scene.finger))
+        load = np.stack([contact.load for contact in contacts])
+        point = np.stack([contact.point for contact in contacts])
+        signal, touched = touch(load, point, scene.finger, touched)
+        signals = read_out(signal, scene.finger, rng) - scene.offset
+        seen = np.broadcast_to(latent.reshape(-1, latent.shape[-1]), (step, len(position), latent.shape[-1]))
+        pieces.append((*(np.stack(parts) for parts in zip(*poses, strict=True)), point, load, signals, seen))
+        latent = encoded(low_pass(signals)[-1])
+    return Servoed(
+        *(np.concatenate(parts) for parts in zip(*pieces, strict=True)), goal.reshape(-1, goal.shape[-1])
+    )

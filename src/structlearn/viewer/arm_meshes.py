@@ -1,0 +1,75 @@
+"""An arm in recordings: the meshes of its URDF, moved by its joints."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.urdf import UrdfTree
+
+from structlearn.viewer.rrd import entity, scene_view
+
+PACKAGE = "package://"
+"""Before paths of meshes in URDFs for ROS; PyBullet takes them relative to the URDF, and so do we."""
+
+
+def send_arm(
+    stream: rr.RecordingStream,
+    name: str,
+    urdf: str | Path,
+    joints: Sequence[str],
+    times: rr.TimeColumn,
+    positions: np.ndarray,
+) -> None:
+    """Log an arm's meshes, and its joints over time; those that are not named stay at zero.
+
+    Args:
+        stream: of the recording.
+        name: of the arm, without slashes; several arms in one recording have different names.
+        urdf: its URDF.
+        joints: n names.
+        times: T of them.
+        positions: (T, n) of the joints, rad or m.
+    """
+    arm = _read(Path(urdf), name)
+    meshes = arm.stream(include_joint_transforms=False).filter(
+        content=f"/{name}/{arm.name}/visual_geometries/**"
+    )
+    stream.send_chunks(meshes)
+    # entities without a frame of their own live below the root; the arm's base is put there
+    base = rr.Transform3D(parent_frame="tf#/", child_frame=f"{arm.frame_prefix}{arm.root_link().name}")
+    stream.log(entity(name, "frames", "base"), base, static=True)
+    columns = {joint: positions[:, number] for number, joint in enumerate(joints)}
+    for joint in arm.joints():
+        path = entity(name, "frames", joint.name)
+        if joint.name in columns:
+            turned = joint.compute_transform_columns(columns[joint.name], clamp=False)
+            stream.send_columns(path, [times], turned)
+        else:
+            stream.log(path, joint.compute_transform(0.0, clamp=False), static=True)
+
+
+def arm_contents(name: str) -> str:
+    """Query expression of all that `send_arm` logs."""
+    return f"/{name}/**"
+
+
+def arm_view(title: str, contents: Sequence[str], tool: np.ndarray) -> rrb.Spatial3DView:
+    """3-D view of an arm on its base, whose tool moves along points (N, 3) in m."""
+    # the arm's own links may be above its tool and beside it
+    top = [0.0, 0.0, 1.1 * float(np.linalg.norm(tool, axis=1).max())]
+    return scene_view(title, contents, np.vstack([1.15 * tool, np.zeros(3), top]))
+
+
+def _read(urdf: Path, name: str) -> UrdfTree:
+    """The URDF with frames of its own; meshes of packages are looked for beside it."""
+    options = {"entity_path_prefix": name, "frame_prefix": f"{name}/"}
+    text = urdf.read_text()
+    if PACKAGE not in text:
+        return UrdfTree.from_file_path(urdf, **options)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / urdf.name
+        copy.write_text(text.replace(PACKAGE, f"{urdf.parent.resolve()}/"))
+        return UrdfTree.from_file_path(copy, **options)

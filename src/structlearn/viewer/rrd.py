@@ -1,0 +1,273 @@
+"""One .rrd file: open it, log signals and frames into it, and frame its scene."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.error_utils import set_strict_mode, strict_mode
+
+from structlearn.ground import quaternion
+from structlearn.palette import AXIS_COLOURS
+from structlearn.recordings.demonstration import Demonstration
+
+TIME = "time"
+"""Time line of everything that happens in time: seconds since the start of a demonstration or movement."""
+
+VIEW_RATE_HZ = 100.0
+"""Signals are thinned to about this rate: a screen shows no more, and files stay a third of their size."""
+
+AXIS_SHARE = 0.12
+"""Length of a moving frame's axes as a fraction of the scene's radius."""
+
+SHORTEST_AXES = 0.01
+"""m; frames stay visible where hardly anything but the orientation moves."""
+
+NEAREST = 0.06
+"""m; distance of the camera from such a scene."""
+
+HALF_FIELD_OF_VIEW = np.radians(27.5)
+"""Of rerun's camera, from the middle of a view to its upper edge."""
+
+NARROWEST = 0.8
+"""Width over height of the narrowest 3-D view that the scene is to fit in."""
+
+ROOM = 1.15
+"""Factor on the distance from which all points are just seen: frames and labels stick out."""
+
+ELEVATION = np.radians(25.0)
+"""Of the camera above the horizontal: paths on a board are seen from above, heights remain visible."""
+
+
+@contextmanager
+def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
+    """Write a recording; the file is complete when the block ends.
+
+    The viewer keeps one blueprint per application and merges recordings of equal id, so both are named after
+    the title: several recordings can be open side by side. No wall-clock time is logged.
+
+    Args:
+        path: of the file.
+        title: different for every recording.
+
+    Yields:
+        The stream to log to and to send the blueprint to.
+    """
+    stream = rr.RecordingStream(f"structlearn: {title}", recording_id=title, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    stream.set_sinks(rr.FileSink(path))
+    strict = strict_mode()
+    set_strict_mode(True)  # or rerun turns errors into warnings and leaves views empty
+    try:
+        stream.send_recording_name(title)
+        yield stream
+    finally:
+        set_strict_mode(strict)
+        stream.disconnect()  # flushes, and writes the footer that `rerun rrd verify` asks for
+
+
+def entity(*parts: str) -> str:
+    """Path of an entity; names from users may hold any character."""
+    return rr.new_entity_path(list(parts))
+
+
+def rgba(colours: Sequence[str], opacity: float = 1.0) -> np.ndarray:
+    """Colours `#rrggbb` as rerun takes them, (N,) 0xRRGGBBAA."""
+    alpha = f"{round(255 * opacity):02x}"
+    return np.array([int(f"{colour[1:]}{alpha}", 16) for colour in colours], dtype=np.uint32)
+
+
+def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
+    """Colours 0xRRGGBBAA (...) of shares (...): evenly spread from the first colour at 0 to the last at 1."""
+    stops = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours])
+    places = np.linspace(0.0, 1.0, len(stops))
+    red, green, blue = (np.interp(share, places, stops[:, part]).astype(np.uint32) for part in range(3))
+    return (red << 24) | (green << 16) | (blue << 8) | 0xFF
+
+
+def origin_label(demonstrations: Sequence[Demonstration]) -> str:
+    """What a heading says of the data's origin: nothing when all of it was recorded."""
+    simulated = [demonstration.simulated for demonstration in demonstrations]
+    if not any(simulated):
+        return ""
+    return " (simulated)" if all(simulated) else f" ({sum(simulated)} of {len(simulated)} simulated)"
+
+
+def thinning(dt: float, rate_hz: float = VIEW_RATE_HZ) -> int:
+    """Every how many samples one is kept."""
+    return max(1, round(1.0 / (rate_hz * dt)))
+
+
+def time_column(times: np.ndarray) -> rr.TimeColumn:
+    """Times (T,) in s on the time line of seconds."""
+    return rr.TimeColumn(TIME, duration=times)
+
+
+def send_series(
+    stream: rr.RecordingStream,
+    path: str,
+    indexes: Sequence[rr.TimeColumn],
+    values: np.ndarray,
+    names: Sequence[str],
+    colours: Sequence[str] = AXIS_COLOURS,
+    width: float = 1.5,
+) -> None:
+    """Log D signals as lines of one plot.
+
+    Args:
+        stream: of the recording.
+        path: of the entity.
+        indexes: the time lines, each with T times.
+        values: (T, D).
+        names: D names for the legend.
+        colours: D colours.
+        width: of the lines in points.
+    """
+    style = {"names": list(names), "colors": rgba(colours[: len(names)])}
+    stream.log(path, rr.SeriesLines(**style, widths=[width] * len(names)), static=True)
+    columns = rr.Scalars.columns(scalars=values.ravel())
+    stream.send_columns(path, indexes, columns.partition([values.shape[1]] * len(values)))
+
+
+def send_curve(
+    stream: rr.RecordingStream, path: str, time: np.ndarray, values: np.ndarray, name: str, colour: str
+) -> None:
+    """Log one signal (T,) over time (T,) in s as a line of a plot."""
+    send_series(stream, path, [time_column(time)], values[:, None], [name], [colour])
+
+
+def send_marks(
+    stream: rr.RecordingStream,
+    path: str,
+    indexes: Sequence[rr.TimeColumn],
+    values: np.ndarray,
+    name: str,
+    colour: str,
+) -> None:
+    """Log single samples (K,) of a plot as points, e.g. a curve's cut points."""
+    style = rr.SeriesPoints(names=name, colors=rgba([colour]), markers="circle", marker_sizes=3.0)
+    stream.log(path, style, static=True)
+    stream.send_columns(path, indexes, rr.Scalars.columns(scalars=values))
+
+
+def send_moving_frame(
+    stream: rr.RecordingStream,
+    path: str,
+    indexes: Sequence[rr.TimeColumn],
+    position: np.ndarray,
+    orientation: np.ndarray | None,
+    colour: str,
+    axis_length: float,
+) -> None:
+    """Log a pose over time as a point, and as axes where an orientation is known.
+
+    Args:
+        stream: of the recording.
+        path: of the entity.
+        indexes: the time lines, each with T times.
+        position: (T, 3) m.
+        orientation: (T, 4) unit quaternions, or None.
+        colour: of the point.
+        axis_length: m.
+    """
+    pose = {"translation": position}
+    if orientation is not None:
+        pose["quaternion"] = quaternion.to_xyzw(orientation)
+        stream.log(path, rr.TransformAxes3D(axis_length), static=True)
+    stream.log(path, rr.Points3D([[0.0, 0.0, 0.0]], colors=rgba([colour]), radii=-3.0), static=True)
+    stream.send_columns(path, indexes, rr.Transform3D.columns(**pose))
+
+
+def send_primitive_lane(
+    stream: rr.RecordingStream,
+    path: str,
+    indexes: Sequence[rr.TimeColumn],
+    states: Sequence[str],
+    colours: dict[str, str],
+) -> None:
+    """Log which primitive runs from each of K times on, as a coloured lane; an empty name ends the lane."""
+    configuration = rr.StateConfiguration(values=list(colours), colors=rgba(list(colours.values())))
+    stream.log(path, configuration, static=True)
+    stream.send_columns(path, indexes, rr.StateChange.columns(state=list(states)))
+
+
+def axis_length(points: np.ndarray) -> float:
+    """Length in m of the axes of frames that move among the points (N, 3)."""
+    radius = 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    return max(AXIS_SHARE * radius, SHORTEST_AXES)
+
+
+def scene_view(name: str, contents: Sequence[str], points: np.ndarray) -> rrb.Spatial3DView:
+    """3-D view that shows all of the points.
+
+    The camera stands off the horizontal direction in which they extend least, a little above them.
+
+    Args:
+        name: heading.
+        contents: query expressions of the entities shown.
+        points: (N, 3) m.
+    """
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    horizontal = points[:, :2] - points[:, :2].mean(axis=0)
+    least = np.linalg.eigh(horizontal.T @ horizontal)[1][:, 0]
+    least = least if least.sum() >= 0 else -least  # an eigenvector's sign is arbitrary; keep the same side
+    backward = np.array([*(np.cos(ELEVATION) * least), np.sin(ELEVATION)])
+    right = np.array([-least[1], least[0], 0.0])
+    across = np.abs((points - centre) @ np.column_stack([right, np.cross(backward, right)]))  # (N, 2)
+    needed = np.max(across / [NARROWEST, 1.0], axis=1) / np.tan(HALF_FIELD_OF_VIEW)
+    distance = max(float(np.max(needed + (points - centre) @ backward)), NEAREST)
+    eye = rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=centre + ROOM * distance * backward,
+        look_target=centre,
+        eye_up=[0.0, 0.0, 1.0],
+    )
+    return rrb.Spatial3DView(
+        name=name, origin="/", contents=list(contents), eye_controls=eye, line_grid=False
+    )
+
+
+def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSeriesView:
+    """Plot over time whose axis moves with all others."""
+    return rrb.TimeSeriesView(
+        name=name,
+        origin="/",
+        contents=list(contents),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
+        axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+    )
+
+
+def lanes(name: str, contents: Sequence[str]) -> rrb.StateTimelineView:
+    """Lanes of primitives over time."""
+    return rrb.StateTimelineView(name=name, origin="/", contents=list(contents))
+
+
+def layout(
+    content: rrb.Container | rrb.View,
+    timeline: str = TIME,
+    steps_per_s: float | None = None,
+    at_end: bool = False,
+) -> rrb.Blueprint:
+    """Blueprint that leaves the window to the views; the panels at the sides are folded away.
+
+    Args:
+        content: the views.
+        timeline: on which the viewer starts, paused at its first time.
+        steps_per_s: how fast time lines of whole numbers are played.
+        at_end: start at its last time instead.
+    """
+    return rrb.Blueprint(
+        content,
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=timeline,
+            play_state="following" if at_end else "paused",
+            fps=steps_per_s,
+        ),
+    )
