@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench ablations view clean
+.PHONY: repro test lint recorded bench ablations view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -23,6 +23,7 @@ lint: $(INSTALLED)
 # The pipeline on recorded data; DATA holds the folders clmc, slide and panda (see the README).
 recorded: $(INSTALLED)
 	$(IN_ENVIRONMENT) RECORDED_DATA="$(abspath $(DATA))" dvc repro stages/recorded/dvc.yaml
+	$(IN_ENVIRONMENT) dvc repro --force --single-item report
 	$(BIN)/python -m structlearn.reporting.stage_times
 	@echo "reports/recorded/index.html is up to date"
 
@@ -36,10 +37,21 @@ ablations: $(INSTALLED)
 	$(IN_ENVIRONMENT) python benchmarks/ablations.py
 	@echo "reports/ablations/index.html is up to date"
 
-# Open the recordings of a testbed, e.g. `make view TESTBED=recorded`.
+# Open the recordings of a testbed, e.g. `make view TESTBED=recorded`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
+RECORDINGS = reports/recordings/$(TESTBED)/*.rrd
 view: $(INSTALLED)
-	$(BIN)/rerun reports/recordings/$(TESTBED)/*.rrd
+ifdef WEB
+	@echo "http://localhost:9090/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9876%2Fproxy&theme=dark"
+	$(BIN)/rerun --serve-web --bind 127.0.0.1 $(RECORDINGS)
+else
+	$(BIN)/rerun $(RECORDINGS)
+endif
+
+# The page of `dvc plots show` with its scripts inside, so that it needs no network; the file is kept in git.
+plot-page: $(INSTALLED)
+	$(BIN)/pip install --quiet vl-convert-python==1.9.0.post1
+	$(BIN)/python .dvc/plots/make_page.py
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache .hypothesis

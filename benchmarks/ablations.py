@@ -18,12 +18,10 @@ from structlearn.ground.params import read_parameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.scraping.page.ablation_page import (
     Experiment,
-    Protocol,
     Variant,
     ablation_page,
     metrics,
     outcomes,
-    tables,
 )
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 
@@ -45,17 +43,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1, help="seeds of the exploration per variant")
     seeds = range(parser.parse_args().seeds)
     parameters = read_parameters("params.yaml", "refine", BoardRefinementParameters)
-    protocol = Protocol(parameters.setting_deg, parameters.settings_deg)
     work = [(variant, seed) for variant in VARIANTS for seed in seeds]
     experiments = [experiment(variant, seed) for variant, seed in tqdm(work, desc="experiments")]
-    table = outcomes(experiments, protocol)
-    publish_report(
-        "reports/ablations",
-        pictures={},
-        tables=tables(table),
-        metrics=metrics(table),
-        page=lambda sizes: ablation_page(table, protocol, VARIANTS),
-    )
+    table = outcomes(experiments, parameters)
+    page, shown = ablation_page(table, parameters, VARIANTS)
+    values = metrics(table)
+    headlines = [name for name in values if "default" in name or "added" in name]
+    publish_report("reports/ablations", {"index": page}, {}, shown, values, headlines)
     print("reports/ablations/index.html is up to date")
 
 

@@ -83,12 +83,14 @@ def lagrangian_epoch() -> Case:
         [part.T.contiguous() for part in parts]
         for parts in zip(*[torch.from_numpy(values).float().split(BATCH) for values in motion], strict=True)
     ]
-    network = StackedLagrangianNetworks(motion[0].shape[1], HIDDEN, [torch.Generator().manual_seed(SEED)])
-    expected = _summed_gradient(network, batches, network)
+    network = StackedLagrangianNetworks.initial(
+        motion[0].shape[1], HIDDEN, [torch.Generator().manual_seed(SEED)]
+    )
+    expected = _summed_gradient(network, batches, network.torques)
     return Case(
         work=f"DeLaN epoch, {SAMPLES} samples, forward + gradient",
         ours=Contender(
-            lambda: _summed_gradient(network, batches, network), lambda found: _error(found, expected)
+            lambda: _summed_gradient(network, batches, network.torques), lambda found: _error(found, expected)
         ),
         peers={
             "torch.func, as defined": lambda: Contender(
@@ -123,7 +125,7 @@ def _summed_gradient(
     torques: Callable[..., torch.Tensor],
 ) -> np.ndarray:
     """Of the mean squared torques of each batch, to all weights that act."""
-    variables = list(network.parameters())
+    variables = network.parameters()
     total = 0.0
     for batch in batches:
         gradients = torch.autograd.grad(torques(*batch).square().mean(), variables, allow_unused=True)

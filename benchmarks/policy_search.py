@@ -7,16 +7,20 @@ from scipy's minimum of the dual, `cma` against its weighted recombination of th
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from timing import Case, Contender
 
+from structlearn.ground.params import read_parameters
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, Update, sample, update
 
 SEED = 4
 SAMPLES, DIMENSIONS = 38, 75  # 25 weights of three axes
-PARAMETERS = PI2Parameters(samples=SAMPLES)
+PARAMETERS = read_parameters(
+    Path(__file__).parents[1] / "params.yaml", "refine.search", PI2Parameters
+).model_copy(update={"samples": SAMPLES})
 TOLERANCE = 1e-4  # of scipy's minima
 
 

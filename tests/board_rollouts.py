@@ -1,6 +1,7 @@
 """A small board of the scraping task, on which rollouts take a fraction of a second each."""
 
 import numpy as np
+from committed import committed
 from scraping_motions import NAMES, scraping_skill
 
 from structlearn.feedback.runtime import Limits
@@ -13,7 +14,7 @@ from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orie
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 RATE_HZ = 300.0
-TESTBED = TestbedParameters()
+TESTBED = committed(TestbedParameters, "testbed")
 LIMITS = Limits(largest_coupling=60.0)
 POLICY = np.linspace(-10.0, -5.0, 25)
 SEED = (1, 0, 2)
@@ -31,10 +32,12 @@ def small_board():
         name="turn",
         setting_deg=5.0,
         nominal=nominal_orientation([nominal]),
-        supervision=SupervisionParameters(primitives=NAMES[1:], settings_deg=(5.0,)),
+        supervision=committed(
+            SupervisionParameters, "coupling_dataset", primitives=NAMES[1:], settings_deg=(5.0,)
+        ),
         testbed=TESTBED,
         limits=LIMITS,
-        clock=ClockParameters(rate_hz=RATE_HZ),
+        clock=committed(ClockParameters, "clock", rate_hz=RATE_HZ),
     )
 
 

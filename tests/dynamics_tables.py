@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pybullet_data
+from committed import committed
 
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_learning import KINDS, LOSSES
@@ -13,7 +14,8 @@ from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
 from structlearn.rigid_body.online_learning import OnlineParameters
 from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters
 from structlearn.rigid_body.tree import Robot, read_urdf
-from structlearn.testbeds.dynamics.page.dynamics_results import IDEAL, ROBOT, DynamicsResults
+from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
+from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
@@ -49,7 +51,7 @@ def trainings():
                 error = (0.004 if friction == "coulomb" else 0.03) if structured else 0.05
                 found.append((ROBOT, kind, friction, loss, "scheduled", 1.0, error))
         if structured:
-            found.append((IDEAL, kind, "none", "raw", "plain", np.nan, 0.4))
+            found.append((IDEAL, kind, "none", "raw", "plain", EPOCHS[kind], 0.05))
     return found
 
 
@@ -92,7 +94,7 @@ def body_tables():
 
 
 def tracking_tables():
-    """Scores of all models, and reaches in which a worse model lags more."""
+    """Scores of all models, and reaches of one seed in which a worse model lags more."""
     scores, paths = [], []
     time = np.arange(0.0, 2.0, 0.04)
     for robot, models in (
@@ -109,13 +111,13 @@ def tracking_tables():
                     key = {"robot": robot, "model": model, "seed": seed, "task": task}
                     halted = {"stopped": stopped if task == "reach" else "", "duration_s": time[end - 1]}
                     scores.append(key | numbers | halted)
-                path = pd.DataFrame({"robot": robot, "model": model, "task": "reach", "time_s": time[:end]})
-                for name in iiwa().tree.names:
-                    path[name] = 0.2 * time[:end]
-                for axis in "xyz":
-                    path[f"wanted_{axis}"] = 0.4 + 0.1 * np.sin(time[:end])
-                    path[f"tool_{axis}"] = path[f"wanted_{axis}"] + 0.01 * (score + seed)
-                paths.append(path)
+            path = pd.DataFrame({"robot": robot, "model": model, "task": "reach", "time_s": time[:end]})
+            for name in iiwa().tree.names:
+                path[name] = 0.2 * time[:end]
+            for axis in "xyz":
+                path[f"wanted_{axis}"] = 0.4 + 0.1 * np.sin(time[:end])
+                path[f"tool_{axis}"] = path[f"wanted_{axis}"] + 0.01 * score
+            paths.append(path)
     return pd.DataFrame(scores), pd.concat(paths, ignore_index=True)
 
 
@@ -186,12 +188,12 @@ def dynamics_results() -> DynamicsResults:
         known=known_table(),
         friction=friction_rows(),
         residuals=residual_table(),
-        stand_in=StandInParameters(),
-        motion=SineParameters(),
-        training=DynamicsTrainingParameters(seeds=SEEDS),
-        learning_online=OnlineParameters(seeds=SEEDS),
-        tracking=TrackingParameters(seeds=SEEDS),
-        carried=PayloadParameters(),
+        stand_in=committed(StandInParameters, "stand_in"),
+        motion=committed(SineParameters, "arm_motion"),
+        training=committed(DynamicsTrainingParameters, "train_dynamics", seeds=SEEDS),
+        learning_online=committed(OnlineParameters, "online", seeds=SEEDS),
+        tracking=committed(TrackingParameters, "track", seeds=SEEDS),
+        carried=committed(PayloadParameters, "record_motion.payload"),
     )
 
 

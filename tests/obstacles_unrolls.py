@@ -1,9 +1,12 @@
 """A baseline, obstacles and avoidance models that the tests of the unrolls share."""
 
 import numpy as np
+from committed import committed
 from primitives_movements import ramp
 
+from structlearn.avoidance import avoiding_unroll
 from structlearn.avoidance.clouds import cloud_batch
+from structlearn.avoidance.postprocessing import PostprocessingParameters
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 
@@ -50,3 +53,11 @@ def random_network(rng, size):
         return size * np.tanh(0.02 * hidden @ last)
 
     return model
+
+
+LIMITS = committed(PostprocessingParameters, "obstacle_evaluation.postprocessing")
+
+
+def unroll(primitive, model, obstacles, dt, postprocessing=LIMITS, **options):
+    """An unroll whose feedback is limited as in the pipeline."""
+    return avoiding_unroll.unroll(primitive, model, obstacles, dt, postprocessing, **options)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import yaml
+from committed import merged
 
 REDUCED = {
     "simulate": {"count": 4},
@@ -59,7 +60,6 @@ REDUCED = {
     },
     "servo": {"trials": 3, "duration_s": 1.0, "shown": 1},
     "other_skins": {
-        "skins": {"sphere": {"along_mm": [-10.0, 10.0], "across_deg": 60.0}},
         "seeds": 1,
         "steps": 10,
     },
@@ -103,8 +103,8 @@ def clone(root: Path, target: Path) -> Path:
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, target / name)
     parameters = yaml.safe_load((target / "params.yaml").read_text())
-    for key, values in REDUCED.items():
-        parameters[key].update(values)
+    parameters = merged(parameters, REDUCED)
+    parameters["other_skins"]["skins"].pop("flat_pad")
     (target / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
     subprocess.run(["git", "init", "--quiet"], cwd=target, check=True)
     return target

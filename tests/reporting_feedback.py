@@ -14,8 +14,7 @@ from structlearn.ground import quaternion
 from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.execution_cuts import commanded_cuts
-from structlearn.testbeds.scraping.page.board_results import BoardResults
-from structlearn.testbeds.scraping.page.feedback_results import FeedbackResults
+from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -83,8 +82,8 @@ def network() -> PhaseModulatedNetwork:
     return PhaseModulatedNetwork(
         input_mean=np.zeros(CHANNELS),
         input_scale=np.ones(CHANNELS),
-        hidden=((rng.normal(size=(20, CHANNELS)), np.zeros(20)),),
-        phase_weights=rng.normal(size=(25, 20)),
+        hidden=((rng.normal(size=(100, CHANNELS)), np.zeros(100)),),
+        phase_weights=rng.normal(size=(25, 100)),
         phase_biases=np.zeros(25),
         output_weights=np.ones(25),
     )
@@ -191,7 +190,6 @@ def feedback_results() -> FeedbackResults:
         orderings=orderings(table),
         seen_deg=SEEN,
         board=board_results(),
-        refinement=None,
     )
 
 
@@ -203,7 +201,7 @@ def with_board(results: FeedbackResults, **changes: object) -> FeedbackResults:
 def without_executions(results: FeedbackResults) -> FeedbackResults:
     """What one's own executions and corrections give, where nothing is simulated."""
     own = [replace(run, provenance={"origin": "recorded"}) for run in results.unrolls]
-    return replace(results, unrolls=own, board=None, refinement=None)
+    return replace(results, unrolls=own, board=None)
 
 
 def without_corrections(results: FeedbackResults) -> FeedbackResults:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from committed import committed
 from reporting_feedback import ADAPTED, AXIS, execution
 
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
@@ -42,7 +43,7 @@ def parameters(primitives: Sequence[str] = ADAPTED, **changes: object) -> BoardR
         "iterations": 3,
         "evaluation_runs": RUNS,
     }
-    return BoardRefinementParameters.model_validate(values | changes)
+    return committed(BoardRefinementParameters, "refine", **(values | changes))
 
 
 def history(

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from committed import committed
 
 from structlearn.ground import quaternion
 from structlearn.primitives import sequence
@@ -13,17 +14,19 @@ from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.result import METHODS
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.page.scraping_results import ScrapingResults
+from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 
 DT = 0.01
-PARAMETERS = SegmentParameters(
+PARAMETERS = committed(
+    SegmentParameters,
+    "segment",
     primitives=(
         PrimitiveParameters(name="down", axis="z", threshold_m_s=0.02),
-        PrimitiveParameters(name="turn", axis="between"),
+        PrimitiveParameters(name="turn", axis="between", threshold_m_s=None),
         PrimitiveParameters(name="scrape", axis="y", threshold_m_s=0.02),
-    )
+    ),
 )
-FIT = FitParameters(kernel_count=8)
+FIT = committed(FitParameters, "fit_primitives", kernel_count=8)
 
 
 def demonstration(seed: int) -> Demonstration:
@@ -72,19 +75,21 @@ def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def scraping_results(demonstrations: list[Demonstration]) -> ScrapingResults:
+def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationResults:
     """Everything that the stages would have written for these demonstrations."""
     parameters = PARAMETERS.model_copy(update={"skip_failures": True})
     segmentation = cut(demonstrations, parameters)
     primitives = learn_sequence(demonstrations, segmentation.results, FIT)
-    situation = sequence.GeneraliseParameters(
+    situation = committed(
+        sequence.GeneraliseParameters,
+        "generalise",
         start_offset_m=(0.01, 0.0, 0.0),
         goal_offset_m=(0.0, 0.01, 0.0),
         goal_turn_deg=5.0,
         duration_factor=1.5,
     )
     names = segmentation.primitives
-    return ScrapingResults(
+    return SegmentationResults(
         demonstrations=demonstrations,
         segmentation=segmentation,
         noise=noise_table(),

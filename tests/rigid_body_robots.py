@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio
 import pybullet_data
 
-from structlearn.rigid_body.tree import Robot, read_urdf
+from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.simulation.arm import Payload
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 
@@ -100,3 +101,14 @@ def pinocchio_torques(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarr
     data = robot.model.createData()
     rows = zip((configuration(robot, row) for row in q), qd, qdd, strict=True)
     return np.array([pinocchio.rnea(robot.model, data, *row) for row in rows])
+
+
+def carrying(robot: Robot, payload: Payload) -> LinkInertias:
+    """Inertias of the links when the last one carries a payload, as Pinocchio adds bodies."""
+    body = pinocchio.Inertia(payload.mass_kg, np.array(payload.point_m), payload.inertia * np.eye(3))
+    loaded = list(robot.model.inertias)[-1] + body
+    mass, moment, inertia = (
+        values.copy() for values in (robot.inertias.mass, robot.inertias.first_moment, robot.inertias.inertia)
+    )
+    mass[-1], moment[-1], inertia[-1] = loaded.mass, loaded.mass * loaded.lever, loaded.inertia
+    return LinkInertias(mass, moment, inertia)

@@ -1,6 +1,7 @@
 """Motions, conditions and skills of the scraping testbed, short enough for tests."""
 
 import numpy as np
+from committed import committed
 
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill
@@ -38,7 +39,7 @@ class Press:
 
 def conditions(roll_deg=0.0, ticks=600, control=None, **changes):
     """What a run meets, without differences between runs."""
-    own = control or ControlParameters()
+    own = control or committed(ControlParameters, "testbed.control")
     return Conditions(
         **{
             "board_roll": np.radians(roll_deg),

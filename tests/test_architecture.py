@@ -145,9 +145,10 @@ def test_a_stage_declares_no_source_that_it_does_not_import(name):
 
 
 def test_every_data_dependency_is_the_output_of_some_stage():
-    outputs = set()
+    outputs = {"reports/ablations/tables/refinement.csv"}  # of `make ablations`, kept in git
     for stage in STAGES.values():
         for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
             outputs.add(out if isinstance(out, str) else next(iter(out)))
     for stage in STAGES.values():
-        assert {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/"))} <= outputs
+        data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/"))}
+        assert data <= outputs

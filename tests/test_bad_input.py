@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from committed import NO_TOPICS, committed
 from feedback_toy import toy_dataset
 from recordings_bags import header, pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill
@@ -25,7 +26,7 @@ TOPIC = "/tool"
 def project(root, tmp_path, monkeypatch) -> Path:
     """An empty project with the real parameters; its demonstrations come from `bags`."""
     parameters = yaml.safe_load((root / "params.yaml").read_text())
-    parameters["record"] = {"source": "bags", "topics": {"pose": TOPIC}}
+    parameters["record"] = {"source": "bags", "topics": {"pose": TOPIC} | NO_TOPICS}
     (tmp_path / "params.yaml").write_text(yaml.safe_dump(parameters))
     (tmp_path / "bags").mkdir()
     monkeypatch.chdir(tmp_path)
@@ -176,14 +177,19 @@ def test_missing_public_recordings(root, project, capsys, monkeypatch):
 
 
 def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
-    write_recordings(simulate_demonstrations(DemonstratorParameters(count=2)), "data/raw/scraping/nominal")
+    write_recordings(
+        simulate_demonstrations(committed(DemonstratorParameters, "simulate", count=2)),
+        "data/raw/scraping/nominal",
+    )
     message = complaint(root, "scraping/fit_primitives.py", capsys)
     assert "data/segments/scraping/cuts.parquet: no such file" in message
 
 
 def test_a_bag_with_header_stamps_is_taken_over(root, project):
     """The counterpart: good bags of a user's own pass through record, segment and fit."""
-    demonstrations = simulate_demonstrations(DemonstratorParameters(count=3, noise_mm=0.1))
+    demonstrations = simulate_demonstrations(
+        committed(DemonstratorParameters, "simulate", count=3, noise_mm=0.1)
+    )
     for recording in demonstrations:
         pose = recording.streams[0]
         messages = pose_messages(pose.stamps.tolist(), pose.values, TOPIC)
@@ -222,7 +228,7 @@ def feedback(project) -> Path:
 
 def own_corrections(project: Path, settings, topics) -> None:
     """A user's corrected demonstrations: bags with a pose and nothing else."""
-    change_parameters(project, "record", topics={"pose": TOPIC} | topics)
+    change_parameters(project, "record", topics=NO_TOPICS | {"pose": TOPIC} | topics)
     change_parameters(project, "record_corrections", source="corrections", settings_deg=[2.5, 5])
     for setting in settings:
         folder = Path("corrections") / setting
@@ -243,7 +249,7 @@ def test_corrections_without_a_tactile_topic_that_was_named(root, feedback, caps
 
 
 def touchless(folder: str) -> None:
-    write_recordings(simulate_demonstrations(DemonstratorParameters(count=1)), folder)
+    write_recordings(simulate_demonstrations(committed(DemonstratorParameters, "simulate", count=1)), folder)
 
 
 def test_corrections_without_touch(root, feedback, capsys):
@@ -257,7 +263,7 @@ def test_expected_traces_without_touch(root, feedback, capsys):
     write_bag("bags/one.mcap", pose_messages(clock(), pose_rows(400), TOPIC))
     change_parameters(feedback, "expected_traces", source="bags")
     touchless("data/raw/scraping/unrolls")
-    change_parameters(feedback, "record", topics={"pose": TOPIC, "tactile": FINGERS})
+    change_parameters(feedback, "record", topics=NO_TOPICS | {"pose": TOPIC, "tactile": FINGERS})
     message = complaint(root, "scraping/expected_traces.py", capsys)
     assert "bags/one.mcap: has no topic '/fingers/left' for tactile" in message
 

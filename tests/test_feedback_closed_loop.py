@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from feedback_runs import Y, cuts, execution
 from feedback_skills import random_network
 
@@ -9,8 +10,13 @@ from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL, Execut
 from structlearn.testbeds.scraping.protocol.execution_scores import cost_ratios, execution_scores
 from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
-PARAMETERS = SupervisionParameters(
-    primitives=("turn", "scrape"), settings_deg=(5.0,), axis=(0, 2.0, 0), rate_hz=50.0
+PARAMETERS = committed(
+    SupervisionParameters,
+    "coupling_dataset",
+    primitives=("turn", "scrape"),
+    settings_deg=(5.0,),
+    axis=(0, 2.0, 0),
+    rate_hz=50.0,
 )
 MEAN = nominal_orientation([execution()])
 

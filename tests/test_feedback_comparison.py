@@ -1,6 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from committed import committed
 from feedback_toy import toy_dataset
 
 from structlearn.feedback import model_comparison
@@ -8,7 +9,7 @@ from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervised_training import TrainingParameters
 from structlearn.ground.errors import InputError
 
-QUICK = TrainingParameters(steps=40, evaluate_every=20, batch_size=16)
+QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
+import torch
 from feedback_skills import random_network
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 
-from structlearn.feedback.compiled_pmnn import compiled_coupling, pack, readout
-from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.compiled_pmnn import compiled_coupling, packed_hidden, readout
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
+from structlearn.networks.torch_settings import as_tensor
 from structlearn.primitives import canonical, kernels
 
 SHAPES = [(6, ()), (6, (4,)), (38, (100,)), (5, (7, 3)), (0, ()), (0, (4,))]
@@ -48,7 +50,7 @@ def test_networks_that_are_packed_together_keep_their_places():
         random_network(rng, 6, (3, 2)),
         random_network(rng, 0, ()),
     ]
-    packed = pack(networks)
+    packed = packed_hidden(networks)
     np.testing.assert_array_equal(packed.first, [-1, 0, -1, 12 + 28, 12 + 28 + 12 + 21 + 8])
     np.testing.assert_array_equal(packed.layers, [0, 1, 0, 2, 0])
     np.testing.assert_array_equal(packed.sizes[3], [6, 3, 2])
@@ -66,17 +68,15 @@ def test_the_readout_is_linear_in_the_phase_features():
 
 
 def test_the_compiled_network_is_the_one_that_torch_trains():
-    import torch
-
     rng, seed = np.random.default_rng(4), torch.Generator().manual_seed(0)
-    trained = StackedPhaseModulatedNetworks(2, 38, (100,), 25, 0.5, seed).double().eval()
+    trained = StackedPhaseModulatedNetworks(2, 38, (100,), 25, 0.5, seed)
     mean, scale = rng.normal(0.0, 10.0, 38), rng.uniform(5.0, 30.0, 38)
     deviation, modulation = rng.normal(0.0, 30.0, (50, 38)), kernels.unit_features(50)
-    standardised = torch.tensor((deviation - mean) / scale).expand(2, -1, -1)
+    standardised = as_tensor((deviation - mean) / scale).expand(2, -1, -1)
     with torch.no_grad():
-        expected = 40.0 * trained(standardised, torch.tensor(modulation).expand(2, -1, -1)).numpy()
+        expected = 40.0 * trained.forward(standardised, as_tensor(modulation).expand(2, -1, -1)).numpy()
     for index in range(2):
         coupling = compiled_coupling(trained.to_network(index, mean, scale, 40.0))
         found = [coupling(row, features) for row, features in zip(deviation, modulation, strict=True)]
-        np.testing.assert_allclose(found, expected[index], atol=1e-6)
+        np.testing.assert_allclose(found, expected[index], atol=1e-4)  # single precision
         assert np.ptp(found) > 1.0

@@ -1,6 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from committed import committed
 from feedback_runs import RATE_HZ, SEGMENTS, Y, cuts, execution
 from feedback_skills import random_network
 
@@ -18,7 +19,9 @@ from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orie
 
 SCORED = ("turn", "scrape")
 NOMINAL = nominal_orientation([execution()])
-PARAMETERS = SupervisionParameters(primitives=SCORED, settings_deg=(5.0,), rate_hz=50.0)
+PARAMETERS = committed(
+    SupervisionParameters, "coupling_dataset", primitives=SCORED, settings_deg=(5.0,), rate_hz=50.0
+)
 
 
 def scores(*runs):

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
+from committed import committed
 from feedback_toy import toy_dataset
 
 from structlearn.feedback.feedback_models import MODELS, FeedbackParameters, path_errors, train_models
 from structlearn.feedback.supervised_training import TrainingParameters, train_final
 from structlearn.feedback.unrolled_training import (
+    SAMPLES,
     UnrolledTrainingParameters,
     corrected_paths,
     split,
@@ -14,8 +16,13 @@ from structlearn.ground.errors import InputError
 
 FEW = FeedbackParameters(
     hidden=(8,),
-    pointwise=TrainingParameters(steps=200, evaluate_every=100, seed=1),
-    unrolled=UnrolledTrainingParameters(steps=60, validation_interval=20, samples=50, seed=1),
+    pointwise=committed(TrainingParameters, "compare_models", steps=200, evaluate_every=100, seed=1),
+    unrolled=committed(
+        UnrolledTrainingParameters,
+        "train_feedback.unrolled",
+        steps=60,
+        seed=1,
+    ),
     validation_share=0.25,
 )
 
@@ -62,7 +69,7 @@ def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
 
 def test_what_stops_training_in_the_unroll_was_not_seen_before(trained, datasets):
     """The unrolled model starts from a pointwise one that has not seen the validation demonstrations."""
-    paths = corrected_paths(datasets["turn"], FEW.unrolled.samples)
+    paths = corrected_paths(datasets["turn"], SAMPLES)
     training, validation = split(paths, FEW.validation_share, FEW.unrolled.seed)
     unseen = np.setdiff1d(datasets["turn"].demonstration, training.demonstration)
     np.testing.assert_array_equal(np.unique(validation.demonstration), unseen)
@@ -78,7 +85,7 @@ def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained
     table = path_errors(datasets, {model: dict(networks) for model, networks in trained.items()})
     keys = table[["model", "primitive", "setting_deg", "demonstration"]]
     assert len(keys.drop_duplicates()) == len(table) == 2 * 2 * 3 * 4
-    paths = corrected_paths(datasets["turn"], UnrolledTrainingParameters().samples)
+    paths = corrected_paths(datasets["turn"], SAMPLES)
     exact = np.degrees(unrolled_error(dict(trained["unrolled"])["turn"], paths))
     rows = table[(table["model"] == "unrolled") & (table["primitive"] == "turn")]
     np.testing.assert_allclose(rows["error_deg"], exact)

@@ -1,12 +1,13 @@
 import numpy as np
 import torch
+from committed import committed
 from feedback_toy import toy_dataset
 
 from structlearn.feedback.folds import leave_one_out
 from structlearn.feedback.representations import StackedAutoencoders, autoencoder, principal_components
 from structlearn.feedback.supervised_training import TrainingParameters
 
-QUICK = TrainingParameters(steps=400, evaluate_every=100, batch_size=32)
+QUICK = committed(TrainingParameters, "compare_models", steps=400, evaluate_every=100, batch_size=32)
 FOLDS = leave_one_out(toy_dataset(), (0.075, 0.075), 1, seed=0)
 SAMPLES = len(toy_dataset().target)
 
@@ -76,8 +77,8 @@ def test_autoencoders_have_codes_of_their_own_width():
     assert code[0, :, 1:].abs().max() == 0.0
     assert code[1].abs().amin(dim=0).min() > 0.0
     inputs = torch.randn(2, 7, 5, generator=generator)
-    assert network(inputs).shape == inputs.shape
-    network(inputs)[0].square().sum().backward()
+    assert network.forward(inputs).shape == inputs.shape
+    network.forward(inputs)[0].square().sum().backward()
     assert all(values.grad[1].abs().max() == 0.0 for values in network.parameters())
 
 

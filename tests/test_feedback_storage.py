@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from feedback_toy import toy_dataset
 from recordings_bags import make_recording
 
@@ -12,7 +13,7 @@ from structlearn.recordings import write_recordings
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_sets
 
-CLOCK = ClockParameters(rate_hz=100.0)
+CLOCK = committed(ClockParameters, "clock", rate_hz=100.0)
 
 
 def write_set(folder, names=("01", "02")):

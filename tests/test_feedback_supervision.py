@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from committed import committed
 from feedback_runs import Y
 from pydantic import ValidationError
 from scraping_motions import minimum_jerk
@@ -32,8 +33,13 @@ from structlearn.recordings.demonstration import Demonstration
 DT = 1 / 300
 BEFORE, AFTER = 1.0, 1.0  # s of rest around the primitive
 CHANNELS = 4
-PARAMETERS = SupervisionParameters(
-    primitives=("turn",), settings_deg=(5.0,), smoothing_hz=20.0, target_hz=20.0
+PARAMETERS = committed(
+    SupervisionParameters,
+    "coupling_dataset",
+    primitives=("turn",),
+    settings_deg=(5.0,),
+    smoothing_hz=20.0,
+    target_hz=20.0,
 )
 
 
@@ -174,10 +180,22 @@ def test_a_correction_about_another_axis_shows_in_the_checks(primitive, expected
 
 
 def test_the_axis_of_the_parameters_has_norm_one():
-    skew = SupervisionParameters(primitives=("turn",), settings_deg=(5.0,), axis=(0.0, 3.0, 4.0))
+    skew = committed(
+        SupervisionParameters,
+        "coupling_dataset",
+        primitives=("turn",),
+        settings_deg=(5.0,),
+        axis=(0.0, 3.0, 4.0),
+    )
     np.testing.assert_allclose(skew.unit_axis, [0.0, 0.6, 0.8])
     with pytest.raises(ValidationError, match="axis must have a direction"):
-        SupervisionParameters(primitives=("turn",), settings_deg=(5.0,), axis=(0.0, 0.0, 0.0))
+        committed(
+            SupervisionParameters,
+            "coupling_dataset",
+            primitives=("turn",),
+            settings_deg=(5.0,),
+            axis=(0.0, 0.0, 0.0),
+        )
 
 
 def test_expected_traces_are_learned_per_primitive_and_without_offset():

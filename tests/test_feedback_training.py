@@ -3,12 +3,15 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from committed import committed
 from feedback_toy import toy_dataset
 from pydantic import ValidationError
 
 from structlearn.feedback.folds import PARTS, leave_one_out
-from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
+    DECAY,
+    FRACTIONS,
     LearningCurves,
     StackedData,
     TrainingParameters,
@@ -24,12 +27,12 @@ from structlearn.ground.metrics import nmse
 from structlearn.networks.rmsprop import RootMeanSquarePropagation
 from structlearn.networks.torch_settings import as_tensor
 
-QUICK = TrainingParameters(steps=60, evaluate_every=20, batch_size=16)
+QUICK = committed(TrainingParameters, "compare_models", steps=60, evaluate_every=20, batch_size=16)
 
 
 def stacked(data, parameters=QUICK, chosen=slice(None)):
     """Folds of a dataset as a stack trains on them."""
-    folds = leave_one_out(data, parameters.fractions, parameters.chunk_samples, parameters.seed)[chosen]
+    folds = leave_one_out(data, FRACTIONS, parameters.chunk_samples, parameters.seed)[chosen]
     inputs, targets = [], []
     for fold in folds:
         mean, spread = standardisation(data.deviation, fold)
@@ -47,7 +50,9 @@ def networks(models, seed=0, dropout=0.5):
 
 def test_a_known_coupling_is_learnt_and_exported():
     data = toy_dataset(noise=0.02, offset=0.0)
-    parameters = TrainingParameters(steps=1500, evaluate_every=250, dropout=0.1, learning_rate=3e-3)
+    parameters = committed(
+        TrainingParameters, "compare_models", steps=1500, evaluate_every=250, dropout=0.1, learning_rate=3e-3
+    )
     network = train_final(data, parameters, hidden=(40,))
     assert nmse(network.coupling(data.deviation, data.modulation()), data.target) < 0.1
     assert network.phase_weights.dtype == np.float64
@@ -63,7 +68,7 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
     with torch.no_grad():
         for values, found in zip(alone.parameters(), together.parameters(), strict=True):
             values.copy_(found[2:3])
-    alone.hidden.generator.set_state(together.hidden.generator.get_state())
+    alone.dropout.generator.set_state(together.dropout.generator.get_state())
     all_curves = train(together, stacked(data), QUICK)
     own_curves = train(alone, stacked(data, chosen=slice(2, 3)), QUICK)
     np.testing.assert_allclose(own_curves.nmse[:, 0], all_curves.nmse[:, 2], rtol=1e-3)
@@ -72,15 +77,15 @@ def test_a_model_learns_the_same_alone_and_in_a_stack():
 
 def test_a_step_is_that_of_torch_on_every_tensor():
     ours, theirs = networks(2), networks(2)
-    optimiser = RootMeanSquarePropagation(ours, QUICK.learning_rate, QUICK.decay)
-    reference = torch.optim.RMSprop(theirs.parameters(), QUICK.learning_rate, QUICK.decay, eps=1e-8)
+    optimiser = RootMeanSquarePropagation(ours.parameters(), QUICK.learning_rate, DECAY)
+    reference = torch.optim.RMSprop(theirs.parameters(), QUICK.learning_rate, DECAY, eps=1e-8)
     generator = torch.Generator().manual_seed(0)
     for _ in range(5):
         inputs = torch.randn(2, 30, 6, generator=generator)
         modulation = torch.randn(2, 30, 25, generator=generator)
-        optimiser.step(ours(inputs, modulation).square().mean())
+        optimiser.step(ours.forward(inputs, modulation).square().mean())
         reference.zero_grad()
-        theirs(inputs, modulation).square().mean().backward()
+        theirs.forward(inputs, modulation).square().mean().backward()
         reference.step()
     for one, other in zip(ours.parameters(), theirs.parameters(), strict=True):
         torch.testing.assert_close(one, other, atol=1e-6, rtol=1e-4)
@@ -171,6 +176,6 @@ def test_bad_input_is_named():
     with pytest.raises(InputError, match="the coupling target is constant"):
         train_final(dataclasses.replace(data, target=np.zeros_like(data.target)), QUICK)
     with pytest.raises(ValidationError, match="dropout"):
-        TrainingParameters(dropout=1.0)
+        committed(TrainingParameters, "compare_models", dropout=1.0)
     with pytest.raises(ValidationError, match="extra"):
-        TrainingParameters(epochs=3)
+        committed(TrainingParameters, "compare_models", epochs=3)

@@ -3,12 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from committed import committed
 from primitives_movements import ramp, wobbly_turn
 from pydantic import ValidationError
 
 from structlearn.feedback.coupling import orientation_target
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import TrainingParameters, train_final
 from structlearn.feedback.unrolled_training import (
     UnrolledTrainingParameters,
@@ -184,13 +185,12 @@ def test_one_demonstration_number_cannot_be_split():
         split(random_paths(numbers=1), 0.5, seed=0)
 
 
-QUICK = UnrolledTrainingParameters(
-    samples=60,
+QUICK = committed(
+    UnrolledTrainingParameters,
+    "train_feedback.unrolled",
     steps=300,
     learning_rate=3e-3,
-    demonstrations_per_batch=9,
     dropout=0.0,
-    validation_interval=25,
 )
 
 
@@ -203,7 +203,7 @@ def test_of_a_trembling_hand_the_unroll_learns_more_than_single_samples_do():
     )
     sample_by_sample = train_final(
         data.where(data.demonstration < 6),
-        TrainingParameters(steps=1000, dropout=0.0, evaluate_every=250),
+        committed(TrainingParameters, "compare_models", steps=1000, dropout=0.0, evaluate_every=250),
         hidden=(6,),
     )
     unrolled = train_unrolled(training, validation, sample_by_sample, QUICK)
@@ -251,7 +251,7 @@ def test_without_any_correction_there_is_nothing_to_learn():
         train_unrolled(idle, idle, untrained(paths), QUICK)
 
 
-@pytest.mark.parametrize("wrong", [{"dropout": 1.0}, {"samples": 2}, {"coupling_loss_weight": -0.1}])
+@pytest.mark.parametrize("wrong", [{"dropout": 1.0}, {"steps": 0}, {"coupling_loss_weight": -0.1}])
 def test_parameters_out_of_range_are_refused(wrong):
     with pytest.raises(ValidationError):
-        UnrolledTrainingParameters(**wrong)
+        committed(UnrolledTrainingParameters, "train_feedback.unrolled", **wrong)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.avoidance.avoidance_dataset import (
     AvoidanceDataParameters,
@@ -20,9 +21,9 @@ from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, reaches
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
-SCENE = SceneParameters()
-PERSON = AvoiderParameters(count=3, baseline_count=8)
-PARAMETERS = AvoidanceDataParameters()
+SCENE = committed(SceneParameters, "obstacle_scene")
+PERSON = committed(AvoiderParameters, "obstacle_demonstrator", count=3, baseline_count=8)
+PARAMETERS = committed(AvoidanceDataParameters, "obstacle_dataset")
 
 
 def demonstrations(scenario, scene=SCENE, person=PERSON):
@@ -48,7 +49,10 @@ def dataset(sets, baseline):
 def test_smooth_path_has_the_derivatives_of_a_known_movement():
     time = np.arange(41) / 25
     position = np.outer(np.sin(np.pi * time), [1.0, 0.5, 0.0])
-    path = smooth_path(Demonstration("sine", time, position), AvoidanceDataParameters(smoothing_hz=50))
+    path = smooth_path(
+        Demonstration("sine", time, position),
+        committed(AvoidanceDataParameters, "obstacle_dataset", smoothing_hz=50),
+    )
     inside = slice(10, -10)
     expected = -(np.pi**2) * np.outer(np.sin(np.pi * path.time), [1.0, 0.5, 0.0])
     np.testing.assert_allclose(path.acceleration[inside], expected[inside], atol=0.01 * np.pi**2)
@@ -70,7 +74,9 @@ def test_everything_is_in_the_frame_of_the_baseline(baseline, dataset, sets):
 
 def test_unrolled_with_its_target_the_baseline_is_the_demonstration(baseline, sets):
     scenario, (demonstration, *_) = sets[0]
-    own = AvoidanceDataParameters(rate_hz=1000, keep_every=1)  # the coupling is held over a step
+    own = committed(
+        AvoidanceDataParameters, "obstacle_dataset", rate_hz=1000, keep_every=1
+    )  # the coupling is held over a step
     path = local_path(smooth_path(demonstration, own), baseline)
     one = samples(demonstration, scenario.obstacle.cloud(), baseline, own)
     unrolled = baseline.local.unroll(
@@ -116,10 +122,13 @@ def test_a_table_gives_the_dataset_back(dataset, tmp_path):
 
 
 def test_a_reach_along_gravity_has_a_frame_of_its_own():
-    scene = SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
+    scene = committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
     vertical = fit_baseline(demonstrations(None, scene), PARAMETERS)
     assert vertical.frame == "side"
-    (scenario,) = scenarios(SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, 0.7), settings=1), ("cube",))
+    (scenario,) = scenarios(
+        committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, 0.7), settings=1),
+        ("cube",),
+    )
     found = avoidance_dataset([(scenario.obstacle, demonstrations(scenario, scene))], vertical, PARAMETERS)
     assert np.isfinite(found.features).all()
     assert found.features[0, 12] == pytest.approx(0.0, abs=0.3)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
@@ -14,7 +15,7 @@ from structlearn.testbeds.obstacles.world.reaching_person import (
 )
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, reach_frame, scenarios
 
-SCENE = SceneParameters()
+SCENE = committed(SceneParameters, "obstacle_scene")
 AXES = reach_frame(SCENE.start, SCENE.goal)
 MIDDLE = 0.5 * (SCENE.start + SCENE.goal)
 
@@ -25,11 +26,11 @@ def closest(scenario, paths):
 
 @pytest.fixture(scope="module")
 def baseline():
-    return reaches(None, SCENE, AvoiderParameters())
+    return reaches(None, SCENE, committed(AvoiderParameters, "obstacle_demonstrator"))
 
 
 def test_nobody_touches_an_obstacle_in_any_of_the_scenarios():
-    person = AvoiderParameters(count=2)
+    person = committed(AvoiderParameters, "obstacle_demonstrator", count=2)
     for scenario in scenarios(SCENE):
         assert closest(scenario, reaches(scenario, SCENE, person)) > 0.05
 
@@ -47,7 +48,7 @@ def test_baseline_goes_from_start_to_goal_by_a_lifted_minimum_jerk_path(baseline
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_hand_keeps_its_clearance_when_nothing_varies(shape):
-    still = AvoiderParameters(
+    still = committed(AvoiderParameters, "obstacle_demonstrator",
         count=1, movement_cv=0, bow_spread_m=(0, 0), end_spread_m=0, clearance_spread=0, perception_m=0,
         indecision_m=0, motor_noise_m=0, marker_noise_m=0, rate_hz=500,
     )  # fmt: skip
@@ -61,7 +62,9 @@ def test_the_hand_keeps_its_clearance_when_nothing_varies(shape):
 
 
 def test_a_far_obstacle_changes_nothing():
-    still = AvoiderParameters(count=3, motor_noise_m=0, marker_noise_m=0, perception_m=0)
+    still = committed(
+        AvoiderParameters, "obstacle_demonstrator", count=3, motor_noise_m=0, marker_noise_m=0, perception_m=0
+    )
     near, far, farther = (
         reaches(Scenario(1, obstacle("cylinder", MIDDLE + y * AXES[:, 1])), SCENE, still)
         for y in (0.1, 0.6, 0.7)
@@ -74,7 +77,9 @@ def test_a_far_obstacle_changes_nothing():
 def side(place, **person):
     """Mean displacement across the reach halfway, left and up, in m."""
     scenario = Scenario(1, obstacle("sphere", MIDDLE + AXES @ [0, *place]))
-    paths = reaches(scenario, SCENE, AvoiderParameters(count=10, **person))
+    paths = reaches(
+        scenario, SCENE, committed(AvoiderParameters, "obstacle_demonstrator", count=10, **person)
+    )
     local = [((position - SCENE.start) @ AXES)[len(position) // 2, 1:] for _, position in paths]
     return np.array(local)
 
@@ -89,9 +94,11 @@ def test_the_shorter_detour_is_taken_unless_preferred_otherwise():
 
 def test_each_demonstration_can_be_repeated_alone():
     scenario = scenarios(SCENE)[0]
-    many = reaches(scenario, SCENE, AvoiderParameters(count=5))
+    many = reaches(scenario, SCENE, committed(AvoiderParameters, "obstacle_demonstrator", count=5))
     for (time, position), (same_time, same) in zip(
-        many[:2], reaches(scenario, SCENE, AvoiderParameters(count=2)), strict=True
+        many[:2],
+        reaches(scenario, SCENE, committed(AvoiderParameters, "obstacle_demonstrator", count=2)),
+        strict=True,
     ):
         np.testing.assert_array_equal(time, same_time)
         np.testing.assert_array_equal(position, same)
@@ -99,17 +106,19 @@ def test_each_demonstration_can_be_repeated_alone():
 
 def test_demonstrations_differ_between_trials_scenarios_and_seeds():
     first, second = scenarios(SCENE)[38:40]
-    person = AvoiderParameters(count=2)
+    person = committed(AvoiderParameters, "obstacle_demonstrator", count=2)
     starts = [
         reaches(scenario, SCENE, person)[number][1][0] for scenario in (first, second) for number in (0, 1)
     ]
-    starts.append(reaches(first, SCENE, AvoiderParameters(count=2, seed=2))[0][1][0])
+    starts.append(
+        reaches(first, SCENE, committed(AvoiderParameters, "obstacle_demonstrator", count=2, seed=2))[0][1][0]
+    )
     assert len({tuple(start) for start in starts}) == 5
 
 
 def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
-    quiet = AvoiderParameters(marker_noise_m=0, motor_noise_m=0)
-    marker = AvoiderParameters(motor_noise_m=0)
+    quiet = committed(AvoiderParameters, "obstacle_demonstrator", marker_noise_m=0, motor_noise_m=0)
+    marker = committed(AvoiderParameters, "obstacle_demonstrator", motor_noise_m=0)
     plain = reaches(None, SCENE, quiet)
     noisy = [a - b for (_, a), (_, b) in zip(reaches(None, SCENE, marker), plain, strict=True)]
     assert np.std(np.concatenate(noisy)) == pytest.approx(3e-4, rel=0.1)
@@ -119,7 +128,7 @@ def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
 
 
 def test_recordings_carry_their_provenance_and_survive_a_file(tmp_path):
-    person = AvoiderParameters(count=3, baseline_count=2)
+    person = committed(AvoiderParameters, "obstacle_demonstrator", count=3, baseline_count=2)
     scenario = scenarios(SCENE)[45]
     nominal, avoiding = demonstrate([None, scenario], SCENE, person)
     assert [recording.name for recording in nominal] == ["01", "02"]
@@ -149,9 +158,9 @@ def test_least_jerk_metric_is_the_inverse_of_the_jerk_form():
 
 
 def test_a_reach_along_gravity_is_demonstrated_too():
-    scene = SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
+    scene = committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
     scenario = Scenario(1, obstacle("sphere", np.array([0.01, 0.0, 0.35])))
-    paths = reaches(scenario, scene, AvoiderParameters(count=3))
+    paths = reaches(scenario, scene, committed(AvoiderParameters, "obstacle_demonstrator", count=3))
     assert closest(scenario, paths) > 0.05
     np.testing.assert_allclose(
         np.mean([position[-1] for _, position in paths], axis=0), [0, 0, 0.7], atol=0.02
@@ -161,8 +170,12 @@ def test_a_reach_along_gravity_is_demonstrated_too():
 def test_bad_scenes_and_people_are_refused():
     blocked = Scenario(1, obstacle("cube", SCENE.goal))
     with pytest.raises(InputError, match=r"the cube at .* contains the goal of the reach"):
-        demonstrate([blocked], SCENE, AvoiderParameters())
+        demonstrate([blocked], SCENE, committed(AvoiderParameters, "obstacle_demonstrator"))
     with pytest.raises(InputError, match="has no direction"):
-        reaches(None, SceneParameters(goal_m=SCENE.start_m), AvoiderParameters())
+        reaches(
+            None,
+            committed(SceneParameters, "obstacle_scene", goal_m=SCENE.start_m),
+            committed(AvoiderParameters, "obstacle_demonstrator"),
+        )
     with pytest.raises(ValidationError, match="low <= high"):
-        AvoiderParameters(rest_s=(0.4, 0.1))
+        committed(AvoiderParameters, "obstacle_demonstrator", rest_s=(0.4, 0.1))

@@ -1,9 +1,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres
+from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres, unroll
 
-from structlearn.avoidance.avoiding_unroll import no_coupling, unroll
+from structlearn.avoidance.avoiding_unroll import no_coupling
 from structlearn.avoidance.clouds import constant_velocity
 from structlearn.ground.errors import InputError
 from structlearn.testbeds.obstacles.protocol.avoidance_scores import (

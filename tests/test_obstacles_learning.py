@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from test_obstacles_models import toy_dataset
 
 from structlearn.avoidance.learned_models import read_models, write_models
@@ -15,12 +16,18 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario
 SCENARIOS = [
     Scenario(number, obstacle(shape, np.zeros(3))) for shape in ("sphere", "cube") for number in (1, 2)
 ]
-QUICK = NetworkParameters(hidden=(4,), training={"iterations": 4})
-PARAMETERS = AvoidanceTrainingParameters(
+QUICK = committed(NetworkParameters, "obstacle_training.per_setting", hidden=(4,), training={"iterations": 4})
+PARAMETERS = committed(
+    AvoidanceTrainingParameters,
+    "obstacle_training",
     per_setting=QUICK,
     per_shape=QUICK,
-    all_shapes=NetworkParameters(hidden=(5,), training={"iterations": 4}),
-    phase_modulated=TrainingParameters(steps=40, evaluate_every=20, chunk_samples=5),
+    all_shapes=committed(
+        NetworkParameters, "obstacle_training.per_setting", hidden=(5,), training={"iterations": 4}
+    ),
+    phase_modulated=committed(
+        TrainingParameters, "compare_models", steps=40, evaluate_every=20, chunk_samples=5
+    ),
     phase_modulated_hidden=(4,),
 )
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from scipy.optimize import least_squares
 
 from structlearn.avoidance import levenberg_marquardt as lm
@@ -7,6 +8,7 @@ from structlearn.avoidance.avoidance_network import forward
 from structlearn.avoidance.levenberg_marquardt import LevenbergMarquardtParameters
 from structlearn.avoidance.normal_equations import Samples
 
+KEY = "obstacle_training.per_setting.training"
 SIZES = (3, 6, 4, 2)
 
 
@@ -17,10 +19,15 @@ def problem(count=80, noise=0.05, seed=0):
     return Samples(inputs, clean + noise * rng.normal(size=clean.shape))
 
 
-def test_minima_are_as_good_as_scipys():
+def test_minima_are_as_good_as_scipys(monkeypatch):
+    for name, value in (("TOLERANCE", 1e-7), ("PATIENCE", 150), ("FIRST_DAMPING", 10.0)):
+        monkeypatch.setattr(lm, name, value)
     samples = problem()
-    parameters = LevenbergMarquardtParameters(
-        rule="validation", iterations=150, tolerance=1e-7, patience=150, damping=10.0
+    parameters = committed(
+        LevenbergMarquardtParameters,
+        KEY,
+        rule="validation",
+        iterations=150,
     )
     found, reference = [], []
     for seed in range(4):  # a start may end in a poor local minimum, of either
@@ -42,50 +49,71 @@ def test_minima_are_as_good_as_scipys():
     assert np.median(found) < 1.5 * np.median(reference)
 
 
-def test_linear_problem_is_solved_in_closed_form():
+def test_linear_problem_is_solved_in_closed_form(monkeypatch):
+    monkeypatch.setattr(lm, "FIRST_DAMPING", 1e-9)
     rng = np.random.default_rng(0)
     samples = Samples(rng.normal(size=(50, 3)), rng.normal(size=(50, 2)))
     inputs = np.hstack([samples.inputs, np.ones((50, 1))])
     best, *_ = np.linalg.lstsq(inputs, samples.target, rcond=None)
     start = lm.initial_layers((3, 2), rng)
-    parameters = LevenbergMarquardtParameters(rule="validation", damping=1e-9)
+    parameters = committed(
+        LevenbergMarquardtParameters,
+        KEY,
+        rule="validation",
+    )
     (found,) = lm.train_from(start, samples, parameters, samples).layers
     np.testing.assert_allclose(found, best, atol=1e-6)
 
 
-def test_error_never_rises():
+def test_error_never_rises(monkeypatch):
+    monkeypatch.setattr(lm, "PATIENCE", 100)
     samples = problem()
     layers = lm.initial_layers(SIZES, np.random.default_rng(0))
     errors = []
     for iterations in range(1, 15):
-        parameters = LevenbergMarquardtParameters(rule="validation", iterations=iterations, patience=100)
+        parameters = committed(
+            LevenbergMarquardtParameters,
+            KEY,
+            rule="validation",
+            iterations=iterations,
+        )
         errors.append(lm.train_from(layers, samples, parameters, samples).train_error)
     assert np.diff(errors).max() <= 0.0
     assert errors[-1] < 0.2 * lm.squared_error(layers, samples) / samples.target.size
 
 
-def test_validation_keeps_the_weights_that_did_best_there():
+def test_validation_keeps_the_weights_that_did_best_there(monkeypatch):
     samples, held = problem(30, noise=0.3), problem(300, noise=0.0, seed=1)
-    long, short = (
-        LevenbergMarquardtParameters(rule="validation", iterations=80, patience=patience)
-        for patience in (80, 6)
-    )
+    parameters = committed(LevenbergMarquardtParameters, KEY, rule="validation", iterations=80)
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
-    stopped = lm.train_from(layers, samples, short, held)
+    stopped = lm.train_from(layers, samples, parameters, held)
+    monkeypatch.setattr(lm, "PATIENCE", 80)
     assert stopped.validation_error == pytest.approx(
         lm.squared_error(stopped.layers, held) / held.target.size
     )
-    assert stopped.iterations <= lm.train_from(layers, samples, long, held).iterations
-    overfitted = lm.train_from(layers, samples, long, samples)
+    assert stopped.iterations <= lm.train_from(layers, samples, parameters, held).iterations
+    overfitted = lm.train_from(layers, samples, parameters, samples)
     assert stopped.validation_error < lm.squared_error(overfitted.layers, held) / held.target.size
 
 
-def test_evidence_finds_the_noise_and_does_not_overfit():
+def test_evidence_finds_the_noise_and_does_not_overfit(monkeypatch):
+    monkeypatch.setattr(lm, "PATIENCE", 60)
     samples, held = problem(60, noise=0.3), problem(400, noise=0.0, seed=1)
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
-    regular = lm.train_from(layers, samples, LevenbergMarquardtParameters(iterations=60))
+    regular = lm.train_from(
+        layers,
+        samples,
+        committed(LevenbergMarquardtParameters, KEY, iterations=60),
+    )
     free = lm.train_from(
-        layers, samples, LevenbergMarquardtParameters(rule="validation", patience=60), samples
+        layers,
+        samples,
+        committed(
+            LevenbergMarquardtParameters,
+            KEY,
+            rule="validation",
+        ),
+        samples,
     )
     weights = sum(layer.size for layer in layers)
     assert 0.0 < regular.determined_weights < min(weights, samples.target.size)
@@ -93,17 +121,14 @@ def test_evidence_finds_the_noise_and_does_not_overfit():
     assert free.train_error < regular.train_error < 2.0 * 0.3**2
 
 
-def test_restarts_keep_the_best_and_repeat_exactly():
+def test_training_repeats_exactly():
     samples, held = problem(), problem(seed=1)
-    one, five = (
-        LevenbergMarquardtParameters(rule="validation", iterations=10, restarts=count) for count in (1, 5)
-    )
-    first, best = lm.train(samples, (6, 4), one, held), lm.train(samples, (6, 4), five, held)
-    assert best.validation_error <= first.validation_error
-    again = lm.train(samples, (6, 4), five, held)
-    for found, repeated in zip(best.layers, again.layers, strict=True):
+    parameters = committed(LevenbergMarquardtParameters, KEY, rule="validation", iterations=10)
+    first = lm.train(samples, (6, 4), parameters, held)
+    again = lm.train(samples, (6, 4), parameters, held)
+    for found, repeated in zip(first.layers, again.layers, strict=True):
         np.testing.assert_array_equal(found, repeated)
-    other = lm.train(samples, (6, 4), one, held, stream=(1,))
+    other = lm.train(samples, (6, 4), parameters, held, stream=(1,))
     assert not np.array_equal(other.layers[0], first.layers[0])
 
 
@@ -111,13 +136,26 @@ def test_dead_nodes_and_too_few_samples_do_no_harm():
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
     layers[0][-1] = -100.0  # no node of the first layer is ever active
     samples = problem(5)
-    found = lm.train_from(layers, samples, LevenbergMarquardtParameters(iterations=20))
+    found = lm.train_from(
+        layers,
+        samples,
+        committed(LevenbergMarquardtParameters, KEY, iterations=20),
+    )
     assert all(np.isfinite(layer).all() for layer in found.layers)
 
 
 def test_rule_and_validation_samples_belong_together():
     samples = problem(10)
     with pytest.raises(ValueError, match="validation samples"):
-        lm.train(samples, (4,), LevenbergMarquardtParameters(rule="validation"))
+        lm.train(
+            samples,
+            (4,),
+            committed(LevenbergMarquardtParameters, KEY, rule="validation"),
+        )
     with pytest.raises(ValueError, match="validation samples"):
-        lm.train(samples, (4,), LevenbergMarquardtParameters(), samples)
+        lm.train(
+            samples,
+            (4,),
+            committed(LevenbergMarquardtParameters, KEY),
+            samples,
+        )

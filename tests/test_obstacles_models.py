@@ -1,5 +1,8 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.avoidance import network_training
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
@@ -46,7 +49,9 @@ def toy_dataset(scenarios=2, demonstrations=5, samples=25, noise=0.05, size=(0.0
 
 def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
     dataset = toy_dataset(scenarios=3, demonstrations=10)
-    mask = network_training.held_out_rows(dataset, SplitParameters(test_share=0.2))
+    mask = network_training.held_out_rows(
+        dataset, committed(SplitParameters, "obstacle_training.split", test_share=0.2)
+    )
     chosen = []
     for one, its in zip(network_training.by_scenario(dataset), np.split(mask, 3), strict=True):
         tested = {int(number) for number in np.unique(one.demonstration[its])}
@@ -55,7 +60,8 @@ def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
         chosen.append(tested)
     assert len({tuple(sorted(one)) for one in chosen}) > 1  # scenarios draw on their own
     alone = network_training.held_out_rows(
-        network_training.by_scenario(dataset)[1], SplitParameters(test_share=0.2)
+        network_training.by_scenario(dataset)[1],
+        committed(SplitParameters, "obstacle_training.split", test_share=0.2),
     )
     np.testing.assert_array_equal(alone, np.split(mask, 3)[1])
     assert not np.array_equal(
@@ -66,8 +72,10 @@ def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
 def test_one_demonstration_cannot_be_split():
     dataset = toy_dataset(demonstrations=1)
     with pytest.raises(InputError, match="scenario 0 has one demonstration only"):
-        network_training.held_out_rows(dataset, SplitParameters())
-    parameters = NetworkParameters(training={"rule": "validation"})
+        network_training.held_out_rows(dataset, committed(SplitParameters, "obstacle_training.split"))
+    parameters = committed(
+        NetworkParameters, "obstacle_training.per_setting", training={"rule": "validation"}
+    )
     with pytest.raises(InputError, match="none would be left to validate"):
         network_training.train_member(network_training.by_scenario(dataset)[0], parameters, (0, 0))
 
@@ -75,7 +83,9 @@ def test_one_demonstration_cannot_be_split():
 @pytest.mark.parametrize("rule", ["validation", "evidence"])
 def test_a_network_learns_the_same_alone_and_among_others(rule):
     sets = network_training.by_scenario(toy_dataset())
-    parameters = NetworkParameters(hidden=(6, 4), training={"rule": rule} | QUICK)
+    parameters = committed(
+        NetworkParameters, "obstacle_training.per_setting", hidden=(6, 4), training={"rule": rule} | QUICK
+    )
     stack = network_training.fit_networks(sets, parameters, "test")
     again = network_training.fit_networks(sets[:1], parameters, "test")
     for layer, alone in zip(stack.layers, again.layers, strict=True):
@@ -85,7 +95,14 @@ def test_a_network_learns_the_same_alone_and_among_others(rule):
 
 def test_members_are_averaged():
     sets = network_training.by_scenario(toy_dataset(scenarios=1))
-    parameters = NetworkParameters(hidden=(6, 4), members=3, inputs="phase", training=QUICK)
+    parameters = committed(
+        NetworkParameters,
+        "obstacle_training.per_setting",
+        hidden=(6, 4),
+        members=3,
+        inputs="phase",
+        training=QUICK,
+    )
     stack = network_training.fit_networks(sets, parameters, "test")
     its = sets[0]
     alone = [
@@ -102,10 +119,16 @@ def test_members_are_averaged():
 
 def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
     dataset = toy_dataset(scenarios=1, demonstrations=15)
-    mask = network_training.held_out_rows(dataset, SplitParameters())
+    mask = network_training.held_out_rows(dataset, committed(SplitParameters, "obstacle_training.split"))
     errors = {}
     for inputs in ("features", "phase"):
-        parameters = NetworkParameters(hidden=(10, 6), inputs=inputs, training={"iterations": 20})
+        parameters = committed(
+            NetworkParameters,
+            "obstacle_training.per_setting",
+            hidden=(10, 6),
+            inputs=inputs,
+            training={"iterations": 20},
+        )
         stack = network_training.fit_networks([dataset.where(~mask)], parameters, "test")
         errors[inputs] = network_training.fit_errors([dataset], [mask], [stack])
     for table in errors.values():
@@ -131,6 +154,31 @@ def test_dominant_axis(size, axis):
     assert network_training.dominant_axis(toy_dataset(scenarios=1, size=size)) == axis
 
 
+@pytest.mark.parametrize(("noise", "axis"), [(4.0, "y"), (6.0, None)])
+def test_an_axis_dominates_only_above_what_single_demonstrations_differ_by(noise, axis):
+    dataset = toy_dataset(scenarios=1, demonstrations=40, noise=noise)  # rms of the mean along y: 3.9
+    assert network_training.dominant_axis(dataset) == axis
+
+
+def test_demonstrations_that_validate_do_not_train(monkeypatch):
+    dataset = toy_dataset(scenarios=2, demonstrations=5)
+    seen = []
+
+    def train(samples, hidden, training, validation=None, stream=()):
+        seen.extend([samples, validation])
+        return SimpleNamespace(layers=())
+
+    monkeypatch.setattr(network_training, "train", train)
+    parameters = committed(
+        NetworkParameters, "obstacle_training.per_setting", training={"rule": "validation"} | QUICK
+    )
+    network_training.train_member(dataset, parameters, (0, 0))
+    trains, validates = ({row.tobytes() for row in its.inputs} for its in seen)
+    assert not trains & validates
+    assert len(trains | validates) == len(dataset)
+    assert len(validates) == 2 * 25  # 15 % of ten demonstrations, whole ones
+
+
 def test_human_inspired_models_stack():
     sets = network_training.by_scenario(toy_dataset(scenarios=3))
     stack = network_training.fit_human_inspired_models(sets, "test")
@@ -141,7 +189,7 @@ def test_human_inspired_models_stack():
 
 def test_phase_modulated_avoidance_rests_with_the_phase(tmp_path):
     dataset = toy_dataset(demonstrations=8)
-    parameters = TrainingParameters(steps=800, dropout=0.0, evaluate_every=200)
+    parameters = committed(TrainingParameters, "compare_models", steps=800, dropout=0.0, evaluate_every=200)
     model = train_phase_modulated(dataset, parameters, hidden=(20,))
     found = model(dataset.features, dataset.phase, dataset.phase_velocity)
     assert found.shape == dataset.target.shape

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import quick, rngs
@@ -7,7 +8,7 @@ from pydantic import ValidationError
 
 from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters, post_processed
 
-DECAY = PostprocessingParameters().passed_decay_per_m2
+DECAY = committed(PostprocessingParameters, "obstacle_evaluation.postprocessing").passed_decay_per_m2
 
 
 def test_along_the_reach_nothing_acts_and_beside_the_obstacle_all_else_does():
@@ -40,7 +41,7 @@ def test_nothing_grows_and_a_batch_is_its_members(rng, decay):
 @pytest.mark.parametrize("fault", [{"passed_decay_per_m2": -1}, {"end_limit_m": 0}, {"late_factor": 0.5}])
 def test_parameters_out_of_range_are_refused(fault):
     with pytest.raises(ValidationError):
-        PostprocessingParameters(**fault)
+        committed(PostprocessingParameters, "obstacle_evaluation.postprocessing", **fault)
 
 
 def test_the_text_has_no_limits():

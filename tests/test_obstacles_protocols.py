@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from obstacles_unrolls import GOAL, START, baseline, random_network
 from pydantic import ValidationError
 
@@ -13,7 +14,14 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import Avoidanc
 from structlearn.testbeds.obstacles.protocol.avoidance_scores import closest_approaches
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
-PARAMETERS = AvoidanceEvaluationParameters(rate_hz=50.0, kept_every=2, speeds_m_s=(0.1, 0.3), pairs=12)
+PARAMETERS = committed(
+    AvoidanceEvaluationParameters,
+    "obstacle_evaluation",
+    rate_hz=50.0,
+    kept_every=2,
+    speeds_m_s=(0.1, 0.3),
+    pairs=12,
+)
 SETTINGS = ([0.4, -0.15, 0.25], [0.4, -0.45, 0.3])
 SCENARIOS = [
     Scenario(number, obstacle(shape, np.array(centre)))
@@ -37,7 +45,7 @@ MODELS = AvoidanceModels(
 def closest(situation):
     primitive = baseline()
     path = avoidance_protocols.unrolled(
-        situation, avoidance_protocols.no_coupling, primitive, PARAMETERS, None
+        situation, avoidance_protocols.no_coupling, primitive, PARAMETERS, PARAMETERS.postprocessing
     )
     until = path.path.time <= primitive.duration
     return closest_approaches(path.path.time[until], path.path.position[:, until], situation.obstacles)[0]
@@ -152,4 +160,10 @@ def test_demonstrations_are_scored_one_by_one():
 
 def test_a_late_goal_beyond_the_last_look_is_refused():
     with pytest.raises(ValidationError, match="late_factor must be at most"):
-        AvoidanceEvaluationParameters(postprocessing=PostprocessingParameters(late_factor=2.0))
+        committed(
+            AvoidanceEvaluationParameters,
+            "obstacle_evaluation",
+            postprocessing=committed(
+                PostprocessingParameters, "obstacle_evaluation.postprocessing", late_factor=2.0
+            ),
+        )

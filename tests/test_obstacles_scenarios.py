@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.ground.errors import InputError
@@ -15,7 +16,7 @@ from structlearn.testbeds.obstacles.world.scenarios import (
     unseen_clouds,
 )
 
-SCENE = SceneParameters()
+SCENE = committed(SceneParameters, "obstacle_scene")
 
 
 def distance_to_line(points):
@@ -46,8 +47,8 @@ def test_start_and_goal_are_left_free_and_far_obstacles_are_far():
 
 
 def test_positions_follow_the_seed_only():
-    again = scenarios(SceneParameters())
-    other = scenarios(SceneParameters(seed=99))
+    again = scenarios(committed(SceneParameters, "obstacle_scene"))
+    other = scenarios(committed(SceneParameters, "obstacle_scene", seed=99))
     for one, same, different in zip(scenarios(SCENE), again, other, strict=True):
         np.testing.assert_array_equal(one.obstacle.centre, same.obstacle.centre)
         np.testing.assert_array_equal(one.obstacle.rotation, same.obstacle.rotation)
@@ -56,7 +57,10 @@ def test_positions_follow_the_seed_only():
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_all_settings_may_be_far_or_near(share):
-    assert len(scenarios(SceneParameters(settings=5, near_share=share), ("cube",))) == 5
+    assert (
+        len(scenarios(committed(SceneParameters, "obstacle_scene", settings=5, near_share=share), ("cube",)))
+        == 5
+    )
 
 
 def test_unseen_grid_lies_along_the_reach_with_its_ends_outside():
@@ -88,9 +92,9 @@ def test_a_reach_without_length_is_refused():
     with pytest.raises(InputError, match="a reach of 0 m has no direction"):
         reach_frame(SCENE.start, SCENE.start)
     with pytest.raises(InputError, match="has no direction"):
-        scenarios(SceneParameters(goal_m=SCENE.start_m))
+        scenarios(committed(SceneParameters, "obstacle_scene", goal_m=SCENE.start_m))
     with pytest.raises(InputError, match=r"no obstacle fits between start and goal of a reach of 0\.1 m"):
-        scenarios(SceneParameters(start_m=(0, 0, 0), goal_m=(0.1, 0, 0)))
+        scenarios(committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0.1, 0, 0)))
 
 
 @pytest.mark.parametrize("height", [0.7, -0.7])
@@ -99,4 +103,13 @@ def test_a_reach_along_gravity_anchors_the_side(height):
     np.testing.assert_allclose(axes[:, 0], [0, 0, np.sign(height)])
     np.testing.assert_allclose(axes[:, 1], [0, 1, 0])
     np.testing.assert_allclose(np.linalg.det(axes), 1.0)
-    assert len(scenarios(SceneParameters(start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5))) == 15
+    assert (
+        len(
+            scenarios(
+                committed(
+                    SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5
+                )
+            )
+        )
+        == 15
+    )

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from committed import committed, parameter_tree
 
 from structlearn.avoidance.learned_models import read_models
 from structlearn.avoidance.shapes import SHAPES
@@ -35,7 +36,7 @@ SMALL = {
 
 def run_stages(root: Path, folder: Path) -> dict[str, bytes]:
     folder.mkdir()
-    (folder / "params.yaml").write_text(yaml.safe_dump(SMALL))
+    (folder / "params.yaml").write_text(yaml.safe_dump(parameter_tree(SMALL)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(parallel.BACKEND, "sequential")
         patch.chdir(folder)
@@ -58,7 +59,7 @@ def test_the_same_parameters_give_the_same_bytes(written):
 
 def test_every_scenario_is_recorded_and_learned_from(written):
     folder, files, _ = written
-    places = scenarios(SceneParameters(**SMALL["obstacle_scene"]))
+    places = scenarios(committed(SceneParameters, "obstacle_scene", **SMALL["obstacle_scene"]))
     recorded = [name for name in files if name.endswith(".mcap")]
     assert len(recorded) == 3 + 3 * len(places)
     provenance = read_recordings(folder / "data/raw/obstacles/cube/02")[0].provenance
@@ -102,4 +103,4 @@ def test_every_model_is_put_to_every_protocol(written):
 
 def test_what_is_missing_is_named(tmp_path):
     with pytest.raises(InputError, match=r"/0\d: no such file or folder"):
-        read_scenarios(scenarios(SceneParameters(settings=1)), tmp_path)
+        read_scenarios(scenarios(committed(SceneParameters, "obstacle_scene", settings=1)), tmp_path)

@@ -1,11 +1,23 @@
 import numpy as np
 import pytest
+from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
-from obstacles_unrolls import DT, DURATION, GOAL, START, baseline, beside_the_reach, random_network, spheres
+from obstacles_unrolls import (
+    DT,
+    DURATION,
+    GOAL,
+    LIMITS,
+    START,
+    baseline,
+    beside_the_reach,
+    random_network,
+    spheres,
+    unroll,
+)
 from primitives_movements import few, quick, rngs
 
-from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, unroll
+from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling
 from structlearn.avoidance.clouds import constant_velocity
 from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
 from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
@@ -94,7 +106,7 @@ def test_the_text_s_rules_alone_do_not_bring_it_to_the_goal():
         np.linalg.norm(paths.path.position[0, -1] - paths.goal[0])
         for paths in (
             unroll(PRIMITIVE, constant(0, 10.0, 0), [level_with_goal], DT, parameters)
-            for parameters in (TEXT_ONLY, None)
+            for parameters in (TEXT_ONLY, LIMITS)
         )
     ]
     assert miss[0] > 0.05  # 10 / (ALPHA BETA) = 64 mm
@@ -106,7 +118,13 @@ def test_a_model_that_leads_back_in_time_is_not_held_back():
         beside = np.exp(-0.5 * (features[:, 0] / 0.08) ** 2)
         return 30.0 * beside[:, None] * np.array([0.0, 1.0, -0.5])
 
-    limits = PostprocessingParameters(end_limit_m=0.035, late_limit_m=0.0035, return_coupling=10.0)
+    limits = committed(
+        PostprocessingParameters,
+        "obstacle_evaluation.postprocessing",
+        end_limit_m=0.035,
+        late_limit_m=0.0035,
+        return_coupling=10.0,
+    )
     paths = unroll(PRIMITIVE, model, [spheres([[0.3, -0.02, 0.0]])], DT, limits)
     assert paths.path.position[0, :, 1].max() > 0.05
     np.testing.assert_array_equal(paths.asked[:, :END], paths.coupling[:, :END])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from committed import NO_TOPICS, committed, merged
 from conftest import minimum_jerk
 from recordings_bags import pose_messages, write_bag
 
@@ -43,6 +44,15 @@ STAGES = (
 )
 
 
+def report_values() -> dict:
+    """Headline figures and details of the report."""
+    return {
+        key: value
+        for name in ("metrics", "details")
+        for key, value in json.loads(Path(f"reports/scraping/{name}.json").read_text()).items()
+    }
+
+
 def write_reach(path: Path, duration: float, rest: float) -> None:
     time = np.arange(0.0, duration + 2 * rest, 1 / 250)
     way = minimum_jerk((time - rest) / duration)
@@ -57,13 +67,13 @@ def test_another_task_goes_through_to_the_report(root, tmp_path, monkeypatch):
     for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
         write_reach(tmp_path / "bags" / f"take_{number}.mcap", duration, rest)
     parameters = yaml.safe_load((root / "params.yaml").read_text())
-    parameters["record"] = {"source": "bags", "topics": {"pose": "/arm/pose"}}
+    parameters["record"] = {"source": "bags", "topics": {"pose": "/arm/pose"} | NO_TOPICS}
     parameters["segment"]["primitives"] = [{"name": "reach", "axis": "xyz", "threshold_m_s": 0.05}]
     (tmp_path / "params.yaml").write_text(yaml.safe_dump(parameters))
     monkeypatch.chdir(tmp_path)
     for stage in STAGES:
         runpy.run_path(str(root / "stages" / stage), run_name="__main__")
-    values = json.loads(Path("reports/scraping/metrics.json").read_text())
+    values = report_values()
     assert values["demonstrations"] == 3
     assert not values["simulated"]
     assert values["fit_reach_mean_mm"] < 2.0
@@ -79,12 +89,14 @@ def as_recorded(recordings: Iterable[Recording]) -> list[Recording]:
 
 
 def test_own_executions_and_corrections_give_feedback_models(root, tmp_path, monkeypatch):
-    testbed = TestbedParameters()
-    nominal = guided_demonstrations(DemonstratorParameters(count=4), testbed)
+    testbed = committed(TestbedParameters, "testbed")
+    nominal = guided_demonstrations(committed(DemonstratorParameters, "simulate", count=4), testbed)
     demonstrations = [synchronise(recording, 300.0) for recording in nominal]
     parameters = yaml.safe_load((root / "params.yaml").read_text())
-    segmentation = cut(demonstrations, SegmentParameters(**parameters["segment"]))
-    skill = ReactiveSkill(learn_sequence(demonstrations, segmentation.results, FitParameters()))
+    segmentation = cut(demonstrations, committed(SegmentParameters, "segment"))
+    skill = ReactiveSkill(
+        learn_sequence(demonstrations, segmentation.results, committed(FitParameters, "fit_primitives"))
+    )
     write_recordings(as_recorded(nominal), tmp_path / "bags" / "nominal")
     write_recordings(
         as_recorded(executions(skill, nominal_runs(2), testbed)), tmp_path / "bags" / "executions"
@@ -92,12 +104,13 @@ def test_own_executions_and_corrections_give_feedback_models(root, tmp_path, mon
     corrected = as_recorded(executions(skill, corrected_runs([5.0], 3), testbed))
     write_recordings(corrected, tmp_path / "bags" / "corrections" / "5")
 
-    topics = {"pose": "/pose", "wrench": "/wrench", "tactile": ["/tactile/0", "/tactile/1"]}
+    topics = NO_TOPICS | {"pose": "/pose", "wrench": "/wrench", "tactile": ["/tactile/0", "/tactile/1"]}
     parameters["record"] = {"source": "bags/nominal", "topics": topics}
     parameters["expected_traces"]["source"] = "bags/executions"
     parameters["record_corrections"] |= {"source": "bags/corrections", "settings_deg": [5]}
     parameters["coupling_dataset"]["settings_deg"] = [5]
-    parameters["train_feedback"] = {"hidden": [8], "pointwise": {"steps": 100}, "unrolled": {"steps": 10}}
+    quick = {"hidden": [8], "pointwise": {"steps": 100}, "unrolled": {"steps": 10}}
+    parameters["train_feedback"] = merged(parameters["train_feedback"], quick)
     parameters["compare_models"] |= {"steps": 20, "evaluate_every": 10}
     parameters["time_controller"]["ticks"] = 200
     (tmp_path / "params.yaml").write_text(yaml.safe_dump(parameters))
@@ -105,7 +118,7 @@ def test_own_executions_and_corrections_give_feedback_models(root, tmp_path, mon
     for stage in STAGES:
         runpy.run_path(str(root / "stages" / stage), run_name="__main__")
 
-    values = json.loads(Path("reports/scraping/metrics.json").read_text())
+    values = report_values()
     assert values["pmnn_prim2_generalization_nmse"] > 0.0
     assert not any(name.startswith("cost_ratio") for name in values)  # the board is the simulated one
     axis = np.array(parameters["coupling_dataset"]["axis"])

@@ -1,4 +1,9 @@
+import ast
+import importlib
 import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import get_args
 
 import pytest
 import yaml
@@ -6,7 +11,6 @@ from pydantic import Field, ValidationError
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters, read_parameters
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 class FilterParameters(Parameters):
@@ -97,19 +101,114 @@ def test_yaml_cannot_run_code(tmp_path):
     assert complaint(tmp_path, "segment: !!python/object/apply:os.getcwd []").startswith("not a YAML file")
 
 
-def listed(model: type[Parameters]) -> dict:
-    """Names of all parameters of a model, nested."""
-    fields = {name: field.annotation for name, field in model.model_fields.items()}
-    return {
-        name: listed(kind) if isinstance(kind, type) and issubclass(kind, Parameters) else None
-        for name, kind in fields.items()
+def test_a_dotted_key_is_one_further_down(tmp_path):
+    path = tmp_path / "params.yaml"
+    path.write_text("segment: {extension_s: 1, filter: {cutoff_hz: 2}}\nother: 3\n")
+    assert read_parameters(path, "segment.filter", FilterParameters).cutoff_hz == 2.0
+    for key in ("segment.filters", "other.filter", "segment.extension_s.filter"):
+        with pytest.raises(InputError, match=f"key '{key}' is missing"):
+            read_parameters(path, key, FilterParameters)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("segment: {extension_s: 1}\nsegment: {extension_s: 2}\n", "key 'segment' stands twice (line 2)"),
+        ("segment:\n  extension_s: 1\n  extension_s: 1\n", "key 'extension_s' stands twice (line 3)"),
+        (
+            "segment: {extension_s: 1, filter: {cutoff_hz: 1, cutoff_hz: 2}}",
+            "key 'cutoff_hz' stands twice (line 1)",
+        ),
+    ],
+)
+def test_a_key_that_stands_twice_is_named(tmp_path, text, expected):
+    """YAML itself takes the last one, silently."""
+    assert complaint(tmp_path, text) == expected
+
+
+def test_a_changed_file_is_read_anew(tmp_path):
+    assert read(tmp_path, "segment: {extension_s: 1}\n").extension_s == 1.0
+    assert read(tmp_path, "segment: {extension_s: 0.25}\n").extension_s == 0.25
+
+
+def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
+    """Keys that a stage reads with their models: from calls of `stage_parameters`, and mappings for them."""
+    tree = ast.parse(script.read_text())
+    origins = {
+        name.name: node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+        for name in node.names
     }
+    for node in ast.walk(tree):
+        pairs = []
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "stage_parameters":
+            pairs = [node.args]
+        elif isinstance(node, ast.Dict):
+            pairs = [*zip(node.keys, node.values, strict=True)]
+        for key, model in pairs:
+            module, _, name = ast.unparse(model).rpartition(".")
+            if isinstance(key, ast.Constant) and name.endswith("Parameters"):
+                home = f"{origins[module]}.{module}" if module else origins[name]
+                yield key.value, getattr(importlib.import_module(home), name)
 
 
-def test_every_constant_of_the_simulated_testbed_stands_in_the_parameter_file(root):
-    written = yaml.safe_load((root / "params.yaml").read_text())["testbed"]
-    names = listed(TestbedParameters)
-    assert names.keys() == written.keys()
-    for part, inner in names.items():
-        if inner is not None:
-            assert inner.keys() == written[part].keys(), part
+@pytest.fixture(scope="module")
+def models(root):
+    found: dict[str, set[type[Parameters]]] = {}
+    for script in sorted((root / "stages").rglob("*.py")):
+        for key, model in read_by(script):
+            found.setdefault(key, set()).add(model)
+    return found
+
+
+def nested_models(model: type[Parameters]) -> set[type[Parameters]]:
+    """A model and those of its fields, of their fields, and so on."""
+
+    def within(annotation: object) -> Iterator[type[Parameters]]:
+        if isinstance(annotation, type) and issubclass(annotation, Parameters):
+            yield from nested_models(annotation)
+        for argument in get_args(annotation):
+            yield from within(argument)
+
+    return {model}.union(*(within(field.annotation) for field in model.model_fields.values()))
+
+
+def test_every_key_is_read_by_a_stage_and_every_key_read_is_there(root, models):
+    written = yaml.safe_load((root / "params.yaml").read_text())
+    assert {key.split(".")[0] for key in models} == set(written)
+    for key, its in models.items():
+        for model in its:
+            read_parameters(root / "params.yaml", key, model)
+
+
+def test_no_parameter_has_a_second_value_in_the_code(models):
+    every = set().union(*(nested_models(model) for its in models.values() for model in its))
+    defaults = [
+        f"{model.__name__}.{name}"
+        for model in every
+        for name, field in model.model_fields.items()
+        if not field.is_required()
+    ]
+    assert len(every) > 70
+    assert defaults == []
+
+
+def lines_of_leaves(node: yaml.Node) -> Iterator[int]:
+    """Lines, from 0, at which a value stands that is no mapping; of a list its first."""
+    if isinstance(node, yaml.MappingNode):
+        for _, value in node.value:
+            yield from lines_of_leaves(value)
+    elif isinstance(node, yaml.SequenceNode) and any(isinstance(one, yaml.MappingNode) for one in node.value):
+        for value in node.value:
+            yield from lines_of_leaves(value)
+    else:
+        yield node.start_mark.line
+
+
+def test_every_value_has_a_comment_beside_it(root):
+    text = (root / "params.yaml").read_text()
+    lines = text.splitlines()
+    assert len(lines) <= 400
+    bare = {lines[number] for number in lines_of_leaves(yaml.compose(text)) if "# " not in lines[number]}
+    assert bare == set()

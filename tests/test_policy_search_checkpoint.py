@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from committed import committed
 from feedback_skills import random_network
 from hypothesis import given
 from hypothesis import strategies as st
@@ -142,7 +143,7 @@ VALUES = {
     "data": ARRAY,
     "search": {"samples": 38, "covariance": {"mode": "full"}},
     "arrays": {"hidden": [np.arange(2000.0), np.zeros(3)]},
-    "parameters": PI2Parameters(),
+    "parameters": committed(PI2Parameters, "refine.search"),
     "network": random_network(np.random.default_rng(0), inputs=1000),
 }
 
@@ -176,8 +177,8 @@ def nudged(network):
         ("search", {"samples": 37, "covariance": {"mode": "full"}}),
         ("arrays", {"hidden": [changed(), np.zeros(3)]}),
         ("arrays", {"hidden": [np.arange(2000.0), np.zeros(4)]}),
-        ("parameters", PI2Parameters(kl_bound=1.1)),
-        ("parameters", PI2Parameters(temperature=0.1)),
+        ("parameters", committed(PI2Parameters, "refine.search", kl_bound=1.1)),
+        ("parameters", committed(PI2Parameters, "refine.search", temperature=0.1)),
         ("network", random_network(np.random.default_rng(1), inputs=1000)),
         ("network", nudged(VALUES["network"])),
     ],
@@ -195,7 +196,7 @@ def test_the_order_of_keys_and_memory_is_not_part_of_the_digest():
     turned = dict(reversed(VALUES.items()))
     turned["search"] = {"covariance": {"mode": "full"}, "samples": 38}
     turned["data"] = np.asfortranarray(ARRAY)
-    turned["parameters"] = PI2Parameters()
+    turned["parameters"] = committed(PI2Parameters, "refine.search")
     assert digest(turned) == digest(VALUES)
 
 

@@ -7,6 +7,7 @@ import cma
 import numpy as np
 import pandas as pd
 import pytest
+from committed import committed
 from made_up_environment import KERNELS, MadeUp
 
 from structlearn.feedback.skill import open_loop
@@ -25,7 +26,7 @@ from structlearn.policy_search.sample_efficiency import (
 )
 
 START, EXPLORATION = np.zeros(KERNELS), 4.0
-SEARCH = PI2Parameters(samples=20)
+SEARCH = committed(PI2Parameters, "refine.search", samples=20)
 POPULATION = 4 + math.floor(3 * math.log(KERNELS))  # of CMA-ES
 PARAMETERS = ComparisonParameters(budget=120, seeds=2, evaluation_runs=3)
 

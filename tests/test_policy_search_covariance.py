@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -37,7 +38,13 @@ def estimate(deviations, weights, over_time, centre):
 def test_full_is_the_weighted_covariance_of_the_text(centre, rng):
     old, deviations = random_covariance(rng, 3), rng.normal(size=(20, 3))
     weights, over_time = random_weights(rng, 20, 6)
-    parameters = CovarianceParameters(mode="full", centre=centre, eigenvalue_floor=NO_FLOOR)
+    parameters = committed(
+        CovarianceParameters,
+        "refine.search.covariance",
+        mode="full",
+        centre=centre,
+        eigenvalue_floor=NO_FLOOR,
+    )
     new = adapted(old, deviations, moments(weights, over_time, centre), parameters)
     np.testing.assert_allclose(new, estimate(deviations, weights, over_time, centre), rtol=1e-7, atol=1e-7)
 
@@ -47,7 +54,13 @@ def test_full_is_the_weighted_covariance_of_the_text(centre, rng):
 def test_rescaled_is_the_old_one_by_a_damped_mean_ratio(centre, rng, damping):
     old, deviations = random_covariance(rng, 5), rng.normal(size=(6, 5))
     weights, over_time = random_weights(rng, 6, 4)
-    parameters = CovarianceParameters(centre=centre, damping=damping, eigenvalue_floor=NO_FLOOR)
+    parameters = committed(
+        CovarianceParameters,
+        "refine.search.covariance",
+        centre=centre,
+        damping=damping,
+        eigenvalue_floor=NO_FLOOR,
+    )
     new = adapted(old, deviations, moments(weights, over_time, centre), parameters)
     ratio = np.trace(np.linalg.inv(old) @ estimate(deviations, weights, over_time, centre)) / 5
     np.testing.assert_allclose(new, ratio ** (1 / damping) * old, rtol=1e-8)
@@ -60,14 +73,23 @@ def test_samples_that_are_as_wide_as_the_old_covariance_keep_it(mode):
     deviations = np.concatenate([arms, -arms])
     weights = moments(np.full((8, 1), 1 / 8), np.ones(1), "old_mean")
     np.testing.assert_allclose(
-        adapted(old, deviations, weights, CovarianceParameters(mode=mode)), old, rtol=1e-9
+        adapted(
+            old, deviations, weights, committed(CovarianceParameters, "refine.search.covariance", mode=mode)
+        ),
+        old,
+        rtol=1e-9,
     )
 
 
 def test_kept_is_the_old_one():
     old = random_covariance(np.random.default_rng(0), 2)
     weights = moments(np.array([[1.0], [0.0]]), np.ones(1), "old_mean")
-    new = adapted(old, np.array([[9.0, 9.0], [0.0, 0.0]]), weights, CovarianceParameters(mode="kept"))
+    new = adapted(
+        old,
+        np.array([[9.0, 9.0], [0.0, 0.0]]),
+        weights,
+        committed(CovarianceParameters, "refine.search.covariance", mode="kept"),
+    )
     np.testing.assert_array_equal(new, old)
 
 
@@ -77,7 +99,9 @@ def test_no_variance_shrinks_below_the_floor(mode):
     old = random_covariance(np.random.default_rng(1), 4)
     deviations = np.random.default_rng(2).normal(size=(5, 4))
     weights = moments(np.eye(5)[:, :1], np.ones(1), "new_mean")
-    parameters = CovarianceParameters(mode=mode, centre="new_mean", eigenvalue_floor=0.2)
+    parameters = committed(
+        CovarianceParameters, "refine.search.covariance", mode=mode, centre="new_mean", eigenvalue_floor=0.2
+    )
     np.testing.assert_allclose(adapted(old, deviations, weights, parameters), 0.2 * old, rtol=1e-9)
 
 
@@ -91,7 +115,13 @@ def test_around_the_new_mean_the_estimate_is_smaller(rng):
                 old,
                 deviations,
                 moments(weights, over_time, centre),
-                CovarianceParameters(mode="full", centre=centre, eigenvalue_floor=NO_FLOOR),
+                committed(
+                    CovarianceParameters,
+                    "refine.search.covariance",
+                    mode="full",
+                    centre=centre,
+                    eigenvalue_floor=NO_FLOOR,
+                ),
             )
         )
         for centre in CENTRES
@@ -106,7 +136,9 @@ def test_a_linear_change_of_the_parameters_changes_nothing(mode, centre, rng):
     old, deviations = random_covariance(rng, 4), rng.normal(size=(6, 4))
     change = rng.normal(size=(4, 4)) + 3.0 * np.eye(4)
     weights = moments(*random_weights(rng, 6, 3), centre)
-    parameters = CovarianceParameters(mode=mode, centre=centre, eigenvalue_floor=0.3)
+    parameters = committed(
+        CovarianceParameters, "refine.search.covariance", mode=mode, centre=centre, eigenvalue_floor=0.3
+    )
     expected = change @ adapted(old, deviations, weights, parameters) @ change.T
     found = adapted(change @ old @ change.T, deviations @ change.T, weights, parameters)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7)
@@ -118,7 +150,7 @@ def test_a_linear_change_of_the_parameters_changes_nothing(mode, centre, rng):
 def test_covariances_stay_symmetric_and_positive_definite(mode, centre, rng, samples, dimensions, spread):
     """Over many updates, also with fewer samples than dimensions and weights on single samples."""
     covariance = spread * random_covariance(rng, dimensions)
-    parameters = CovarianceParameters(mode=mode, centre=centre)
+    parameters = committed(CovarianceParameters, "refine.search.covariance", mode=mode, centre=centre)
     for _ in range(40):
         deviations = rng.normal(size=(samples, dimensions)) @ factor(covariance).T
         weights = moments(*random_weights(rng, samples, 3), centre)
@@ -134,7 +166,12 @@ def test_a_direction_may_become_very_narrow():
     arms = np.sqrt(2.0) * np.concatenate([np.eye(3)[1:], -np.eye(3)[1:]]) @ turn
     weights = moments(np.full((4, 1), 1 / 4), np.ones(1), "old_mean")
     for _ in range(200):
-        covariance = adapted(covariance, arms, weights, CovarianceParameters(mode="full"))
+        covariance = adapted(
+            covariance,
+            arms,
+            weights,
+            committed(CovarianceParameters, "refine.search.covariance", mode="full"),
+        )
     widths = np.linalg.eigvalsh(covariance)
     assert 0 < widths[0] < 1e-10
     np.testing.assert_allclose(widths[1:], 1.0, rtol=1e-6)

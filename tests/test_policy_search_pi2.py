@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import reach
@@ -21,7 +22,7 @@ from structlearn.policy_search.pi2 import (
 from structlearn.primitives.vector import fit_vector
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
-DEFAULT = PI2Parameters()
+DEFAULT = committed(PI2Parameters, "refine.search")
 
 
 def random_rollouts(rng, samples=12, steps=6, dimensions=3):
@@ -31,7 +32,13 @@ def random_rollouts(rng, samples=12, steps=6, dimensions=3):
 
 
 def parameters_of(mode, centre="old_mean", **others):
-    return PI2Parameters(covariance=CovarianceParameters(mode=mode, centre=centre, **others))
+    return committed(
+        PI2Parameters,
+        "refine.search",
+        covariance=committed(
+            CovarianceParameters, "refine.search.covariance", mode=mode, centre=centre, **others
+        ),
+    )
 
 
 def slow_update(mean, policies, costs, kl_bound, floor, centre):
@@ -83,7 +90,7 @@ def test_time_weights_by_hand():
     # the first sample is better at all steps; nearly all weight at temperature 1e-3
     distribution = SearchDistribution.around(np.zeros(1), 1.0)
     policies = np.array([[1.0], [-1.0]])
-    cold = PI2Parameters(temperature=1e-3)
+    cold = committed(PI2Parameters, "refine.search", temperature=1e-3)
     assert update(distribution, policies, costs, cold).distribution.mean == pytest.approx(1.0)
     # better only where nothing has been paid yet (weights 3 + 2), worse at the end (weight 1)
     costs = np.array([[0.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
@@ -100,7 +107,7 @@ def test_costs_that_were_paid_before_do_not_count():
         SearchDistribution.around(np.zeros(1), 1.0),
         np.array([[1.0], [-1.0]]),
         costs,
-        PI2Parameters(temperature=1e-3),
+        committed(PI2Parameters, "refine.search", temperature=1e-3),
     )
     np.testing.assert_allclose(found.weights, [0.4 + 0.6 / 2, 0.6 / 2])
     np.testing.assert_allclose(found.effective_samples, [1, 2, 2, 2])
@@ -109,7 +116,12 @@ def test_costs_that_were_paid_before_do_not_count():
 def test_two_samples_at_a_fixed_temperature():
     distribution = SearchDistribution.around(np.array([10.0, 0.0]), 1.0)
     policies = np.array([[1.0, 2.0], [3.0, -2.0]])
-    found = update(distribution, policies, np.array([[5.0], [7.0]]), PI2Parameters(temperature=0.5))
+    found = update(
+        distribution,
+        policies,
+        np.array([[5.0], [7.0]]),
+        committed(PI2Parameters, "refine.search", temperature=0.5),
+    )
     p = 1 / (1 + np.exp(-2.0))
     np.testing.assert_allclose(found.distribution.mean, [p + 3 * (1 - p), 2 * p - 2 * (1 - p)])
     np.testing.assert_allclose(found.temperatures, 0.5)
@@ -127,7 +139,7 @@ def test_equal_costs_make_the_mean_of_the_samples():
 def test_the_best_sample_wins_at_a_low_temperature():
     distribution, policies, costs = random_rollouts(np.random.default_rng(1))
     costs[7] = -1.0
-    found = update(distribution, policies, costs, PI2Parameters(temperature=1e-6))
+    found = update(distribution, policies, costs, committed(PI2Parameters, "refine.search", temperature=1e-6))
     np.testing.assert_allclose(found.distribution.mean, policies[7])
     np.testing.assert_allclose(found.effective_samples, 1.0)
 

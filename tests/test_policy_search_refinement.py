@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from committed import committed
 from feedback_skills import random_network
 from made_up_environment import (
     CHANNELS,
@@ -33,14 +34,22 @@ from structlearn.policy_search.refinement import RefinementParameters, ScalePara
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE, Rollout
 from structlearn.primitives import kernels
 
-SCALE = ScaleParameters(exploration=4.0)
+SCALE = committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=4.0)
 KINDS = (FEEDBACK, SAMPLE, IMPROVED)
 PARAMETERS = RefinementParameters(
     iterations=2,
-    search=PI2Parameters(samples=20),
+    search=committed(PI2Parameters, "refine.search", samples=20),
     evaluation_runs=3,
     added_runs=2,
-    training=TrainingParameters(steps=200, batch_size=32, evaluate_every=50, dropout=0.0, learning_rate=3e-3),
+    training=committed(
+        TrainingParameters,
+        "compare_models",
+        steps=200,
+        batch_size=32,
+        evaluate_every=50,
+        dropout=0.0,
+        learning_rate=3e-3,
+    ),
 )
 
 

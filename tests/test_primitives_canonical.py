@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from primitives_movements import quick
 from scipy.integrate import solve_ivp
 
-from structlearn.primitives.canonical import ALPHA_U, BETA_U, phase, time_constant
+from structlearn.primitives.canonical import ALPHA_U, phase, time_constant
 
 
 @given(st.floats(0.05, 50.0))
@@ -15,7 +15,7 @@ def test_the_closed_form_solves_the_text_equations(duration):
 
     def rates(_, state):
         p, u = state
-        return [u / tau, ALPHA_U * (BETA_U * (0 - p) - u) / tau]  # eq. IV.4, IV.5
+        return [u / tau, ALPHA_U * (ALPHA_U / 4 * (0 - p) - u) / tau]  # eq. IV.4, IV.5
 
     times = np.linspace(0.0, 2 * duration, 40)
     solution = solve_ivp(rates, (0, times[-1]), [1.0, 0.0], "DOP853", times, rtol=1e-11, atol=1e-13)

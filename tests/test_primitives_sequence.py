@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, random_orientations, random_vectors, reach, rngs, wobbly_turn
@@ -185,7 +186,9 @@ def test_a_generalised_sequence_is_the_sequence_in_its_new_situation(rng, turn_d
     path = sequence.generalised(
         primitives,
         DT,
-        sequence.GeneraliseParameters(
+        committed(
+            sequence.GeneraliseParameters,
+            "generalise",
             start_offset_m=start_offset,
             goal_offset_m=goal_offset,
             goal_turn_deg=turn_deg,

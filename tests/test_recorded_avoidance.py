@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed
 from recordings_bags import recorded_data
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
@@ -81,10 +82,18 @@ def phase_dependent(count=120, seed=0):
 
 def test_representations_are_compared_on_the_same_held_out_samples():
     dataset = phase_dependent()
-    parameters = avoidance_representations.RecordedAvoidanceParameters(
+    parameters = committed(
+        avoidance_representations.RecordedAvoidanceParameters,
+        "recorded_avoidance",
         folds=2,
-        network=NetworkParameters(hidden=(6,), members=2, training={"iterations": 12}),
-        pmnn=TrainingParameters(steps=60, dropout=0.0, evaluate_every=30),
+        network=committed(
+            NetworkParameters,
+            "obstacle_training.per_setting",
+            hidden=(6,),
+            members=2,
+            training={"iterations": 12},
+        ),
+        pmnn=committed(TrainingParameters, "compare_models", steps=60, dropout=0.0, evaluate_every=30),
         pmnn_hidden=(8,),
     )
     results = avoidance_representations.compare_on_recorded(dataset, parameters)
@@ -116,7 +125,8 @@ def test_representations_are_compared_on_the_same_held_out_samples():
 def test_too_few_samples_for_the_folds():
     with pytest.raises(InputError, match="too few for 10 folds"):
         avoidance_representations.compare_on_recorded(
-            phase_dependent(15), avoidance_representations.RecordedAvoidanceParameters()
+            phase_dependent(15),
+            committed(avoidance_representations.RecordedAvoidanceParameters, "recorded_avoidance"),
         )
 
 

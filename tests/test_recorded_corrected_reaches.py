@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.feedback.pmnn import read_networks, write_networks
 from structlearn.ground.errors import InputError
@@ -24,7 +25,9 @@ from structlearn.testbeds.recorded.protocol.corrected_reaches import (
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, learn_corrections
 
 START, GOAL = np.array([0.67, -0.19, 0.14]), np.array([0.40, 0.20, 0.17])
-PARAMETERS = CorrectionParameters(smoothing_hz=20.0, learned_from=4, splits=3, seed=1)
+PARAMETERS = committed(
+    CorrectionParameters, "recorded_corrections", smoothing_hz=20.0, learned_from=4, splits=3, seed=1
+)
 
 
 def arc(name, height, duration=0.8, dt=0.002, shift=0.0):

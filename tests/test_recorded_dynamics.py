@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed
 from recordings_bags import recorded_data
 from rigid_body_motions import COULOMB, rubbing_motion
 from rigid_body_robots import pinocchio_torques, robot
@@ -18,6 +19,7 @@ from structlearn.rigid_body.regressor import link_parameters
 from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.testbeds.recorded.protocol.panda_identification import (
     LEAST_SQUARES,
+    TRACE_STRIDE,
     URDF,
     RecordedDynamicsParameters,
     identify,
@@ -25,16 +27,21 @@ from structlearn.testbeds.recorded.protocol.panda_identification import (
 )
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
-PARAMETERS = RecordedDynamicsParameters(
-    iterations=150, seeds=2, epochs=1, learning=LearningParameters(hidden=(6, 6)), trace_stride=10
+PARAMETERS = committed(
+    RecordedDynamicsParameters,
+    "recorded_dynamics",
+    iterations=150,
+    seeds=2,
+    epochs=1,
 )
+LEARNING = committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6))
 
 
 @pytest.fixture(scope="module")
 def identified():
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        return identify(robot("panda"), rubbing_motion(robot("panda")), PARAMETERS)
+        return identify(robot("panda"), rubbing_motion(robot("panda")), PARAMETERS, LEARNING)
 
 
 def test_every_model_is_scored_on_every_joint_of_both_parts(identified):
@@ -47,7 +54,7 @@ def test_every_model_is_scored_on_every_joint_of_both_parts(identified):
     seeds = results.errors.groupby("model")["seed"].nunique()
     assert (seeds["mlp"], seeds["cov"], seeds[URDF]) == (2, 1, 1)
     assert np.isfinite(results.errors["nmse"]).all()
-    assert len(results.traces) == 7 * len(range(0, 480, 10))
+    assert len(results.traces) == 7 * len(range(0, 480, TRACE_STRIDE))
     assert {"measured", URDF, "least_squares_coulomb", "cov_coulomb", "mlp"} <= set(results.traces)
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.ground import parallel
@@ -19,11 +20,15 @@ from structlearn.testbeds.recorded.protocol.latent_touch import LatentTouchParam
 from structlearn.testbeds.recorded.protocol.touch_sets import TouchSet
 
 SKIN = biotac()
-FEW = LatentTouchParameters(
+FEW = committed(
+    LatentTouchParameters,
+    "recorded_latent_touch",
     folds=2,
-    spaces=LatentSpaceParameters(
+    spaces=committed(
+        LatentSpaceParameters,
+        "recorded_latent_touch.spaces",
         seeds=1,
-        training=LatentTrainingParameters(steps=2, batch_size=8),
+        training=committed(LatentTrainingParameters, "train_latent.training", steps=2, batch_size=8),
         pair_pool=100,
         evaluation_pairs=50,
     ),

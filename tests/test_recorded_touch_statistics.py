@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings.recording import Recording, Stream
@@ -9,7 +10,9 @@ from structlearn.testbeds.recorded.protocol import touch_calibration, touch_stat
 from structlearn.testbeds.recorded.protocol.touch_traces import FingerTrace, finger_traces, joined
 
 RATE_HZ = 100.0
-PARAMETERS = touch_calibration.CalibrationParameters(
+PARAMETERS = committed(
+    touch_calibration.CalibrationParameters,
+    "calibrate",
     rate_hz=RATE_HZ,
     settling_s=0.0,
     average_s=0.1,

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from committed import topic_map
 from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings import (
-    TopicMap,
     folders,
     read_demonstrations,
     synchronise,
@@ -14,7 +14,7 @@ from structlearn.recordings import (
 from structlearn.recordings.demonstration import SIGNALS
 
 STAMPS = [10**9 + row * 10**7 for row in range(5)]
-TOOL = TopicMap(pose="/tool")
+TOOL = topic_map(pose="/tool")
 
 
 def bag(path, seed=0):

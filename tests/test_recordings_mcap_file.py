@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from committed import topic_map
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -10,8 +11,15 @@ from mcap_ros2.decoder import DecoderFactory
 from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings import OWN_TOPICS, Recording, Stream, TopicMap, read_recording, write_recording
+from structlearn.recordings import (
+    OWN_TOPICS,
+    Recording,
+    Stream,
+    read_recording,
+    write_recording,
+)
 from structlearn.recordings.schemas import MESSAGE_TYPES, definition
+from structlearn.recordings.topics import OptionalTopicMap
 
 STAMPS = [10**9 + row * 10**7 for row in range(4)]
 
@@ -169,17 +177,17 @@ def test_a_topic_without_messages(tmp_path):
     empty = [("/wrist", "geometry_msgs/msg/WrenchStamped")]
     write_bag(tmp_path / "bag.mcap", pose_messages(STAMPS, pose_rows(4)), empty)
     with pytest.raises(InputError, match=r"bag\.mcap: topic '/wrist' has no messages"):
-        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool", wrench="/wrist"))
+        read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool", wrench="/wrist"))
 
 
 def test_a_missing_topic_lists_those_that_are_there(tmp_path):
     write_bag(tmp_path / "bag.mcap", pose_messages(STAMPS, pose_rows(4)))
     there = r"it has /tool \(geometry_msgs/msg/PoseStamped\)"
     with pytest.raises(InputError, match=rf"bag\.mcap: has no topic '/wrist' for wrench; {there}"):
-        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool", wrench="/wrist"))
+        read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool", wrench="/wrist"))
     with pytest.raises(InputError, match=rf"bag\.mcap: has no topic '/pose' for pose; {there}"):
         read_recording(tmp_path / "bag.mcap", OWN_TOPICS)
-    optional = TopicMap(pose="/tool", wrench="/wrist", must_exist=False)
+    optional = OptionalTopicMap(**topic_map(pose="/tool", wrench="/wrist").model_dump())
     assert len(read_recording(tmp_path / "bag.mcap", optional).streams) == 1
 
 
@@ -189,7 +197,7 @@ def test_one_signal_from_two_topics(tmp_path):
     messages += [(topic, "sensor_msgs/msg/JointState", joints, s) for topic in ("/a", "/b") for s in STAMPS]
     write_bag(tmp_path / "bag.mcap", messages)
     with pytest.raises(InputError, match=r"bag\.mcap: joint_positions come from several topics: /a, /b"):
-        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool", joint_states=("/a", "/b")))
+        read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool", joint_states=("/a", "/b")))
 
 
 def test_messages_that_are_not_of_ros_2_are_named(tmp_path):
@@ -203,7 +211,7 @@ def test_messages_that_are_not_of_ros_2_are_named(tmp_path):
     with pytest.raises(
         InputError, match=r"topic '/tool' has messages of type Pose \[json, jsonschema: not ROS 2"
     ):
-        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool"))
+        read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool"))
 
 
 def test_a_type_that_has_other_fields_than_its_name_says(tmp_path):
@@ -215,7 +223,7 @@ def test_a_type_that_has_other_fields_than_its_name_says(tmp_path):
         writer.add_message(channel, 1, b"\x00\x01\x00\x00" + bytes(8), 1)
         writer.finish()
     with pytest.raises(InputError, match=r"bag\.mcap: a message lacks a field of its type"):
-        read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool"))
+        read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool"))
 
 
 def test_a_file_without_index_is_read(tmp_path):
@@ -232,5 +240,5 @@ def test_a_file_without_index_is_read(tmp_path):
             row = np.array([1, 2, 3, 0, 0, 0, 1], dtype="<f8")
             writer.add_message(channel, stamp, b"\x00\x01\x00\x00" + row.tobytes(), stamp)
         writer.finish()
-    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    (pose,) = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool")).streams
     np.testing.assert_array_equal(pose.values, [[1, 2, 3, 1, 0, 0, 0]] * 4)

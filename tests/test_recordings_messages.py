@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from committed import topic_map
 from recordings_bags import header, pose_messages, pose_rows, ros_pose, ros_quaternion, vector, write_bag
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings import TopicMap, read_recording
+from structlearn.recordings import read_recording
 
 STAMPS = [10**9 + 7_000_001 * row for row in range(5)]
 ROWS = pose_rows(5)
@@ -41,7 +42,7 @@ POSES = {
 def read(path, messages, **topics):
     """Streams besides the pose, read from a bag that has a pose too."""
     write_bag(path, [*pose_messages(STAMPS, ROWS), *messages])
-    return read_recording(path, TopicMap(pose="/tool", **topics)).streams[1:]
+    return read_recording(path, topic_map(pose="/tool", **topics)).streams[1:]
 
 
 @pytest.mark.parametrize("message_type", POSES)
@@ -51,7 +52,7 @@ def test_every_pose_type_gives_the_same_scalar_first_pose(tmp_path, message_type
         for s, row in zip(STAMPS, ROWS, strict=True)
     ]
     write_bag(tmp_path / "bag.mcap", messages)
-    recording = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool"))
+    recording = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool"))
     (pose,) = recording.streams
     assert (pose.kind, pose.topic, recording.name) == ("pose", "/tool", "bag")
     np.testing.assert_array_equal(pose.values, ROWS)
@@ -124,7 +125,7 @@ def test_header_stamps_that_nobody_set_give_way_to_log_times(tmp_path):
         for message in pose_messages(STAMPS, ROWS)
     ]
     write_bag(tmp_path / "bag.mcap", messages)
-    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    (pose,) = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool")).streams
     np.testing.assert_array_equal(pose.stamps, STAMPS)
 
 
@@ -132,14 +133,14 @@ def test_a_clock_that_starts_at_zero_is_kept(tmp_path):
     simulated = [0, 10**7, 2 * 10**7]
     messages = [(*m[:3], 10**18 + i) for i, m in enumerate(pose_messages(simulated, ROWS[:3]))]
     write_bag(tmp_path / "bag.mcap", messages)
-    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    (pose,) = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool")).streams
     np.testing.assert_array_equal(pose.stamps, simulated)
 
 
 def test_messages_come_in_the_order_of_their_log_times(tmp_path):
     shuffled = [pose_messages(STAMPS, ROWS)[i] for i in (3, 0, 4, 2, 1)]
     write_bag(tmp_path / "bag.mcap", shuffled)
-    (pose,) = read_recording(tmp_path / "bag.mcap", TopicMap(pose="/tool")).streams
+    (pose,) = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool")).streams
     np.testing.assert_array_equal(pose.stamps, STAMPS)
     np.testing.assert_array_equal(pose.values, ROWS)
 
@@ -239,7 +240,7 @@ def test_an_unknown_type_is_named_with_those_that_are_understood(tmp_path, role,
     topics = {"pose": "/tool"} | {role: ("/words",) if role == "tactile" else "/words"}
     complaint = rf"bag\.mcap: topic '/words' has messages of type std_msgs/msg/String; {role} .*{understood}"
     with pytest.raises(InputError, match=complaint):
-        read_recording(tmp_path / "bag.mcap", TopicMap(**topics))
+        read_recording(tmp_path / "bag.mcap", topic_map(**topics))
 
 
 def test_a_known_type_in_the_wrong_role_is_refused(tmp_path):

@@ -1,4 +1,6 @@
 import pytest
+import yaml
+from committed import NO_TOPICS, topic_map
 from pydantic import ValidationError
 
 from structlearn.ground.errors import InputError
@@ -7,7 +9,7 @@ from structlearn.recordings import OWN_TOPICS, TopicMap
 
 
 def test_roles_come_in_a_fixed_order_and_skip_what_is_not_named():
-    topics = TopicMap(tactile=("/finger/b", "/finger/a"), pose="/tool", joint_states=("/joints",))
+    topics = topic_map(tactile=("/finger/b", "/finger/a"), pose="/tool", joint_states=("/joints",))
     assert topics.roles() == [
         ("/tool", "pose"),
         ("/joints", "joint_states"),
@@ -18,7 +20,8 @@ def test_roles_come_in_a_fixed_order_and_skip_what_is_not_named():
 
 def test_a_lone_topic_in_yaml_is_a_list_of_one(tmp_path):
     file = tmp_path / "params.yaml"
-    file.write_text("topics:\n  pose: /tool\n  joint_states: /joints\n  tactile: [/left, /right]\n")
+    some = {"pose": "/tool", "joint_states": "/joints", "tactile": ["/left", "/right"]}
+    file.write_text(yaml.safe_dump({"topics": NO_TOPICS | some}))
     topics = read_parameters(file, "topics", TopicMap)
     assert topics.joint_states == ("/joints",)
     assert topics.tactile == ("/left", "/right")
@@ -31,18 +34,18 @@ def test_a_lone_topic_in_yaml_is_a_list_of_one(tmp_path):
 )
 def test_pose_is_required_and_names_are_not_empty(fields):
     with pytest.raises(ValidationError):
-        TopicMap(**fields)
+        topic_map(**fields)
 
 
 def test_a_topic_is_named_once(tmp_path):
     with pytest.raises(ValidationError, match="topic named more than once: /a"):
-        TopicMap(pose="/a", wrench="/a")
+        topic_map(pose="/a", wrench="/a")
     file = tmp_path / "params.yaml"
-    file.write_text("topics: {pose: /a, twist: /a}\n")
+    file.write_text(yaml.safe_dump({"topics": NO_TOPICS | {"pose": "/a", "twist": "/a"}}))
     with pytest.raises(InputError, match=r"params\.yaml: topics: .*more than once: /a"):
         read_parameters(file, "topics", TopicMap)
 
 
 def test_own_topics_may_be_absent():
     assert not OWN_TOPICS.must_exist
-    assert TopicMap(pose="/a").must_exist
+    assert topic_map(pose="/a").must_exist

@@ -2,6 +2,7 @@ import numpy as np
 import pybullet_data
 import pytest
 import torch
+from committed import committed
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.compiled_models import compiled_model
@@ -14,7 +15,7 @@ from structlearn.rigid_body.tree import LinkInertias, read_urdf
 
 FRICTION = ("viscous", "coulomb")
 SEEDS = (0, 1, 2)
-LEARNING = LearningParameters(hidden=(8, 8))
+LEARNING = committed(LearningParameters, "train_dynamics.learning", hidden=(8, 8))
 
 
 @pytest.fixture(scope="module")

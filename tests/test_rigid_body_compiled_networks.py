@@ -18,32 +18,37 @@ def generators() -> list[torch.Generator]:
     return [torch.Generator().manual_seed(model) for model in range(MODELS)]
 
 
+def stacked(kind):
+    """Networks at their start, in double precision."""
+    arrays = kind.initial(JOINTS, HIDDEN, generators()).to_arrays()
+    return kind.from_arrays({name: values.double() for name, values in arrays.items()})
+
+
 def one_by_one(torques: compiled_dynamics.InverseDynamics, states: torch.Tensor) -> np.ndarray:
     return np.array([torques(*state) for state in np.moveaxis(states.numpy(), -1, 0)]).T
 
 
 @pytest.mark.parametrize("standardised", [False, True])
 def test_a_perceptron_gives_what_the_trained_batch_gives(states, standardised):
-    networks = StackedPerceptrons(JOINTS, HIDDEN, generators()).double()
+    networks = stacked(StackedPerceptrons)
     if standardised:
-        networks.standardise((3.0 * states[0] + 1.0, states[1], states[2]), 7.0 * states[2] - 2.0)
-    with torch.no_grad():
-        batch = networks(*states).numpy()
+        networks = networks.standardised((3.0 * states[0] + 1.0, states[1], states[2]), 7.0 * states[2] - 2.0)
+    batch = networks.torques(*states).numpy()
     for model in range(MODELS):
         found = one_by_one(compiled_networks.perceptron(networks, model), states)
         np.testing.assert_allclose(found, batch[model], atol=1e-12)
 
 
 def test_a_lagrangian_network_gives_what_the_trained_batch_gives(states):
-    networks = StackedLagrangianNetworks(JOINTS, HIDDEN, generators()).double()
-    batch = networks(*states).detach().numpy()
+    networks = stacked(StackedLagrangianNetworks)
+    batch = networks.torques(*states).numpy()
     for model in range(MODELS):
         found = one_by_one(compiled_networks.lagrangian(networks, model), states)
         np.testing.assert_allclose(found, batch[model], atol=1e-12)
 
 
 def test_friction_acts_beside_a_lagrangian_network(states):
-    networks = StackedLagrangianNetworks(JOINTS, HIDDEN, generators()).double()
+    networks = stacked(StackedLagrangianNetworks)
     rows = compiled_dynamics.friction_rows(np.full((JOINTS, 1), 0.5), ("viscous",))
     without, rubbing = (
         one_by_one(compiled_networks.lagrangian(networks, 0, friction), states) for friction in (None, rows)

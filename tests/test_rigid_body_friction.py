@@ -3,7 +3,6 @@ import torch
 
 from structlearn.rigid_body.friction import (
     COULOMB_WIDTH,
-    free_friction,
     friction_coefficients,
     friction_columns,
     friction_regressor,
@@ -41,9 +40,3 @@ def test_friction_never_drives():
     qd = generator.normal(size=(50, 7))
     torque = np.einsum("bnk,mnk->mbn", friction_columns(qd, TERMS[:2]), coefficients)
     assert (torque * qd >= 0.0).all()
-
-
-def test_free_parameters_come_back_and_negative_friction_becomes_none():
-    known = np.array([[0.3, 1.0, -0.1], [-0.2, 2.0, 0.4]])
-    back = friction_coefficients(free_friction(known, TERMS), TERMS).numpy()
-    np.testing.assert_allclose(back, [[0.3, 1.0, -0.1], [0.0, 2.0, 0.4]], rtol=1e-12)

@@ -13,13 +13,15 @@ JOINTS = 4
 
 
 def networks(seeds=(0, 1)) -> StackedLagrangianNetworks:
-    return StackedLagrangianNetworks(JOINTS, (8, 16, 8), [seeded(seed) for seed in seeds]).double()
+    drawn = StackedLagrangianNetworks.initial(JOINTS, (8, 16, 8), [seeded(seed) for seed in seeds])
+    arrays = {name: values.double() for name, values in drawn.to_arrays().items()}
+    return StackedLagrangianNetworks.from_arrays(arrays)
 
 
 def test_torques_are_those_of_the_lagrangian():
     own = networks()
     q, qd, qdd = torch.randn(3, JOINTS, 5, dtype=torch.float64, generator=seeded(3))
-    torques = own(q, qd, qdd)
+    torques = own.torques(q, qd, qdd)
     for model in range(2):
         for sample in range(5):
             state = q[:, sample], qd[:, sample], qdd[:, sample]
@@ -50,4 +52,6 @@ def test_the_inertia_matrix_is_positive_definite_whatever_the_weights(seed, scal
 
 def test_a_model_is_the_same_alone_and_in_a_stack():
     states = torch.randn(3, JOINTS, 5, dtype=torch.float64, generator=seeded(3))
-    torch.testing.assert_close(networks()(*states)[1:], networks((1,))(*states), rtol=1e-12, atol=1e-12)
+    torch.testing.assert_close(
+        networks().torques(*states)[1:], networks((1,)).torques(*states), rtol=1e-12, atol=1e-12
+    )

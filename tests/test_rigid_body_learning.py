@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import torch
+from committed import committed
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
 
 from structlearn.ground.metrics import nmse
@@ -18,10 +19,20 @@ from structlearn.rigid_body.model_learning import (
 )
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 
-PARAMETERS = LearningParameters(
+PARAMETERS = committed(
+    LearningParameters,
+    "train_dynamics.learning",
     hidden=(8, 8),
-    networks=AdamParameters(rate=3e-3, batch=16),
-    structures=AdamParameters(rate=0.03, batch=32, second_moment_decay=0.99, decay=0.1, mass_step=10.0),
+    networks=committed(AdamParameters, "train_dynamics.learning.networks", rate=3e-3, batch=16),
+    structures=committed(
+        AdamParameters,
+        "train_dynamics.learning.networks",
+        rate=0.03,
+        batch=32,
+        second_moment_decay=0.99,
+        decay=0.1,
+        mass_step=10.0,
+    ),
 )
 FRICTION = ("viscous", "coulomb")
 
@@ -122,7 +133,9 @@ def test_errors_of_a_network_on_some_samples_estimate_those_on_all(motion):
 
 
 def test_the_rate_falls_with_the_steps_and_stays():
-    parameters = AdamParameters(rate=0.1, decay=0.1, smallest=0.01)
+    parameters = committed(
+        AdamParameters, "train_dynamics.learning.networks", rate=0.1, decay=0.1, smallest=0.01
+    )
     variable = torch.zeros(1, requires_grad=True)
     adam = Adam([variable], parameters)
     rates = []
@@ -148,7 +161,7 @@ def test_a_gradient_may_be_laid_out_otherwise_than_its_variable():
     steps = []
     for layout in (gradient, gradient.mT.contiguous().mT):
         variable = torch.zeros(2, 3, requires_grad=True)
-        Adam([variable], AdamParameters()).step([layout])
+        Adam([variable], committed(AdamParameters, "train_dynamics.learning.networks")).step([layout])
         steps.append(variable.detach())
     torch.testing.assert_close(*steps)
     torch.testing.assert_close(steps[0], -1e-3 * gradient.sign())

@@ -2,6 +2,7 @@ import numpy as np
 import pinocchio
 import pybullet_data
 import pytest
+from committed import committed
 
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.operational_space_velocity import (
@@ -12,7 +13,7 @@ from structlearn.rigid_body.operational_space_velocity import (
 from structlearn.rigid_body.tree import read_urdf
 
 TOOL = np.array([0.02, -0.03, 0.1])
-PARAMETERS = VelocityControlParameters()
+PARAMETERS = committed(VelocityControlParameters, "track.reaching.control")
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import torch
+from committed import committed
 from rigid_body_motions import arm, rubbing_motion
 
 from structlearn.ground.artefacts import write_tensors
@@ -11,7 +12,7 @@ from structlearn.rigid_body.model_learning import KINDS, LearningParameters, lea
 from structlearn.rigid_body.prediction import predicted_torques
 
 FRICTION = ("viscous", "offset")
-PARAMETERS = LearningParameters(hidden=(8, 6))
+PARAMETERS = committed(LearningParameters, "train_dynamics.learning", hidden=(8, 6))
 
 
 def trained(kind):

@@ -1,6 +1,7 @@
 import numpy as np
 import pinocchio
 import pytest
+from committed import committed
 from rigid_body_motions import arm, rubbing_motion, sine_motion
 from rigid_body_robots import pinocchio_torques
 
@@ -22,11 +23,13 @@ from structlearn.rigid_body.seeded_training import (
 )
 from structlearn.rigid_body.tree import LinkInertias, Robot
 
-PARAMETERS = DynamicsTrainingParameters(
+PARAMETERS = committed(
+    DynamicsTrainingParameters,
+    "train_dynamics",
     models=("mlp", "delan", "cov"),
     seeds=2,
     epochs=EpochLimits(raw=2, normalised=2, robot=2),
-    learning=LearningParameters(hidden=(6, 6), threshold=1e-9),
+    learning=committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6), threshold=1e-9),
 )
 
 
@@ -60,9 +63,41 @@ def test_all_models_of_two_motions_are_trained_and_tabulated():
     np.testing.assert_allclose(outcomes.set_index(keys)["nmse_max"].sort_index(), last.sort_index())
 
 
+def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough():
+    """Every training ends at its own limit; what it says of a model is that of the epoch that was kept."""
+    learning = committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6), threshold=700.0)
+    limits = EpochLimits(raw=4, normalised=3, robot=2)
+    parameters = PARAMETERS.model_copy(
+        update={"models": ("mlp", "cov"), "epochs": limits, "learning": learning}
+    )
+    work = trainings("iiwa", ("none",), limits.by_loss, parameters)
+    _, errors, outcomes = train(work, {"iiwa": sine_motion(arm(), 400)}, arm().tree, parameters)
+    assert {(each.loss, each.epochs) for each in work} == {("raw", 4), ("normalised", 3)}
+    keys = ["model", "loss", "optimiser", "seed"]
+    reached = 0
+    for key, its in errors.groupby(keys):
+        by_epoch = its.pivot(index="epoch", columns="joint", values="nmse")
+        limit = limits.by_loss[key[1]]
+        (outcome,) = outcomes[(outcomes[keys] == list(key)).all(axis=1)].itertuples()
+        good, but_last = (
+            table.index[(table <= learning.threshold).all(axis=1) & (table.index > 0)]
+            for table in (by_epoch, by_epoch.iloc[:, :-1])
+        )
+        for found, epochs in ((outcome.epochs, good), (outcome.epochs_but_last, but_last)):
+            assert found == epochs[0] if len(epochs) else np.isnan(found)
+        kept = by_epoch.loc[good[0] if len(good) else limit]
+        assert outcome.nmse_mean == pytest.approx(kept.mean())
+        assert outcome.nmse_max == pytest.approx(kept.max())
+        assert len(good) or by_epoch.index.max() == limit
+        reached += len(good) > 0
+    assert 0 < reached < len(outcomes)
+
+
 def test_online_learning_sees_every_batch_once():
     motion = sine_motion(arm())
-    parameters = OnlineParameters(models=("mlp_scaled", "cov"), seeds=2, losses=("normalised",), stride=3)
+    parameters = committed(
+        OnlineParameters, "online", models=("mlp_scaled", "cov"), seeds=2, losses=("normalised",), stride=3
+    )
     table = learn_once_through(arm().tree, motion, parameters)
     batches = -(-len(motion) // 256)
     for kind in ("mlp_scaled", "cov"):
@@ -89,7 +124,11 @@ def test_a_payload_is_found_after_it_was_picked_up():
     torque = motion.torque.copy()
     torque[half:] = pinocchio_torques(carrying, *states)[half:]
     table = follow_payload(
-        empty.tree, true, Motion(*states, torque), 0.02, PayloadLearningParameters(batch=50, memory_s=0.5)
+        empty.tree,
+        true,
+        Motion(*states, torque),
+        0.02,
+        committed(PayloadLearningParameters, "online.payload", batch=50, memory_s=0.5),
     )
     before, after = table[table["time_s"] <= half * 0.02], table.iloc[-1]
     np.testing.assert_allclose(before["mass_kg"], 0.0, atol=0.02)

@@ -1,5 +1,6 @@
 import numpy as np
 import pandas as pd
+from committed import committed
 
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.cut_errors import (
@@ -14,12 +15,14 @@ from structlearn.segmentation.cut_errors import (
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 
-PARAMETERS = SegmentParameters(
+PARAMETERS = committed(
+    SegmentParameters,
+    "segment",
     primitives=(
         {"name": "down", "axis": "z", "threshold_m_s": 0.01},
-        {"name": "turn", "axis": "between"},
+        {"name": "turn", "axis": "between", "threshold_m_s": None},
         {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
-    )
+    ),
 )
 
 

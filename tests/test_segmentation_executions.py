@@ -2,16 +2,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.ground.errors import InputError
 from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
 
 NAMES = ("down", "turn", "forward")
-CUTTING = SegmentParameters(
+CUTTING = committed(
+    SegmentParameters,
+    "segment",
     primitives=(
         {"name": "down", "axis": "z", "threshold_m_s": 0.02},
-        {"name": "turn", "axis": "between"},
+        {"name": "turn", "axis": "between", "threshold_m_s": None},
         {"name": "forward", "axis": "y", "threshold_m_s": 0.01},
     ),
     guess_cutoff_hz=4.0,

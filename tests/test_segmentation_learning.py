@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.ground.errors import InputError
 from structlearn.primitives.fitting import (
@@ -16,14 +17,16 @@ from structlearn.primitives.fitting import (
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 
-SEGMENT = SegmentParameters(
+SEGMENT = committed(
+    SegmentParameters,
+    "segment",
     primitives=(
         {"name": "down", "axis": "z", "threshold_m_s": 0.01},
-        {"name": "turn", "axis": "between"},
+        {"name": "turn", "axis": "between", "threshold_m_s": None},
         {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
-    )
+    ),
 )
-FIT = FitParameters(smoothing_hz=8.0)
+FIT = committed(FitParameters, "fit_primitives", smoothing_hz=8.0)
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 from pydantic import ValidationError
 
 from structlearn.ground.errors import InputError
@@ -12,13 +13,20 @@ from structlearn.segmentation.segments import cut
 
 PRIMITIVES = (
     {"name": "down", "axis": "z", "threshold_m_s": 0.01},
-    {"name": "turn", "axis": "between"},
+    {"name": "turn", "axis": "between", "threshold_m_s": None},
     {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
 )
 
 
 def parameters(**changes) -> SegmentParameters:
-    return SegmentParameters(primitives=PRIMITIVES, **changes)
+    quick = {
+        "guess_cutoff_hz": 5.0,
+        "cut_cutoff_hz": 20.0,
+        "align_cutoff_hz": 5.0,
+        "extension_s": 0.2,
+        "crossing_weight": 3.0,
+    }
+    return committed(SegmentParameters, "segment", primitives=PRIMITIVES, **quick | changes)
 
 
 def test_known_cut_points_are_found(two_move_demonstrations):
@@ -114,12 +122,12 @@ def test_round_trip(two_move_demonstrations, tmp_path):
 @pytest.mark.parametrize(
     ("primitives", "reason"),
     [
-        (({"name": "a", "axis": "between"}, PRIMITIVES[0]), "neighbour"),
+        (({"name": "a", "axis": "between", "threshold_m_s": None}, PRIMITIVES[0]), "neighbour"),
         ((PRIMITIVES[0], PRIMITIVES[0]), "must differ"),
-        (({"name": "a", "axis": "z"},), "threshold_m_s is needed"),
+        (({"name": "a", "axis": "z", "threshold_m_s": None},), "threshold_m_s is needed"),
         (({"name": "a", "axis": "w", "threshold_m_s": 1.0},), "Input should be"),
     ],
 )
 def test_bad_primitives_are_refused(primitives, reason):
     with pytest.raises(ValidationError, match=reason):
-        SegmentParameters(primitives=primitives)
+        committed(SegmentParameters, "segment", primitives=primitives)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from committed import NO_TOPICS, parameter_tree
 
 from structlearn.ground import parallel
 from structlearn.ground.artefacts import read_table
@@ -22,13 +23,7 @@ from structlearn.testbeds.servoing.protocol.servo_trials import Variant, variant
 
 STAGES = ("record_touch", "touch_dataset", "geodesics", "train_latent", "servo", "other_skins")
 SMALL = {
-    "record_touch": {
-        "source": "simulated",
-        "topics": {"pose": "/finger/pose", "tactile": ["/finger/electrodes"]},
-    },
     "toucher": {"areas": 3, "rotations": 1, "translations": 1},
-    "touch_finger": {},
-    "touch_dataset": {},
     "geodesics": {"bin_size": 300, "bins": 2, "bridge_mm": 8.0},
     "train_latent": {
         "seeds": 2,
@@ -39,19 +34,16 @@ SMALL = {
         "longest_chain": 3,
     },
     "servo": {"trials": 3, "duration_s": 1.0, "shown": 1},
-    "other_skins": {
-        "skins": {"flat_pad": {"along_mm": [-18.0, 0.0], "across_deg": 0.0, "handle_half_mm": 0.0}},
-        "bins": 2,
-        "seeds": 1,
-        "steps": 20,
-    },
+    "other_skins": {"bins": 2, "seeds": 1, "steps": 20},
     "inspect_servoing": {"demonstrations": ["rotation_1_1"], "map_points": 500, "trials": 1},
 }
 
 
 def run_stages(root: Path, folder: Path, parameters: dict, stages=STAGES) -> dict[str, bytes]:
     folder.mkdir(exist_ok=True)
-    (folder / "params.yaml").write_text(yaml.safe_dump(parameters))
+    tree = parameter_tree(parameters)
+    tree["other_skins"]["skins"].pop("sphere")
+    (folder / "params.yaml").write_text(yaml.safe_dump(tree))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(parallel.BACKEND, "sequential")
         patch.chdir(folder)
@@ -123,7 +115,7 @@ def test_own_recordings_go_the_same_way(root, written, tmp_path):
         for number, one in enumerate(read_recordings(folder / "data/raw/servoing"))
     ]
     write_recordings(bags, tmp_path / "bags")
-    topics = {"pose": "/pose", "tactile": ["/tactile/0"]}
+    topics = NO_TOPICS | {"pose": "/pose", "tactile": ["/tactile/0"]}
     own = SMALL | {"record_touch": {"source": str(tmp_path / "bags"), "topics": topics}}
     others = "data/servoing/other_skins"  # the source makes no difference to them
     shutil.copytree(folder / others, tmp_path / "own" / others)
@@ -136,14 +128,11 @@ def test_own_recordings_go_the_same_way(root, written, tmp_path):
     reports = tmp_path / "own/reports"
     shown = {file.name for file in (reports / "recordings/servoing").iterdir()}
     assert shown == {"demonstrations.rrd", "latent.rrd"}
-    values = json.loads((reports / "servoing/metrics.json").read_text())
-    assert values["simulated"] is False
-    assert "servo_success_rate" not in values
+    assert json.loads((reports / "servoing/details.json").read_text())["simulated"] is False
+    assert "servo_success_rate" not in json.loads((reports / "servoing/metrics.json").read_text())
     html = (reports / "servoing/index.html").read_text()
     assert "servo.rrd" not in html
-    before, _, after = html.partition("<h2>Other skins")
-    assert after
-    assert 'class="badge"' not in before  # nothing else on it is simulated
+    assert 'class="badge"' not in html  # only the other skins are simulated, and say so
 
 
 def test_the_report_shows_what_the_stages_wrote(root, written, tmp_path):
@@ -162,7 +151,7 @@ def test_the_report_shows_what_the_stages_wrote(root, written, tmp_path):
 
 def test_a_missing_topic_is_named(root, written, tmp_path):
     folder, *_ = written
-    topics = {"pose": "/pose", "tactile": ["/biotac"]}
+    topics = NO_TOPICS | {"pose": "/pose", "tactile": ["/biotac"]}
     source = str(folder / "data/raw/servoing")
     with pytest.raises(InputError, match="/biotac"):
         run_stages(

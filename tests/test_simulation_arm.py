@@ -1,15 +1,17 @@
 import numpy as np
 import pinocchio
 import pytest
+from committed import committed
+from rigid_body_robots import carrying
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.simulation.arm import Arm, ArmParameters, Mechanics, Payload, ideal, urdf_path, with_payload
+from structlearn.simulation.arm import Arm, ArmParameters, Mechanics, Payload, ideal, urdf_path
 
 DT = 1.0 / 250.0
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)
-ARMS = [ArmParameters(), ArmParameters(urdf="franka_panda/panda.urdf", locked_joints=FINGERS)]
+ARMS = [committed(ArmParameters, "arm"), ArmParameters(urdf="franka_panda/panda.urdf", locked_joints=FINGERS)]
 
 
 @pytest.fixture(scope="module", params=ARMS, ids=lambda parameters: parameters.urdf)
@@ -36,7 +38,7 @@ def test_a_step_is_pinocchios_forward_dynamics(robot):
 
 
 def test_a_payload_weighs_from_when_it_is_taken(robot):
-    loaded = compiled_dynamics.inverse_dynamics(robot.tree, with_payload(robot.inertias, PAYLOAD))
+    loaded = compiled_dynamics.inverse_dynamics(robot.tree, carrying(robot, PAYLOAD))
     free = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
     with Arm(robot.tree, ideal(robot.inertias), DT, PAYLOAD) as arm:
         for dynamics in (free, loaded):
@@ -45,16 +47,6 @@ def test_a_payload_weighs_from_when_it_is_taken(robot):
                 arm.step(dynamics(q, qd, qdd))
                 np.testing.assert_allclose((arm.qd - qd) / DT, qdd, rtol=1e-9, atol=1e-9)
             arm.take_payload()
-
-
-def test_payload_joins_the_last_link_as_pinocchio_adds_bodies(robot):
-    added = with_payload(robot.inertias, PAYLOAD)
-    body = pinocchio.Inertia(PAYLOAD.mass_kg, np.array(PAYLOAD.point_m), PAYLOAD.inertia * np.eye(3))
-    expected = list(robot.model.inertias)[-1] + body
-    assert added.mass[-1] == pytest.approx(expected.mass)
-    np.testing.assert_allclose(added.first_moment[-1], expected.mass * expected.lever, atol=1e-12)
-    np.testing.assert_allclose(added.inertia[-1], expected.inertia, atol=1e-12)
-    np.testing.assert_array_equal(added.inertia[:-1], robot.inertias.inertia[:-1])
 
 
 def test_friction_slows_what_moves(robot):

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
@@ -17,12 +18,12 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_policy,
 )
 
-SHORT = SineParameters(duration_s=4.0)
+SHORT = committed(SineParameters, "arm_motion", duration_s=4.0)
 
 
 @pytest.fixture(scope="module")
 def robot():
-    return ArmParameters().read()
+    return committed(ArmParameters, "arm").read()
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def followed(robot, feedback, inertias: LinkInertias) -> tuple[arm_motion.Run, a
 
 def test_sines_have_the_periods_and_amplitudes_of_the_text(robot):
     path = sine_path(
-        robot.tree, SineParameters(duration_s=115.0)
+        robot.tree, committed(SineParameters, "arm_motion", duration_s=115.0)
     )  # whole periods of joints 1, 6 and 7 nearly
     limit = robot.tree.upper
     np.testing.assert_allclose(path.q.max(axis=0), np.array(SHORT.amplitudes) * limit, rtol=1e-2)
@@ -54,7 +55,7 @@ def test_an_arm_with_crooked_ranges_swings_about_their_middle():
     panda = ArmParameters(
         urdf="franka_panda/panda.urdf", locked_joints=("panda_finger_joint1", "panda_finger_joint2")
     ).read()
-    path = sine_path(panda.tree, SineParameters())
+    path = sine_path(panda.tree, committed(SineParameters, "arm_motion"))
     assert (path.q > panda.tree.lower).all()
     assert (path.q < panda.tree.upper).all()
     np.testing.assert_allclose(path.q[0], 0.5 * (panda.tree.lower + panda.tree.upper))
@@ -103,9 +104,12 @@ def test_torques_are_cut_off_at_the_drives_limits(robot):
 
 def test_too_few_periods_and_too_fast_sines_are_named(robot):
     with pytest.raises(InputError, match="periods_s: has 2 values, the arm has 7 joints"):
-        sine_path(robot.tree, SineParameters(periods_s=(1.0, 2.0)))
+        sine_path(robot.tree, committed(SineParameters, "arm_motion", periods_s=(1.0, 2.0)))
     with pytest.raises(InputError, match=r"sine of joint 'lbr_iiwa_joint_1' reaches .* its limit is 10"):
-        sine_path(robot.tree, SineParameters(periods_s=(0.5, 19.0, 17.0, 13.0, 11.0, 7.0, 5.0)))
+        sine_path(
+            robot.tree,
+            committed(SineParameters, "arm_motion", periods_s=(0.5, 19.0, 17.0, 13.0, 11.0, 7.0, 5.0)),
+        )
 
 
 def test_feedback_is_damped_by_the_ratio(robot, feedback):

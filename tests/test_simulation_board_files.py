@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from board_rollouts import RATE_HZ, small_board
+from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import scraping_skill
 
@@ -17,7 +18,7 @@ from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
 from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
-CLOCK = ClockParameters(rate_hz=RATE_HZ)
+CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from board_rollouts import small_board
+from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
@@ -20,16 +21,21 @@ from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
 TURN, SCRAPE = NAMES[1:]
 DATASETS = {TURN: toy_dataset(seed=0), SCRAPE: toy_dataset(seed=1)}
-PARAMETERS = BoardRefinementParameters(
+PARAMETERS = committed(
+    BoardRefinementParameters,
+    "refine",
     settings_deg=(0.0, 5.0, 10.0),
     setting_deg=20.0,
-    scales={TURN: ScaleParameters(exploration=5.0), SCRAPE: ScaleParameters(exploration=3.0)},
+    scales={
+        TURN: committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=5.0),
+        SCRAPE: committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=3.0),
+    },
     hidden=(5,),
     iterations=2,
-    search=PI2Parameters(samples=3),
+    search=committed(PI2Parameters, "refine.search", samples=3),
     evaluation_runs=2,
     added_runs=2,
-    training=TrainingParameters(steps=20, evaluate_every=10),
+    training=committed(TrainingParameters, "compare_models", steps=20, evaluate_every=10),
 )
 PER_ITERATION = 3 + 2 + 2
 ASKED = []
@@ -163,6 +169,12 @@ def test_other_parameters_data_or_boards_do_not_go_on_with_these_iterations(boar
 
 
 def test_a_primitive_without_corrections_is_named(board, tmp_path):
-    unknown = PARAMETERS.model_copy(update={"scales": {"slide": ScaleParameters(exploration=1.0)}})
+    unknown = PARAMETERS.model_copy(
+        update={
+            "scales": {
+                "slide": committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=1.0)
+            }
+        }
+    )
     with pytest.raises(InputError, match=r"refine\.scales names slide: no primitive with corrections"):
         refine_on_board(board, DATASETS, unknown, tmp_path)

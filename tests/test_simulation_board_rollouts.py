@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from board_rollouts import LIMITS, POLICY, RATE_HZ, SEED, TESTBED, same, small_board
+from committed import committed
 from parallel_work import Deadly
 from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network
 
@@ -182,7 +183,7 @@ def test_absurd_weights_never_raise(board):
 @pytest.mark.parametrize("stiffness", [1e5, 1e9, 1e300])
 def test_a_robot_that_diverges_fails(board, stiffness):
     """The simulator keeps its signals finite, so they tell by where the tool is."""
-    control = ControlParameters(stiffness=stiffness)
+    control = committed(ControlParameters, "testbed.control", stiffness=stiffness)
     unstable = replace(board, testbed=TESTBED.model_copy(update={"control": control}))
     (run,) = unstable.rollouts([open_loop(POLICY)], [SEED])
     assert_failed(run, "degrees: the run has diverged")

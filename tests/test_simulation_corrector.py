@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.testbeds.scraping.world.corrector import Corrector, CorrectorParameters
 
 DT = 1 / 300
-PLAIN = CorrectorParameters(
+PLAIN = committed(
+    CorrectorParameters,
+    "testbed.corrector",
     bias_deg=0.0,
     reaction_spread_s=0.0,
     refractory_spread_s=0.0,
@@ -119,7 +122,7 @@ def test_overlapping_submovements_do_not_overshoot():
 
 
 def test_what_looks_flat_differs_between_trials_as_it_should():
-    own = CorrectorParameters(noise_mm=0.0, threshold_deg=0.01)
+    own = committed(CorrectorParameters, "testbed.corrector", noise_mm=0.0, threshold_deg=0.01)
     ends = [np.degrees(corrected(np.radians(5.0), own, seed)[-1]) for seed in range(40)]
     assert np.mean(ends) == pytest.approx(5.0, abs=0.25)
     assert np.std(ends) == pytest.approx(own.bias_deg, rel=0.35)
@@ -134,15 +137,17 @@ def test_reaction_times_vary_but_nobody_is_faster_than_a_tenth_of_a_second():
 
 def test_the_same_seed_is_the_same_trial():
     errors = np.radians(5.0) * np.ones(900)
-    first = torques(errors, CorrectorParameters(), seed=5)
-    np.testing.assert_array_equal(torques(errors, CorrectorParameters(), seed=5), first)
-    assert (torques(errors, CorrectorParameters(), seed=6) != first).any()
+    first = torques(errors, committed(CorrectorParameters, "testbed.corrector"), seed=5)
+    np.testing.assert_array_equal(
+        torques(errors, committed(CorrectorParameters, "testbed.corrector"), seed=5), first
+    )
+    assert (torques(errors, committed(CorrectorParameters, "testbed.corrector"), seed=6) != first).any()
 
 
 def test_the_hand_does_not_jump_when_it_takes_hold():
     """The noise of the hand counts from where it is at the first call."""
     for first in (0, 700):
-        trembling = CorrectorParameters(bias_deg=0.0, noise_mm=0.3)
+        trembling = committed(CorrectorParameters, "testbed.corrector", bias_deg=0.0, noise_mm=0.3)
         torque = torques(np.zeros(300), trembling, first=first)
         assert torque[0] == 0.0
         assert abs(torque[1]) < 1e-3

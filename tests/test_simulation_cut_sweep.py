@@ -1,4 +1,5 @@
 import pytest
+from committed import committed
 
 from structlearn.ground.errors import InputError
 from structlearn.segmentation.cut_errors import mean_cut_errors_ms
@@ -6,10 +7,12 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, noise_sweep
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
-SEGMENT = SegmentParameters(
+SEGMENT = committed(
+    SegmentParameters,
+    "segment",
     primitives=(
         {"name": "down", "axis": "z", "threshold_m_s": 0.02},
-        {"name": "turn", "axis": "between"},
+        {"name": "turn", "axis": "between", "threshold_m_s": None},
         {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
     ),
     guess_cutoff_hz=2.0,
@@ -18,12 +21,12 @@ SEGMENT = SegmentParameters(
     extension_s=0.5,
     downsampling=4,
 )
-SIMULATION = DemonstratorParameters(count=4)
+SIMULATION = committed(DemonstratorParameters, "simulate", count=4)
 
 
 @pytest.fixture(scope="module")
 def errors():
-    levels = SweepParameters(noise_mm=(0.0, 1.0), seeds=3, downsampling=(1,))
+    levels = committed(SweepParameters, "segment_sweep", noise_mm=(0.0, 1.0), seeds=3, first_seed=0)
     return noise_sweep(levels, SIMULATION, SEGMENT)
 
 
@@ -52,7 +55,7 @@ def test_a_lost_reference_loses_the_set_and_is_counted():
             ),
         }
     )
-    levels = SweepParameters(noise_mm=(0.1,), seeds=1, downsampling=(1,))
+    levels = committed(SweepParameters, "segment_sweep", noise_mm=(0.1,), seeds=1, downsampling=(1,))
     lost = noise_sweep(levels, SIMULATION, deaf)
     assert lost["method"].tolist() == ["left_out"] * 4
     assert lost["start_error_s"].isna().all()
@@ -60,6 +63,6 @@ def test_a_lost_reference_loses_the_set_and_is_counted():
 
 def test_another_task_is_refused():
     other = SEGMENT.model_copy(update={"primitives": SEGMENT.primitives[:1]})
-    levels = SweepParameters(noise_mm=(0.1,), seeds=1, downsampling=(1,))
+    levels = committed(SweepParameters, "segment_sweep", noise_mm=(0.1,), seeds=1, downsampling=(1,))
     with pytest.raises(InputError, match=r"segment\.primitives: names 1, the simulated task has 3"):
         noise_sweep(levels, SIMULATION, other)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed
 from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
 from structlearn.feedback.runtime import Limits
@@ -24,9 +25,9 @@ def sets():
                 model,
                 scraping_skill(networks),
                 EVALUATION,
-                TestbedParameters(),
+                committed(TestbedParameters, "testbed"),
                 LIMITS,
-                ClockParameters(rate_hz=300.0),
+                committed(ClockParameters, "clock", rate_hz=300.0),
             )
             for model, networks in (("nominal", {}), ("pushing", pushing))
         }

@@ -4,6 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from committed import committed
 from scraping_motions import FLAT, Press, beside_contact, conditions, roll_deg
 
 from structlearn.ground import quaternion
@@ -19,18 +20,18 @@ from structlearn.testbeds.scraping.world.execution import (
 from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld, WorldParameters
 
 DT = 1 / 300
-SILENT = ControlParameters(force_noise_n=0.0, torque_noise_n_m=0.0)
+SILENT = committed(ControlParameters, "testbed.control", force_noise_n=0.0, torque_noise_n_m=0.0)
 
 
 @pytest.fixture(scope="module")
 def world():
-    with ScrapingWorld(WorldParameters()) as one:
+    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as one:
         yield one
 
 
 def press(world, roll=0.0, ticks=600, control=SILENT, corrector=None, motion=None, **changes):
     start = (beside_contact(2e-4), FLAT)
-    fingers = FingerPair(TouchParameters(), 1, np.random.default_rng(2), 100.0)
+    fingers = FingerPair(committed(TouchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
     return execute(
         world,
         motion or Press(),
@@ -59,12 +60,17 @@ def test_force_control_holds_one_newton(pressed, roll):
 
 def test_force_is_held_with_a_noisy_wrist_on_a_soft_or_hard_board(world):
     for factor in (0.7, 1.4):
-        log = press(world, 10.0, control=ControlParameters(), board_stiffness_factor=factor)
+        log = press(
+            world,
+            10.0,
+            control=committed(ControlParameters, "testbed.control"),
+            board_stiffness_factor=factor,
+        )
         assert -log.wrench[300:, 2].mean() == pytest.approx(1.0, abs=0.05)
 
 
 def test_another_force_is_held_too(world):
-    log = press(world, control=ControlParameters(force_n=2.0))
+    log = press(world, control=committed(ControlParameters, "testbed.control", force_n=2.0))
     assert -log.wrench[-100:, 2].mean() == pytest.approx(2.0, rel=0.05)
 
 
@@ -85,7 +91,7 @@ def test_the_tool_is_seen_relative_to_the_board(pressed):
 
 def test_identical_runs_are_identical_to_the_last_bit(world, pressed):
     again = press(world, 5.0)
-    with ScrapingWorld(WorldParameters()) as other:
+    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as other:
         elsewhere = press(other, 5.0)
     for field in fields(RunLog):
         first = getattr(pressed[5.0], field.name)
@@ -94,7 +100,11 @@ def test_identical_runs_are_identical_to_the_last_bit(world, pressed):
 
 
 def test_the_wrist_has_the_noise_that_it_is_given(world, pressed):
-    noisy = press(world, control=ControlParameters(force_noise_n=0.02, torque_noise_n_m=2e-4), ticks=300)
+    noisy = press(
+        world,
+        control=committed(ControlParameters, "testbed.control", force_noise_n=0.02, torque_noise_n_m=2e-4),
+        ticks=300,
+    )
     noise = noisy.wrench[:60] - pressed[0.0].wrench[:60]  # before the loop has passed it on
     np.testing.assert_allclose(noise[:, :3].std(), 0.02, rtol=0.3)
     np.testing.assert_allclose(noise[:, 3:].std(), 2e-4, rtol=0.5)
@@ -173,7 +183,15 @@ def test_before_the_contact_force_is_not_controlled(world):
     assert (log.primitive == 0).all()
 
 
-EXACT = CorrectorParameters(bias_deg=0.0, reaction_spread_s=0.0, noise_mm=0.0, gain_spread=0.0, noise=0.0)
+EXACT = committed(
+    CorrectorParameters,
+    "testbed.corrector",
+    bias_deg=0.0,
+    reaction_spread_s=0.0,
+    noise_mm=0.0,
+    gain_spread=0.0,
+    noise=0.0,
+)
 
 
 @pytest.mark.parametrize("roll", [-5.0, 10.0])
@@ -194,7 +212,7 @@ def test_what_looks_flat_to_a_person_is_where_the_tool_ends(world):
     """The mean over trials is flat within the standard error of the bias and half the threshold."""
     ends = []
     for trial in range(6):
-        person = CorrectorParameters()
+        person = committed(CorrectorParameters, "testbed.corrector")
         corrector = Corrector(person, 1000, DT, np.random.default_rng(trial))
         ends.append(roll_deg(press(world, 5.0, 1000, corrector=corrector).tool_to_board)[-100:].mean())
     assert np.abs(ends).max() < 3 * person.bias_deg + person.threshold_deg + 0.3

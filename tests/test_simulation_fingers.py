@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 
+from structlearn.simulation import fingers as fingers_module
 from structlearn.simulation.fingers import CHANNELS, FingerPair, TouchParameters
 from structlearn.tactile.electrodes import ELECTRODES_MM
 
@@ -16,7 +18,12 @@ ABOVE, BELOW = ELECTRODES_MM[:, 0] > 0, ELECTRODES_MM[:, 0] < -6  # towards the 
 
 
 def pair(sensor: int = 1, trial: int = 2, **parameters) -> FingerPair:
-    return FingerPair(TouchParameters(**parameters), sensor, np.random.default_rng(trial), RATE_HZ)
+    return FingerPair(
+        committed(TouchParameters, "testbed.touch", **parameters),
+        sensor,
+        np.random.default_rng(trial),
+        RATE_HZ,
+    )
 
 
 def counts(fingers: FingerPair, force=None, torque=None, turn=None) -> np.ndarray:
@@ -50,8 +57,16 @@ def loop_width(force: np.ndarray, reading: np.ndarray) -> float:
     return float(np.abs(branches[0] - branches[1]).max() / np.ptp(reading))
 
 
+@pytest.fixture
+def opposite(monkeypatch):
+    """Pads that meet exactly."""
+    monkeypatch.setattr(fingers_module, "HOME_MM", (-2.0, -2.0))
+    monkeypatch.setattr(fingers_module, "HOME_ACROSS_MM", (0.0, 0.0))
+
+
+@pytest.mark.usefixtures("opposite")
 def test_a_pure_grip_touches_both_fingers_alike():
-    fingers = pair(**STILL, **ALIKE, home_mm=(-2.0, -2.0), home_across_mm=(0.0, 0.0))
+    fingers = pair(**STILL, **ALIKE)
     left, right = fingers.read(np.zeros(3), np.zeros(3), np.zeros(3)).reshape(2, 19)
     np.testing.assert_array_equal(left, right)
     assert left.min() < -100
@@ -82,10 +97,9 @@ def test_a_turn_about_scraping_does_what_its_torque_does():
     assert np.corrcoef(by_torque.ravel(), by_turn.ravel())[0, 1] > 0.9
 
 
+@pytest.mark.usefixtures("opposite")
 def test_force_along_scraping_mirrors_on_pads_that_face_each_other():
-    change = pressed(
-        pair(**STILL, **ALIKE, home_mm=(-2.0, -2.0), home_across_mm=(0.0, 0.0)), force=[0.0, 0.5, 0.0]
-    )
+    change = pressed(pair(**STILL, **ALIKE), force=[0.0, 0.5, 0.0])
     mirrored = [
         int(np.argmin(np.linalg.norm(ELECTRODES_MM * [1, -1, 1] - one, axis=1))) for one in ELECTRODES_MM
     ]
@@ -188,7 +202,7 @@ def test_numbers_that_are_none(place):
 
 def test_rates_that_are_none():
     with pytest.raises(ValueError, match="rate must be positive"):
-        FingerPair(TouchParameters(), 0, np.random.default_rng(0), 0.0)
+        FingerPair(committed(TouchParameters, "testbed.touch"), 0, np.random.default_rng(0), 0.0)
 
 
 @given(

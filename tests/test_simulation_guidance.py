@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed
 from scraping_motions import conditions
 
 from structlearn.ground import quaternion
@@ -16,13 +17,15 @@ from structlearn.testbeds.scraping.world.guidance import GuidanceParameters, Gui
 from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld, WorldParameters
 
 DT = 1 / 300
-GUIDANCE = GuidanceParameters()
+GUIDANCE = committed(GuidanceParameters, "testbed.guidance")
 
 
 @pytest.fixture(scope="module")
 def movement():
     quick = {"durations_s": (0.8, 1.0, 0.8), "rest_s": (0.1, 0.1), "pause_s": (0.1, 0.1)}
-    (one,) = intended_movements(DemonstratorParameters(count=1, hesitation_probability=0.0, **quick))
+    (one,) = intended_movements(
+        committed(DemonstratorParameters, "simulate", count=1, seed=0, hesitation_probability=0.0, **quick)
+    )
     return one
 
 
@@ -38,15 +41,15 @@ def guided(movement):
     )
     first = orientation_of(movement.tilt[:1] + movement.tilt_noise[:1])[0]
     start = (movement.edge[0] + movement.edge_noise[0], quaternion.rotate(first, np.eye(3)).T)
-    fingers = FingerPair(TouchParameters(), 1, np.random.default_rng(2), 100.0)
-    with ScrapingWorld(WorldParameters()) as world:
+    fingers = FingerPair(committed(TouchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
+    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as world:
         return execute(
             world,
             GuidedMotion(movement),
             start,
             ticks,
             run,
-            ControlParameters(),
+            committed(ControlParameters, "testbed.control"),
             fingers,
             np.random.default_rng(3),
         )
@@ -103,7 +106,7 @@ def test_the_guided_arm_is_felt_in_the_fingers(movement, guided):
 
 
 def test_people_reproduce_a_pressure_poorly_and_hold_it_better():
-    own = GuidanceParameters(force_n=2.0)
+    own = committed(GuidanceParameters, "testbed.guidance", force_n=2.0)
     trials = np.array([pressure(own, 3000, DT, np.random.default_rng(seed)) for seed in range(60)])
     levels = np.log(trials.mean(axis=1) / 2.0)
     assert levels.mean() == pytest.approx(0.0, abs=3 * own.force_spread / 60**0.5)

@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
+from committed import committed
+from rigid_body_robots import carrying
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.simulation.arm import ArmParameters, with_payload
+from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
@@ -16,13 +18,13 @@ from structlearn.testbeds.dynamics.world.joint_logs import (
 )
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
-MOTION = SineParameters(duration_s=4.0)
+MOTION = committed(SineParameters, "arm_motion", duration_s=4.0)
 FRAMES = "/joint_states"
 
 
 @pytest.fixture(scope="module")
 def robot():
-    return ArmParameters().read()
+    return committed(ArmParameters, "arm").read()
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +58,7 @@ def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path
 
 
 def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
-    parameters = StandInParameters()
+    parameters = committed(StandInParameters, "stand_in")
     log = stand_in_log(robot, MOTION, parameters)
     true = stand_in(robot.tree, robot.inertias, parameters)
     friction = np.stack([true.viscous, true.coulomb, np.zeros(7)])
@@ -69,7 +71,9 @@ def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
 
 
 def test_links_of_the_stand_in_are_real_bodies(robot):
-    mechanics = stand_in(robot.tree, robot.inertias, StandInParameters(mass_spread=0.4))
+    mechanics = stand_in(
+        robot.tree, robot.inertias, committed(StandInParameters, "stand_in", mass_spread=0.4)
+    )
     moments = np.linalg.eigvalsh(mechanics.inertias.inertia)
     assert (mechanics.inertias.mass > 0).all()
     assert (moments > 0).all()
@@ -80,7 +84,9 @@ def test_links_of_the_stand_in_are_real_bodies(robot):
 
 
 def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot, log):
-    nothing = StandInParameters(
+    nothing = committed(
+        StandInParameters,
+        "stand_in",
         viscous_share=0,
         coulomb_share=0,
         ripple_share=0,
@@ -93,13 +99,13 @@ def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot,
 
 
 def test_the_payload_appears_when_it_is_picked_up(robot):
-    parameters = PayloadParameters()
+    parameters = committed(PayloadParameters, "record_motion.payload")
     log = payload_log(robot, MOTION, parameters)
-    loaded = with_payload(robot.inertias, parameters.body)
-    without, carrying = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
+    loaded = carrying(robot, parameters.body)
+    without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500
     np.testing.assert_allclose(without[:half], log.torques[:half], atol=1e-8)
-    np.testing.assert_allclose(carrying[half:], log.torques[half:-1], atol=1e-8)
+    np.testing.assert_allclose(loaded_too[half:], log.torques[half:-1], atol=1e-8)
     assert np.abs(without[half:] - log.torques[half:-1]).max() > 1.0
     assert log.provenance["payload"] == "1.5 kg from 2 s on"
 

@@ -4,9 +4,9 @@ import numpy as np
 import pinocchio
 import pybullet
 import pytest
+from committed import committed
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.ground.params import read_parameters
 from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
 from structlearn.testbeds.scraping.world.operational_space import OperationalSpace
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
@@ -24,7 +24,7 @@ NOTHING = np.zeros(6)
 
 @pytest.fixture(scope="module")
 def world():
-    with ScrapingWorld(WorldParameters()) as one:
+    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as one:
         yield one
 
 
@@ -57,7 +57,7 @@ def test_the_same_torques_give_the_same_bits(world):
     first = touching_states(world)
     assert np.abs(first[:, 26:29]).max() > 0.1  # it does touch
     np.testing.assert_array_equal(touching_states(world), first)  # whatever happened before
-    with ScrapingWorld(WorldParameters()) as other:
+    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as other:
         np.testing.assert_array_equal(touching_states(other), first)
 
 
@@ -116,12 +116,9 @@ def test_factors_of_a_run_scale_board_and_friction(world):
     assert drags[2.0] == pytest.approx(-0.4, abs=0.02)
 
 
-@pytest.mark.parametrize("source", ["defaults", "params.yaml"])
-def test_a_standing_tool_does_not_chatter(root, source):
+def test_a_standing_tool_does_not_chatter():
     """Friction as a function of speed, too steep for the physics step, flips its sign at every step."""
-    testbed = TestbedParameters()
-    if source != "defaults":
-        testbed = read_parameters(root / source, "testbed", TestbedParameters)
+    testbed = committed(TestbedParameters, "testbed")
     with ScrapingWorld(testbed.world) as one:
         place(one, beside_contact(0.001), friction_factor=1.4)
         lowered = beside_contact(-0.001)
@@ -150,7 +147,10 @@ def test_a_falling_arm_keeps_its_energy():
     """Limp in the air without damping: kinetic, potential and spring energy together stay what they were."""
     model = pinocchio.buildModelFromXML(urdf())
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
-    data, own = model.createData(), WorldParameters(grasp_damping=0.0, substeps=20)
+    data, own = (
+        model.createData(),
+        committed(WorldParameters, "testbed.world", grasp_damping=0.0, substeps=20),
+    )
     about_x, about_z, about_y = own.grasp_n_m_rad
     springs = np.array([own.grasp_n_m] * 3 + [about_z, about_x, about_y])
     with ScrapingWorld(own) as world:
@@ -170,7 +170,7 @@ def test_a_falling_arm_keeps_its_energy():
 
 
 def test_servers_are_closed():
-    with ScrapingWorld(WorldParameters()) as one:
+    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as one:
         client = one._client
         assert pybullet.isConnected(client)
     assert not pybullet.isConnected(client)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed, committed_finger
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import binary_closing
@@ -10,7 +11,6 @@ from scipy.optimize import minimize_scalar
 from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
 from structlearn.simulation.touch import (
-    FingerParameters,
     Handle,
     make_finger,
     moved,
@@ -33,7 +33,7 @@ from structlearn.tactile.electrodes import SKINS, biotac
 
 RATE_HZ = 100.0
 BAR = Handle(np.array([0.3, 0.1, 0.5]), np.array([0.0, 1.0, 0.0]), 0.05, 0.005)
-FINGER = make_finger(FingerParameters(), biotac(), 1, RATE_HZ)
+FINGER = make_finger(committed_finger(), biotac(), 1, RATE_HZ)
 
 
 def handle(axis: np.ndarray, half_length: float = 0.05) -> Handle:
@@ -45,7 +45,7 @@ def test_contact_is_where_bar_and_core_are_closest(seed, name):
     """Against a bounded scalar minimiser."""
     rng = np.random.default_rng(seed)
     bar = handle(rng.normal(size=3))
-    finger = make_finger(FingerParameters(), SKINS[name], 1, RATE_HZ)
+    finger = make_finger(committed_finger(), SKINS[name], 1, RATE_HZ)
     position = bar.centre + 0.02 * rng.normal(size=(1, 3))
     orientation = quaternion.normalised(rng.normal(size=(1, 4)))
     found = touching(position, orientation, bar, finger)
@@ -124,7 +124,7 @@ def test_a_batch_is_what_its_fingers_are_alone_and_steps_are_what_the_trace_is()
 @pytest.mark.parametrize("name", ["biotac", "flat_pad"])
 def test_pressure_rises_with_load_all_over_the_skin(name):
     skin = SKINS[name]
-    finger = make_finger(FingerParameters(), skin, 1, RATE_HZ)
+    finger = make_finger(committed_finger(), skin, 1, RATE_HZ)
     along, across = np.meshgrid(np.linspace(-0.0125, 0.001, 9), 0.7 * np.linspace(*skin.across, 9))
     point = np.tile(skin.surface(along.ravel(), across.ravel()), (200, 1, 1))
     pressure = []
@@ -145,12 +145,12 @@ def test_a_rested_finger_reads_its_offsets():
 
 @pytest.fixture(scope="module")
 def person():
-    return ToucherParameters(areas=2, rotations=1, translations=1)
+    return committed(ToucherParameters, "toucher", areas=2, rotations=1, translations=1)
 
 
 @pytest.fixture(scope="module")
 def runs(person):
-    return list(demonstrate(person, FingerParameters()))
+    return list(demonstrate(person, committed_finger()))
 
 
 def test_demonstrations_make_and_break_contact_and_cover_their_areas(runs):
@@ -182,7 +182,7 @@ def test_the_estimated_contact_is_near_the_true_one(runs):
 
 
 def test_recordings_are_valid_and_repeat(runs, person):
-    again = list(demonstrate(person, FingerParameters()))
+    again = list(demonstrate(person, committed_finger()))
     for first, second in zip(runs, again, strict=True):
         one, two = recorded(first, person), recorded(second, person)
         check_recording(one)

@@ -3,6 +3,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.operational_space_velocity import tool_motion
@@ -12,8 +13,8 @@ from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.reaching import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
-MOTION = SineParameters(duration_s=2.0)
-REACHING = ReachingParameters(goals=2)
+MOTION = committed(SineParameters, "arm_motion", duration_s=2.0)
+REACHING = committed(ReachingParameters, "track.reaching", goals=2)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -25,7 +26,7 @@ def in_this_process():
 
 @pytest.fixture(scope="module")
 def robot():
-    return ArmParameters().read()
+    return committed(ArmParameters, "arm").read()
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +82,11 @@ def test_scores_are_those_of_the_definition(testbed, robot):
 
 def test_the_stand_in_has_a_default_model_beside_the_truth(robot, testbed):
     other = Testbed(
-        "stand_in", robot, stand_in(robot.tree, robot.inertias, StandInParameters()), MOTION, REACHING
+        "stand_in",
+        robot,
+        stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in")),
+        MOTION,
+        REACHING,
     )
     assert [candidate.name for candidate in known(testbed, 1)] == ["ground_truth"]
     assert [candidate.name for candidate in known(other, 1)] == ["ground_truth", "default"]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 from scraping_motions import DURATIONS_S, NAMES, constant_network, roll_deg, scraping_skill
 
 from structlearn.ground import quaternion
@@ -24,7 +25,7 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]
-TESTBED = TestbedParameters()
+TESTBED = committed(TestbedParameters, "testbed")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -122,7 +123,7 @@ def test_other_seeds_are_other_runs(skill, recordings):
     """Whatever is equal, friction, board and sensors are drawn anew."""
     first, second = recordings[1:3]
     assert not np.array_equal(stream(first, "pose").values, stream(second, "pose").values)
-    (other,) = executions(skill, nominal_runs(1), TESTBED.model_copy(update={"seed": 1}))
+    (other,) = executions(skill, nominal_runs(1), TESTBED.model_copy(update={"seed": 2}))
     assert not np.array_equal(stream(other, "wrench").values, stream(recordings[0], "wrench").values)
 
 
@@ -181,8 +182,12 @@ def test_a_person_gets_the_tool_flatter_than_the_robot_alone(skill):
 
 
 def test_motion_capture_has_its_own_noise(skill):
-    noisy = TESTBED.model_copy(update={"recorder": RecorderParameters(motion_capture_deg=0.5)})
-    quiet = TESTBED.model_copy(update={"recorder": RecorderParameters(motion_capture_deg=0.0)})
+    noisy = TESTBED.model_copy(
+        update={"recorder": committed(RecorderParameters, "testbed.recorder", motion_capture_deg=0.5)}
+    )
+    quiet = TESTBED.model_copy(
+        update={"recorder": committed(RecorderParameters, "testbed.recorder", motion_capture_deg=0.0)}
+    )
     seen = [stream(executions(skill, nominal_runs(1), one)[0], "tool_to_board") for one in (noisy, quiet)]
     off = np.degrees(quaternion.difference(seen[0].values, seen[1].values))
     np.testing.assert_allclose(off.std(axis=0), 0.5, rtol=0.2)
@@ -190,13 +195,14 @@ def test_motion_capture_has_its_own_noise(skill):
 
 
 def test_a_guided_demonstration_is_recorded_like_an_execution():
-    demonstrator = DemonstratorParameters(
+    demonstrator = committed(
+        DemonstratorParameters,
+        "simulate",
         count=2,
         seed=3,
         durations_s=(0.6, 0.6, 0.6),
         rest_s=(0.2, 0.2),
         pause_s=(0.1, 0.1),
-        rate_hz=100.0,
     )
     both = guided_demonstrations(demonstrator, TESTBED)
     assert [recording.name for recording in both] == ["01", "02"]

@@ -45,7 +45,7 @@ def test_success_is_silent(capsys):
 
 def test_a_stage_script_without_its_parameters_says_so(tmp_path):
     script = (
-        "from structlearn import stage\n"
+        "from structlearn.ground import stage\n"
         "from structlearn.ground.params import Parameters\n"
         "stage.run(lambda: stage.stage_parameters('fit', Parameters))\n"
     )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from committed import committed
 
 from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
@@ -81,7 +82,7 @@ def test_patches_are_bridged_by_their_shortest_edge():
 
 def test_bins_are_random_disjoint_and_measured_alone(tmp_path):
     _, points = spread("biotac", 450)
-    parameters = GeodesicParameters(bin_size=200, bridge_mm=10.0)
+    parameters = committed(GeodesicParameters, "geodesics", bin_size=200, bridge_mm=10.0)
     found = geodesics(points, parameters)
     assert found.rows.shape == (2, 200)
     assert len(np.unique(found.rows)) == 400
@@ -101,10 +102,10 @@ def test_bins_are_random_disjoint_and_measured_alone(tmp_path):
 def test_what_has_no_geodesics_is_named(tmp_path):
     _, points = spread("biotac", 50)
     with pytest.raises(InputError, match="no 18 neighbours"):
-        geodesics(points[:18], GeodesicParameters())
+        geodesics(points[:18], committed(GeodesicParameters, "geodesics"))
     points[3, 1] = np.nan
     with pytest.raises(InputError, match="contact point 3 is not finite"):
-        geodesics(points, GeodesicParameters())
+        geodesics(points, committed(GeodesicParameters, "geodesics"))
     long = Geodesics(np.array([[0, 1]]), np.array([[[0, 0.1], [0.1, 0]]], dtype=np.float32))
     with pytest.raises(ValueError, match="16 bits"):
         write_geodesics(long, tmp_path / "g.safetensors")

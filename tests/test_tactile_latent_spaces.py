@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.tactile.latent_evaluation import latent_errors
@@ -11,9 +12,11 @@ from structlearn.tactile.latent_spaces import LatentSpaceParameters, learn_space
 from structlearn.tactile.latent_training import LatentTrainingParameters
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 
-FEW = LatentSpaceParameters(
+FEW = committed(
+    LatentSpaceParameters,
+    "recorded_latent_touch.spaces",
     seeds=2,
-    training=LatentTrainingParameters(steps=400, batch_size=32),
+    training=committed(LatentTrainingParameters, "train_latent.training", steps=400, batch_size=32),
     pair_pool=2000,
     evaluation_pairs=500,
 )
@@ -66,7 +69,11 @@ def test_structure_makes_a_map_and_all_reconstruct(touches, learned):
 
 
 def test_the_same_seed_gives_the_same_networks(touches):
-    brief = FEW.model_copy(update={"training": LatentTrainingParameters(steps=3, batch_size=8)})
+    brief = FEW.model_copy(
+        update={
+            "training": committed(LatentTrainingParameters, "train_latent.training", steps=3, batch_size=8)
+        }
+    )
     units = own_units(*touches)
     first, again = (learn_spaces(*touches, units, brief).to_arrays() for _ in range(2))
     for name, values in first.items():

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
 from structlearn.ground import metrics
@@ -38,8 +39,18 @@ from structlearn.tactile.servo_controller import ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST, TRAIN, chains
 from structlearn.tactile.units import touch_units
 
-QUICK = LatentTrainingParameters(steps=250, evaluate_every=125, batch_size=32)
-SMALL = LatentParameters(seeds=2, training=QUICK, pair_pool=5000, evaluation_pairs=500, longest_chain=3)
+QUICK = committed(
+    LatentTrainingParameters, "train_latent.training", steps=250, evaluate_every=125, batch_size=32
+)
+SMALL = committed(
+    LatentParameters,
+    "train_latent",
+    seeds=2,
+    training=QUICK,
+    pair_pool=5000,
+    evaluation_pairs=500,
+    longest_chain=3,
+)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +76,7 @@ def comparison(touch):
 
 
 def models(seeds=(0, 1)):
-    return LatentModels.initial(seeds, 19, NetworkParameters(), seeded(0))
+    return LatentModels.initial(seeds, 19, committed(NetworkParameters, "train_latent.networks"), seeded(0))
 
 
 def test_units_make_training_samples_alike(touch):
@@ -270,8 +281,7 @@ def test_controllers_move_the_touch_towards_the_target_in_their_own_model(compar
     assert memory.latent is start
     bound = np.linalg.norm(action / comparison.units.action_scale, axis=-1)
     assert bound.max() <= ServoParameters().largest_action * (1 + 1e-9)
-    again = servo.remembered(start, action)
-    np.testing.assert_allclose(again.action, memory.action)
+    np.testing.assert_allclose(memory.action, action / comparison.units.action_scale)
     inverse = ServoParameters(**chosen).inverse
     dynamics = comparison.models.dynamics(FORWARD_OF[inverse], inverse).part(slice(0, 2))
     latent, goal = (torch.tensor(values, dtype=torch.float32).mT for values in (start, target))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from committed import committed
 from pydantic import ValidationError
 
 from structlearn.ground import quaternion
@@ -35,7 +36,9 @@ def pressed_twice(name: str = "one", **changes) -> Demonstration:
 
 
 def test_contacts_are_found_with_their_velocities_and_offsets():
-    dataset = prepare([pressed_twice(), pressed_twice("two")], biotac(), TouchDataParameters())
+    dataset = prepare(
+        [pressed_twice(), pressed_twice("two")], biotac(), committed(TouchDataParameters, "touch_dataset")
+    )
     assert dataset.contact.max() == 3
     assert np.bincount(dataset.contact) == pytest.approx(400, abs=60)
     middle = (dataset.time > 3.5) & (dataset.time < 4.5)
@@ -50,28 +53,40 @@ def test_contacts_are_found_with_their_velocities_and_offsets():
     assert (dataset.motion == ROTATION).all()
     assert set(dataset.split) == {TRAIN, VALIDATION, TEST}
     assert not dataset.pressed.all()
-    assert (dataset.pressure[dataset.pressed] >= TouchDataParameters().pressed_counts).all()
+    assert (
+        dataset.pressure[dataset.pressed] >= committed(TouchDataParameters, "touch_dataset").pressed_counts
+    ).all()
 
 
 def test_the_sample_of_a_contact_is_of_one_split():
-    dataset = prepare([pressed_twice(), pressed_twice("two")], biotac(), TouchDataParameters())
+    dataset = prepare(
+        [pressed_twice(), pressed_twice("two")], biotac(), committed(TouchDataParameters, "touch_dataset")
+    )
     for contact in range(4):
         assert len(np.unique(dataset.split[dataset.contact == contact])) == 1
 
 
 def test_unknown_motions_are_other():
-    dataset = prepare([replace(pressed_twice(), provenance={})] * 2, biotac(), TouchDataParameters())
+    dataset = prepare(
+        [replace(pressed_twice(), provenance={})] * 2,
+        biotac(),
+        committed(TouchDataParameters, "touch_dataset"),
+    )
     assert (dataset.motion == OTHER).all()
 
 
 def test_splits_have_their_shares_and_spread_over_motions():
     motions = np.repeat([0, 1], [42, 112])
-    split = splits(motions, TouchDataParameters())
+    split = splits(motions, committed(TouchDataParameters, "touch_dataset"))
     assert np.bincount(split).tolist() == [154 - 24, 12, 12]
     for number in (VALIDATION, TEST):
         assert 2 <= (motions[split == number] == 0).sum() <= 5
-    assert sorted(splits(np.zeros(3), TouchDataParameters())) == [TRAIN, VALIDATION, TEST]
-    np.testing.assert_array_equal(split, splits(motions, TouchDataParameters()))
+    assert sorted(splits(np.zeros(3), committed(TouchDataParameters, "touch_dataset"))) == [
+        TRAIN,
+        VALIDATION,
+        TEST,
+    ]
+    np.testing.assert_array_equal(split, splits(motions, committed(TouchDataParameters, "touch_dataset")))
 
 
 @pytest.mark.parametrize(
@@ -87,14 +102,14 @@ def test_splits_have_their_shares_and_spread_over_motions():
 )
 def test_recordings_that_cannot_be_used_are_named(changes, message):
     with pytest.raises(InputError, match=message):
-        prepare([pressed_twice(**changes)], biotac(), TouchDataParameters())
+        prepare([pressed_twice(**changes)], biotac(), committed(TouchDataParameters, "touch_dataset"))
 
 
 def test_too_few_contacts():
     with pytest.raises(InputError, match="need three contacts, the recordings have 2"):
-        prepare([pressed_twice()], biotac(), TouchDataParameters())
+        prepare([pressed_twice()], biotac(), committed(TouchDataParameters, "touch_dataset"))
 
 
 def test_thresholds_must_rise():
     with pytest.raises(ValidationError, match="must not be below"):
-        TouchDataParameters(touched_counts=10, pressed_counts=5)
+        committed(TouchDataParameters, "touch_dataset", touched_counts=10, pressed_counts=5)

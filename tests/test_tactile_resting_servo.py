@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from committed import committed
 from tactile_toy import toy_dataset
 
 from structlearn.tactile.forward_dynamics import LocallyLinearDynamics, NonLinearDynamics, applied
@@ -103,7 +104,7 @@ def test_unlikely_actions_are_spared(inverse, horizon):
 
 def controller(inverse, horizon=1, likely=DEMONSTRATED, action_penalty=0.01):
     models = LatentModels.initial(
-        (0, 1), 19, NetworkParameters(), torch.Generator().manual_seed(3)
+        (0, 1), 19, committed(NetworkParameters, "train_latent.networks"), torch.Generator().manual_seed(3)
     ).detached()
     parameters = ServoParameters(inverse=inverse, horizon=horizon, action_penalty=action_penalty)
     servo = RestingServo(models, UNITS, True, parameters, 100 / 31, Caution(likely, 1.5, 0.5))

@@ -1,4 +1,4 @@
-"""The project's colours: one palette for pictures on pages and in recordings.
+"""The project's colours: one palette for pictures on pages and in recordings, with names that all share.
 
 The categorical colours are those of Okabe and Ito, which people with common colour blindness can tell apart;
 yellow is left out because it vanishes on a white ground. All colours are hex strings (`#rrggbb`).
@@ -28,6 +28,13 @@ DEMONSTRATION_COLOUR = GREY
 REPRODUCTION_COLOUR = VERMILION
 
 # ways of finding cut points, from the plainest to ours
+METHOD_NAMES = {
+    "zvc": "zero-velocity crossing",
+    "dtw": "time warping",
+    "ls": "least squares",
+    "wls_text": "weighted, as printed",
+    "wls": "weighted, with crossings",
+}
 METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wls": BLUE}
 
 

@@ -1,15 +1,12 @@
 """The report of the obstacle testbed: figures, tables, metrics and the page that shows them."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.ground.artefacts import read_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.reporting.page import Link
 from structlearn.reporting.publishing import publish_report
-from structlearn.testbeds.obstacles.files import read_baseline, read_scenarios
-from structlearn.testbeds.obstacles.page.obstacle_page import obstacle_page
-from structlearn.testbeds.obstacles.page.obstacle_results import ObstacleResults, example_setting, metrics
-from structlearn.testbeds.obstacles.page.obstacle_sections import pictures
-from structlearn.testbeds.obstacles.page.obstacle_tables import tables
+from structlearn.testbeds.obstacles import files
+from structlearn.testbeds.obstacles.page.page import HEADLINES, document, read_published
+from structlearn.testbeds.obstacles.page.figures import figures
+from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
@@ -22,45 +19,26 @@ PARAMETERS = {
     "obstacle_training": AvoidanceTrainingParameters,
     "obstacle_evaluation": AvoidanceEvaluationParameters,
 }
-RECORDINGS = {
-    "demonstrations": "reaches without and past obstacles, with their surfaces",
-    "trained": "unrolls past trained obstacles, with their coupling terms",
-    "unseen": "unrolls past unseen spheres",
-    "beyond": "moving spheres, two spheres and a moving goal",
-}
 
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     places = scenarios(parameters["obstacle_scene"])
-    scores = read_table("data/obstacles/evaluation/scores.parquet")
-    setting = example_setting(scores)
+    found = files.read_evaluation()
+    setting = example_setting(found.scores)
     shown = [scenario for scenario in places if scenario.setting == setting]
-    demonstrations = read_scenarios(shown, "data/raw/obstacles")
+    demonstrations = files.read_scenarios(shown)
     results = ObstacleResults(
-        scores=scores,
-        paths=read_table("data/obstacles/evaluation/paths.parquet"),
-        people=read_table("data/obstacles/evaluation/demonstrations.parquet"),
-        errors=read_table("data/obstacles/models/errors.parquet"),
-        baseline=read_baseline("data/obstacles/dataset/baseline.safetensors"),
+        found=found,
+        errors=files.read_errors(),
+        baseline=files.read_baseline(),
         scenarios=places,
         shown={scenario.shape: its for scenario, its in zip(shown, demonstrations, strict=True)},
-        scene=parameters["obstacle_scene"],
-        person=parameters["obstacle_demonstrator"],
-        data=parameters["obstacle_dataset"],
-        training=parameters["obstacle_training"],
-        evaluation=parameters["obstacle_evaluation"],
+        parameters=parameters,
     )
-    links = [
-        Link(f"../recordings/obstacles/{name}.rrd", f"{name}.rrd", note) for name, note in RECORDINGS.items()
-    ]
-    publish_report(
-        "reports/obstacles",
-        pictures(results),
-        tables(results),
-        metrics(results),
-        lambda sizes: obstacle_page(results, sizes, parameters, links),
-    )
+    page = document(results)
+    drawings = figures(results, read_published()["largest_nmse"])
+    publish_report(files.REPORT, {"index": page}, drawings, page.tables, metrics(results), HEADLINES)
 
 
 if __name__ == "__main__":

@@ -1,29 +1,29 @@
 """The report that sets simulated touch beside recorded touch."""
 
-from dataclasses import fields
-
-from structlearn.ground.artefacts import read_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
-from structlearn.testbeds.recorded.page.calibration_page import calibration_page, pictures
-from structlearn.testbeds.recorded.page.calibration_results import CalibrationResults, metrics, tables
+from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.testbeds.recorded.page.calibration_figures import pictures
+from structlearn.testbeds.recorded.page.calibration_results import (
+    HEADLINES,
+    calibration_document,
+    metrics,
+    tables,
+)
 from structlearn.testbeds.recorded.protocol.touch_calibration import CalibrationParameters
 
 
 def main() -> None:
     parameters = stage_parameters("calibrate", CalibrationParameters)
-    results = CalibrationResults(
-        **{
-            field.name: read_table(f"data/recorded/calibration/{field.name}.parquet")
-            for field in fields(CalibrationResults)
-        }
-    )
+    stored = RecordedFiles().calibration()
+    shown = tables(stored)
     publish_report(
         "reports/calibration",
-        pictures(results, parameters),
-        tables(results),
-        metrics(results),
-        lambda sizes: calibration_page(results, sizes, "calibrate", parameters),
+        {"index": calibration_document(stored, shown, {"calibrate": parameters})},
+        pictures(stored, parameters.variance),
+        shown,
+        metrics(stored["comparison"]),
+        HEADLINES,
     )
 
 

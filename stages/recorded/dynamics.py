@@ -7,24 +7,24 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.joint_log import read_joint_log
 from structlearn.rigid_body.model_files import write_dynamics_models
+from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.recorded.protocol.panda_identification import (
     RecordedDynamicsParameters,
     identify,
     panda_motion,
 )
-from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
+from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
 
 
 def main() -> None:
     parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters)
+    learning = stage_parameters("train_dynamics.learning", LearningParameters)
     panda = ArmParameters(urdf=parameters.urdf, locked_joints=parameters.locked_joints).read()
     log = read_joint_log("data/raw/recorded/panda/exciting_trajectory.mcap")
-    models, results = identify(panda, panda_motion(log, parameters), parameters)
-    slides = read_demonstrations("data/raw/recorded/slides", rate_hz=parameters.slide_rate_hz)
-    torques, payloads = torque_check(
-        ArmParameters(urdf=parameters.slide_urdf).read(), slides, parameters.slide_cutoff_hz
-    )
+    models, results = identify(panda, panda_motion(log, parameters), parameters, learning)
+    slides = read_demonstrations("data/raw/recorded/slides", rate_hz=RATE_HZ)
+    torques, payloads = torque_check(ArmParameters(urdf=ARM, locked_joints=()).read(), slides, CUTOFF_HZ)
     with publish("data/recorded/dynamics") as folder:
         folder.mkdir()
         for name, learned in models.items():

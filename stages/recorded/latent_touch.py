@@ -3,7 +3,8 @@
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations, synchronise
-from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.fingers import TouchParameters
+from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
@@ -17,7 +18,9 @@ def main() -> None:
     skin = SKINS["biotac"]
     fewer = dict.fromkeys(("rotations", "translations"), parameters.simulated_repeats) | {"skin": skin.name}
     person = stage_parameters("toucher", ToucherParameters).model_copy(update=fewer)
-    runs = demonstrate(person, stage_parameters("touch_finger", FingerParameters))
+    finger = stage_parameters("touch_finger", TouchFingerParameters)
+    electrodes = stage_parameters("testbed.touch", TouchParameters)
+    runs = demonstrate(person, finger.with_electrodes_of(electrodes))
     touches = [synchronise(recorded(one, person), samples.rate_hz) for one in runs]
     slides, unscrewing = (
         read_demonstrations(f"data/raw/recorded/{name}", rate_hz=samples.rate_hz)

@@ -1,38 +1,27 @@
 """Recordings to look at: demonstrations, alignment, primitives (IV.5), executions and refinement (IV.9)."""
 
-from pathlib import Path
-
-from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
+from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
-from structlearn.testbeds.scraping.recordings.executions_recording import write_executions
-from structlearn.testbeds.scraping.recordings.refinement_recording import write_refinement
-from structlearn.testbeds.scraping.recordings.robot_recording import write_robot
-from structlearn.testbeds.scraping.recordings.shown_runs import read_refined_runs, read_shown_runs
-from structlearn.viewer.learned_primitives import write_primitives
-from structlearn.viewer.recorded_demonstrations import write_demonstrations
-
-RAW, FEEDBACK = Path("data/raw/scraping"), Path("data/feedback/scraping")
-SHOWN_MODEL = "pointwise"  # trained as in the dissertation
+from structlearn.testbeds.scraping.recordings.executions_recording import (
+    write_executions,
+    write_refinement,
+    write_robot,
+)
+from structlearn.testbeds.scraping.recordings.nominal_recordings import write_demonstrations, write_primitives
+from structlearn.testbeds.scraping.recordings.shown_runs import read_feedback_runs, read_refined_runs
 
 
 def main() -> None:
     parameters = stage_parameters("segment", SegmentParameters)
-    clock = stage_parameters("clock", ClockParameters)
-    demonstrations = read_demonstrations(RAW / "nominal", **clock.model_dump())
-    segmentation = read_segmentation("data/segments/scraping")
-    primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
-    paths = {
-        name: read_table(f"data/primitives/scraping/{name}.parquet") for name in ("nominal", "generalised")
-    }
-    names = [primitive.name for primitive in primitives]
-    runs = read_shown_runs(RAW, FEEDBACK, SHOWN_MODEL, names, clock)
-    refined = read_refined_runs(RAW, FEEDBACK, names, clock)
+    files = ScrapingFiles(stage_parameters("clock", ClockParameters))
+    demonstrations, segmentation = files.demonstrations(), read_segmentation(files.segments)
+    paths = {name: files.table(name) for name in ("nominal", "generalised")}
+    with_feedback, refined = read_feedback_runs(files), read_refined_runs(files)
 
     with publish("reports/recordings/scraping") as folder:
         folder.mkdir()
@@ -42,13 +31,15 @@ def main() -> None:
         write_alignment(
             folder / "alignment.rrd", demonstrations, segmentation, parameters, "Scraping: alignment"
         )
-        write_primitives(folder / "primitives.rrd", demonstrations, primitives, paths, "Scraping: primitives")
-        if runs:
-            *_, with_feedback = runs[max(runs)]
-            write_executions(folder / "feedback.rrd", runs, "Scraping: feedback")
-            write_robot(folder / "robot.rrd", with_feedback, "Scraping: robot with feedback")
+        write_primitives(
+            folder / "primitives.rrd", demonstrations, files.primitives(), paths, "Scraping: primitives"
+        )
+        if with_feedback:
+            *_, shown = with_feedback[max(with_feedback)]
+            write_executions(folder / "feedback.rrd", with_feedback, "Scraping: feedback")
+            write_robot(folder / "robot.rrd", shown, "Scraping: robot with feedback")
         if refined:
-            search = [read_table(FEEDBACK / f"refinement/{name}.parquet") for name in ("history", "rollouts")]
+            search = (files.table("history"), files.table("rollouts"))
             write_refinement(folder / "refinement.rrd", refined, *search, "Scraping: refinement")
 
 

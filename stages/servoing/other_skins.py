@@ -4,7 +4,8 @@ import pandas as pd
 
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.fingers import TouchParameters
+from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.geodesics import GeodesicParameters
 from structlearn.tactile.latent_comparison import LatentParameters
@@ -13,8 +14,6 @@ from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParamet
 from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters
 
 SHARED = {
-    "toucher": ToucherParameters,
-    "touch_finger": FingerParameters,
     "touch_dataset": TouchDataParameters,
     "geodesics": GeodesicParameters,
     "train_latent": LatentParameters,
@@ -24,8 +23,14 @@ SHARED = {
 
 def main() -> None:
     other = stage_parameters("other_skins", OtherSkinsParameters)
-    shared = [stage_parameters(key, model) for key, model in SHARED.items()]
-    found = [with_other_skin(name, other, *shared) for name in other.skins]
+    person = stage_parameters("toucher", ToucherParameters)
+    finger = stage_parameters("touch_finger", TouchFingerParameters)
+    electrodes = stage_parameters("testbed.touch", TouchParameters)
+    learning = [stage_parameters(key, model) for key, model in SHARED.items()]
+    found = [
+        with_other_skin(name, other, person, finger.with_electrodes_of(electrodes), *learning)
+        for name in other.skins
+    ]
     with publish("data/servoing/other_skins") as folder:
         folder.mkdir()
         for name in found[0] if found else ():

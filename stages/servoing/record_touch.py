@@ -6,7 +6,8 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.recordings.source import SourceParameters
-from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.fingers import TouchParameters
+from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
@@ -21,7 +22,9 @@ def main() -> None:
     truth = no_contacts()
     if parameters.simulated:
         person = stage_parameters("toucher", ToucherParameters)
-        runs = list(demonstrate(person, stage_parameters("touch_finger", FingerParameters)))
+        finger = stage_parameters("touch_finger", TouchFingerParameters)
+        electrodes = stage_parameters("testbed.touch", TouchParameters)
+        runs = list(demonstrate(person, finger.with_electrodes_of(electrodes)))
         recordings = [recorded(one, person) for one in runs]
         truth = pd.concat([true_contacts(one, person) for one in runs], ignore_index=True)
     else:

@@ -3,7 +3,8 @@
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.source import SourceParameters
-from structlearn.simulation.touch import FingerParameters
+from structlearn.simulation.fingers import TouchParameters
+from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_files import read_models
 from structlearn.tactile.resting_servo import demonstrated_actions
@@ -23,10 +24,12 @@ def main() -> None:
     with publish("data/servoing/servo") as folder:
         folder.mkdir()
         if stage_parameters("record_touch", SourceParameters).simulated:  # a recorded finger is another one
+            finger = stage_parameters("touch_finger", TouchFingerParameters)
+            electrodes = stage_parameters("testbed.touch", TouchParameters)
             comparison = compare(
                 Taught(models, units, likely),
                 stage_parameters("toucher", ToucherParameters),
-                stage_parameters("touch_finger", FingerParameters),
+                finger.with_electrodes_of(electrodes),
                 parameters,
                 variants(parameters.horizon),
             )

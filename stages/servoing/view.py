@@ -1,19 +1,18 @@
 """Recordings to look at: demonstrations of touch, the latent map, and closed loops (chapter II)."""
 
-from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import SourceParameters
-from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_comparison import LatentParameters
-from structlearn.tactile.touch_dataset import read_dataset
 from structlearn.tactile.touch_preparation import TouchDataParameters
-from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters, make_scene
+from structlearn.testbeds.servoing import files
+from structlearn.testbeds.servoing.protocol.servo_trials import handle_of
 from structlearn.testbeds.servoing.recordings.demonstrated_touches import write_touch_demonstrations
-from structlearn.testbeds.servoing.recordings.latent_maps import skin_laying, write_latent_maps
+from structlearn.testbeds.servoing.recordings.latent_maps import write_latent_maps
 from structlearn.testbeds.servoing.recordings.servo_runs import shown_runs, write_servo_runs
+from structlearn.testbeds.servoing.recordings.servoing_scene import flat_skin
 from structlearn.testbeds.servoing.recordings.shown_touches import ServoingViewParameters, shown_touches
 
 
@@ -22,52 +21,26 @@ def main() -> None:
     prepared = stage_parameters("touch_dataset", TouchDataParameters)
     person = stage_parameters("toucher", ToucherParameters)
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
-    skin = SKINS[person.skin]
-    dataset = read_dataset("data/servoing/touch.safetensors")
-    latent_map = read_table("data/servoing/evaluation/latent_map.parquet")
+    skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.model_scores().latent_map
     shown = shown_touches(
-        read_demonstrations("data/raw/servoing", rate_hz=prepared.rate_hz),
+        files.demonstrations(prepared.rate_hz),
         dataset,
         latent_map,
-        read_table("data/servoing/true_contacts.parquet"),
+        files.true_contacts(),
         chosen.demonstrations,
         prepared.air_s,
     )
-    with publish("reports/recordings/servoing") as folder:
+    points = dataset.contact_point
+    laid = flat_skin(skin, points, latent_map[["x", "y"]].to_numpy(float), map_unit)
+    with publish(files.RECORDINGS) as folder:
         folder.mkdir()
-        write_touch_demonstrations(
-            folder / "demonstrations.rrd",
-            shown,
-            skin,
-            1e-3 * person.handle_radius_mm,
-            "Touch: demonstrations",
-        )
-        write_latent_maps(
-            folder / "latent.rrd",
-            shown,
-            latent_map,
-            dataset.contact_point,
-            skin,
-            map_unit,
-            chosen.map_points,
-            "Touch: latent map",
-        )
+        handle_m = 1e-3 * person.handle_radius_mm
+        write_touch_demonstrations(folder / "demonstrations.rrd", shown, skin, handle_m)
+        write_latent_maps(folder / "latent.rrd", shown, laid, latent_map, points, chosen.map_points)
         if stage_parameters("record_touch", SourceParameters).simulated:
-            trials, paths = (
-                read_table(f"data/servoing/servo/{name}.parquet") for name in ("trials", "paths")
-            )
-            write_servo_runs(
-                folder / "servo.rrd",
-                shown_runs(trials, paths, chosen.trials),
-                make_scene(
-                    person,
-                    stage_parameters("touch_finger", FingerParameters),
-                    stage_parameters("servo", ServoTrialParameters),
-                ),
-                skin_laying(latent_map, dataset.contact_point, skin, map_unit),
-                map_unit,
-                "Touch: closed loops",
-            )
+            loops = files.closed_loops()
+            runs = shown_runs(loops.trials, loops.paths, chosen.trials)
+            write_servo_runs(folder / "servo.rrd", runs, laid, handle_of(person))
 
 
 if __name__ == "__main__":

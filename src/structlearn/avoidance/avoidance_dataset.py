@@ -15,7 +15,7 @@ from pydantic import Field
 from scipy.interpolate import CubicSpline
 
 from structlearn.avoidance.features import NAMES, features
-from structlearn.avoidance.shapes import CLOUD_COUNT, Obstacle, check_cloud
+from structlearn.avoidance.shapes import Obstacle, check_cloud
 from structlearn.feedback.coupling import position_target
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame
@@ -41,10 +41,10 @@ class AvoidanceDataParameters(Parameters):
         cloud_count: points of an obstacle's surface.
     """
 
-    rate_hz: float = Field(default=100.0, ge=25, le=1000)
-    smoothing_hz: float = Field(default=4.0, gt=0, le=50)
-    keep_every: int = Field(default=8, ge=1, le=100)
-    cloud_count: int = Field(default=CLOUD_COUNT, ge=6, le=10_000)
+    rate_hz: float = Field(ge=25, le=1000)
+    smoothing_hz: float = Field(gt=0, le=50)
+    keep_every: int = Field(ge=1, le=100)
+    cloud_count: int = Field(ge=6, le=10_000)
 
 
 @dataclass(frozen=True)

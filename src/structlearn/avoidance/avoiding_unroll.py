@@ -84,7 +84,7 @@ def unroll(
     model: CouplingModel,
     obstacles: Sequence[CloudBatch],
     dt: float,
-    postprocessing: PostprocessingParameters | None = None,
+    postprocessing: PostprocessingParameters,
     starts: np.ndarray | None = None,
     goals: np.ndarray | None = None,
     duration: float | None = None,
@@ -101,7 +101,7 @@ def unroll(
         model: avoidance model.
         obstacles: one or several in each of the B scenarios, in the local frames.
         dt: sampling interval in s.
-        postprocessing: what acts of the model's coupling term; default as published, with limits on the goal.
+        postprocessing: what acts of the model's coupling term.
         starts: (B, 3) or (3,) in the base frame, m; default the primitive's.
         goals: (B, 3) or (3,) in the base frame, m; default the primitive's.
         duration: prescribed, s; default the primitive's.
@@ -127,7 +127,7 @@ def unroll(
     time = dt * np.arange(sample_count(until_factor * duration, dt))
     # the forcing term is scaled per scenario: (B, 1, 3) ends against times (T,)
     forcing = primitive.local.forcing(time, np.zeros((batch, 1, 3)), goal[:, None], duration)
-    feedback = _Feedback(model, obstacles, time, duration, postprocessing or PostprocessingParameters())
+    feedback = _Feedback(model, obstacles, time, duration, postprocessing)
     change = len(time) - 1 if goal_change is None else _change_sample(goal_change, time)
     velocity, acceleration = primitive.local.velocity / duration, primitive.local.acceleration / duration**2
     path = transformation.unroll(

@@ -63,11 +63,6 @@ class HumanInspiredModels:
         """The models of some indices, in their order and as often as named."""
         return type(self)(self.weights[np.asarray(index)])
 
-    @property
-    def relevant(self) -> np.ndarray:
-        """(M,) number of weights that were not pruned."""
-        return np.count_nonzero(self.weights, axis=(1, 2))
-
 
 def steering_features(features: np.ndarray) -> np.ndarray:
     """Grid of steering effects (..., 3 axes, 2 x 5 x 5) of features (..., 17); 0 where R v is undefined."""

@@ -25,11 +25,27 @@ from structlearn.avoidance.avoidance_network import Layers
 from structlearn.avoidance.normal_equations import Samples, normal_equations, squared_error
 from structlearn.ground.params import Parameters
 
+FIRST_DAMPING = 1e-3
+"""mu at the start; it falls tenfold after a gain and grows tenfold until there is one."""
+
 LARGEST_DAMPING = 1e10
 SMALLEST_DAMPING = 1e-12
 """Below, damping no longer changes a sum of squares of order one in double precision."""
 
 DAMPING_FACTOR = 10.0
+
+PATIENCE = 6
+"""With `validation`, iterations without gain after which training stops."""
+
+VALIDATION_SHARE = 0.15
+"""With `validation`, of the training demonstrations or blocks of samples."""
+
+TOLERANCE = 1e-4
+"""Training stops when some steps in a row (`SLOW_STEPS`) gain less than this part of the error."""
+
+WEIGHTS, SPLIT = 0, 1
+"""Last number of a network's streams of random numbers."""
+
 VALIDATION, EVIDENCE = "validation", "evidence"
 
 
@@ -39,23 +55,12 @@ class LevenbergMarquardtParameters(Parameters):
     Attributes:
         rule: `validation` or `evidence`, see above.
         iterations: at most, accepted steps.
-        damping: mu at the start; it falls tenfold after a gain and grows tenfold until there is one.
-        patience: with `validation`, iterations without gain after which training stops.
-        validation_fraction: of the training demonstrations or blocks of samples, with `validation`.
-        tolerance: training stops when three steps in a row gain less than this part of the error.
-        restarts: initial weights that are tried; the best on the validation samples is kept, with
-            `evidence` the one with the lowest training error.
         seed: of the initial weights.
     """
 
-    rule: Literal["validation", "evidence"] = EVIDENCE
-    iterations: PositiveInt = 40
-    damping: float = Field(default=1e-3, gt=0)
-    patience: PositiveInt = 6
-    validation_fraction: float = Field(default=0.15, gt=0, lt=1)
-    tolerance: float = Field(default=1e-4, ge=0, lt=1)
-    restarts: PositiveInt = 1
-    seed: int = Field(default=0, ge=0)
+    rule: Literal["validation", "evidence"]
+    iterations: PositiveInt
+    seed: int = Field(ge=0)
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ def train(
     validation: Samples | None = None,
     stream: Sequence[int] = (),
 ) -> TrainedLayers:
-    """Train one network from random initial weights, the best of some restarts.
+    """Train one network from random initial weights.
 
     Args:
         samples: to learn from.
@@ -101,16 +106,8 @@ def train(
             f"rule '{parameters.rule}': validation samples are for '{VALIDATION}' and needed there"
         )
     sizes = (samples.inputs.shape[1], *hidden, samples.target.shape[1])
-    trained = [
-        train_from(
-            initial_layers(sizes, np.random.default_rng([parameters.seed, *stream, restart])),
-            samples,
-            parameters,
-            validation,
-        )
-        for restart in range(parameters.restarts)
-    ]
-    return min(trained, key=lambda one: one.train_error if validation is None else one.validation_error)
+    weights = np.random.default_rng([parameters.seed, *stream, WEIGHTS])
+    return train_from(initial_layers(sizes, weights), samples, parameters, validation)
 
 
 def initial_layers(sizes: Sequence[int], rng: np.random.Generator) -> list[np.ndarray]:
@@ -135,8 +132,8 @@ def train_from(
     error = squared_error(layers, samples)
     prior = _Prior(FIRST_DECAY, 1.0) if parameters.rule == EVIDENCE else _Prior(0.0, 1.0)
     best, best_error, failures, slow, iterations = weights, np.inf, 0, 0, 0
-    damping = parameters.damping
-    while iterations < parameters.iterations and slow < SLOW_STEPS and failures < parameters.patience:
+    damping = FIRST_DAMPING
+    while iterations < parameters.iterations and slow < SLOW_STEPS and failures < PATIENCE:
         products, gradient = normal_equations(_layers(weights, shapes), samples)
         before = prior.objective(weights, error)
         step = _accepted_step(weights, before, products, gradient, samples, prior, shapes, damping)
@@ -144,7 +141,7 @@ def train_from(
             break
         weights, error, damping = step
         iterations += 1
-        slow = slow + 1 if prior.objective(weights, error) > (1.0 - parameters.tolerance) * before else 0
+        slow = slow + 1 if prior.objective(weights, error) > (1.0 - TOLERANCE) * before else 0
         if parameters.rule == EVIDENCE and iterations >= SETTLING_STEPS:
             prior = prior.reestimated(products, weights, error, samples.target.size)
         if validation is not None:

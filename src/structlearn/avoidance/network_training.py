@@ -17,7 +17,13 @@ from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.human_inspired import HumanInspiredModels, fit_human_inspired
-from structlearn.avoidance.levenberg_marquardt import VALIDATION, LevenbergMarquardtParameters, train
+from structlearn.avoidance.levenberg_marquardt import (
+    SPLIT,
+    VALIDATION,
+    VALIDATION_SHARE,
+    LevenbergMarquardtParameters,
+    train,
+)
 from structlearn.avoidance.normal_equations import Samples
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
@@ -42,10 +48,10 @@ class NetworkParameters(Parameters):
         training: of each.
     """
 
-    hidden: tuple[PositiveInt, ...] = Field(default=avoidance_network.HIDDEN, min_length=1)
-    inputs: Literal["features", "phase_velocity", "phase"] = "features"
-    members: PositiveInt = 1
-    training: LevenbergMarquardtParameters = LevenbergMarquardtParameters()
+    hidden: tuple[PositiveInt, ...] = Field(min_length=1)
+    inputs: Literal["features", "phase_velocity", "phase"]
+    members: PositiveInt
+    training: LevenbergMarquardtParameters
 
 
 class SplitParameters(Parameters):
@@ -56,8 +62,8 @@ class SplitParameters(Parameters):
         seed: of the choice.
     """
 
-    test_share: float = Field(default=0.2, gt=0, lt=1)
-    seed: int = Field(default=0, ge=0)
+    test_share: float = Field(gt=0, lt=1)
+    seed: int = Field(ge=0)
 
 
 def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.ndarray:
@@ -244,8 +250,8 @@ def _validation_rows(
     found, which = np.unique(keys, axis=0, return_inverse=True)
     if len(found) < 2:
         raise InputError("one demonstration only: none would be left to validate")
-    count = min(max(round(training.validation_fraction * len(found)), 1), len(found) - 1)
-    chosen = np.random.default_rng([training.seed, *stream, 1]).permutation(len(found))[:count]
+    count = min(max(round(VALIDATION_SHARE * len(found)), 1), len(found) - 1)
+    chosen = np.random.default_rng([training.seed, *stream, SPLIT]).permutation(len(found))[:count]
     return np.isin(which.ravel(), chosen)
 
 

@@ -14,8 +14,9 @@ from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.folds import without_generalization
 from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks, write_networks
-from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
+    FRACTIONS,
     StackedData,
     TrainingParameters,
     standardisation,
@@ -61,9 +62,7 @@ def train_phase_modulated(
         InputError: too few samples, or the target of an axis is constant.
     """
     per_axis = [coupling_dataset(dataset, axis) for axis in range(len(AXES))]
-    fold = without_generalization(
-        per_axis[0], parameters.fractions, parameters.chunk_samples, parameters.seed
-    )
+    fold = without_generalization(per_axis[0], FRACTIONS, parameters.chunk_samples, parameters.seed)
     mean, spread = standardisation(dataset.features, fold)
     scales = [target_scale(one.target, fold) for one in per_axis]
     modulation = per_axis[0].modulation()

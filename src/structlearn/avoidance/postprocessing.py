@@ -32,14 +32,23 @@ class PostprocessingParameters(Parameters):
             largest that people use.
     """
 
-    passed_decay_per_m2: float = Field(default=10.0, ge=0)
-    end_limit_m: float | None = Field(default=0.02, gt=0)
-    late_limit_m: float | None = Field(default=0.0025, gt=0)
-    late_factor: float = Field(default=1.5, gt=1)
-    return_coupling: float = Field(default=20.0, ge=0)
+    passed_decay_per_m2: float = Field(ge=0)
+    end_limit_m: float | None = Field(gt=0)
+    late_limit_m: float | None = Field(gt=0)
+    late_factor: float = Field(gt=1)
+    return_coupling: float = Field(ge=0)
 
 
-TEXT_ONLY = PostprocessingParameters(end_limit_m=None, late_limit_m=None)
+PUBLISHED_DECAY_PER_M2 = 10.0
+"""k of the dissertation in 1/m^2."""
+
+TEXT_ONLY = PostprocessingParameters(
+    passed_decay_per_m2=PUBLISHED_DECAY_PER_M2,
+    end_limit_m=None,
+    late_limit_m=None,
+    late_factor=1.5,
+    return_coupling=20.0,
+)
 """The dissertation's rules and nothing else."""
 
 

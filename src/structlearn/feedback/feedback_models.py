@@ -15,6 +15,7 @@ from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervised_training import TrainingParameters, train_final
 from structlearn.feedback.unrolled_training import (
+    SAMPLES,
     UnrolledTrainingParameters,
     corrected_paths,
     split,
@@ -37,10 +38,10 @@ class FeedbackParameters(Parameters):
         validation_share: of the demonstration numbers, on which training inside the unroll is stopped.
     """
 
-    hidden: tuple[int, ...] = (100,)
-    pointwise: TrainingParameters = TrainingParameters()
-    unrolled: UnrolledTrainingParameters = UnrolledTrainingParameters()
-    validation_share: float = Field(default=0.2, gt=0, lt=1)
+    hidden: tuple[int, ...]
+    pointwise: TrainingParameters
+    unrolled: UnrolledTrainingParameters
+    validation_share: float = Field(gt=0, lt=1)
 
 
 Networks = list[tuple[str, PhaseModulatedNetwork]]
@@ -82,7 +83,7 @@ def path_errors(
     for name, dataset in datasets.items():
         for model, networks in models.items():
             network = networks[name]
-            paths = corrected_paths(dataset, UnrolledTrainingParameters().samples)
+            paths = corrected_paths(dataset, SAMPLES)
             tables.append(
                 pd.DataFrame(
                     {
@@ -99,7 +100,7 @@ def path_errors(
 
 def _train_inside(dataset: CouplingDataset, parameters: FeedbackParameters) -> PhaseModulatedNetwork:
     """Start from a pointwise model that has not seen the demonstrations which choose the step."""
-    paths = corrected_paths(dataset, parameters.unrolled.samples)
+    paths = corrected_paths(dataset, SAMPLES)
     training, validation = split(paths, parameters.validation_share, parameters.unrolled.seed)
     seen = np.isin(dataset.demonstration, np.unique(training.demonstration))
     initial = train_final(dataset.where(seen), parameters.pointwise, parameters.hidden)

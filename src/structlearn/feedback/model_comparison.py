@@ -14,8 +14,9 @@ from structlearn.feedback import representations
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.folds import PARTS, Fold, leave_one_out
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.stacked_networks import StackedFeedForwardNetworks, StackedPhaseModulatedNetworks
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
+    FRACTIONS,
     StackedData,
     TrainingParameters,
     standardisation,
@@ -133,7 +134,7 @@ _LONGEST_FIRST = ("autoencoder", "ffnn_phase", "ffnn", "pmnn_100", "pmnn_6", "pc
 def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.DataFrame:
     """Rows of one representation."""
     dataset, parameters, name = work
-    folds = leave_one_out(dataset, parameters.fractions, parameters.chunk_samples, parameters.seed)
+    folds = leave_one_out(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
     inputs, dimensions = _inputs(name, dataset, folds, parameters)
     modulated = not name.startswith("ffnn")
     data = StackedData(
@@ -150,7 +151,9 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
             models, width, HIDDEN[name], kernel_count, parameters.dropout, generator
         )
     else:
-        network = StackedFeedForwardNetworks(models, width, HIDDEN[name], parameters.dropout, generator)
+        network = representations.StackedFeedForwardNetworks(
+            models, width, HIDDEN[name], parameters.dropout, generator
+        )
     curves = train(network, data, parameters)
     tables = []
     for stopping in STOPPINGS:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from structlearn.feedback.compiled_pmnn import pack, stacked_readouts
+from structlearn.feedback.compiled_pmnn import packed_hidden, stacked_readouts
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.feedback.stepping import Plan
 from structlearn.ground import quaternion
@@ -62,7 +62,7 @@ def plan_in_time(
     turning[-1] = 0.0
     scales, offsets = stacked_readouts(networks, modulations, rows)
     scales[-1], offsets[-1] = 0.0, 0.0
-    packed = pack([networks.get(index) for index in range(len(taus))])
+    packed = packed_hidden([networks.get(index) for index in range(len(taus))])
     return Plan(
         rows=rows,
         matrix=np.stack([transformation.step_matrix(dt / tau) for tau in taus]),

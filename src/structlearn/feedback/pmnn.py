@@ -6,7 +6,7 @@
 
 There is no output bias: where the phase velocity u is zero, c is zero, so the adapted movement still starts
 smoothly and still ends at its goal, whatever the weights. This module is the reference in numpy and what a
-model file holds; training is in `training`, the compiled form for a robot in `runtime`.
+model file holds; `stacked_pmnn` is what is trained, `compiled_pmnn` what a robot runs.
 """
 
 import json
@@ -39,6 +39,11 @@ class PhaseModulatedNetwork:
     phase_weights: np.ndarray
     phase_biases: np.ndarray
     output_weights: np.ndarray
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of inputs, then the width of each hidden layer."""
+        return [len(self.input_mean), *(len(biases) for _, biases in self.hidden)]
 
     def coupling(self, deviation: np.ndarray, modulation: np.ndarray) -> np.ndarray:
         """Coupling term.

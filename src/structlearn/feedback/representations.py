@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from sklearn.decomposition import PCA
-from torch import Tensor, nn
+from torch import Tensor
 
 from structlearn.feedback.folds import Fold
-from structlearn.feedback.stacked_networks import HiddenLayers, initial_weights
 from structlearn.feedback.supervised_training import StackedData, TrainingParameters, train
+from structlearn.networks.stacked_layers import Dropout, RowLayers
 from structlearn.networks.torch_settings import as_tensor, one_thread
 
 VARIANCE_KEPT = 0.99
@@ -86,7 +86,36 @@ def autoencoder(
         return Codes(network.encode(inputs).numpy(), dimensions)
 
 
-class StackedAutoencoders(nn.Module):
+class StackedFeedForwardNetworks:
+    """M ordinary networks with tanh and dropout in every hidden layer.
+
+    With two hidden layers of 100 and 25 this is the phase-modulated network with its modulation taken away:
+    the dissertation's rival, on ds or on [ds, p, u].
+
+    Args:
+        models: number of networks M.
+        inputs: number of inputs D.
+        hidden: nodes of each hidden layer.
+        dropout: probability with which a hidden node is left out of a training step.
+        generator: source of the initial weights and of the dropout masks.
+    """
+
+    def __init__(
+        self, models: int, inputs: int, hidden: Sequence[int], dropout: float, generator: torch.Generator
+    ):
+        self.layers = RowLayers.initial(models, (inputs, *hidden, 1), generator)
+        self.dropout = Dropout(dropout, generator)
+
+    def parameters(self) -> list[Tensor]:
+        """What is trained."""
+        return self.layers.parameters()
+
+    def forward(self, inputs: Tensor, modulation: Tensor | None = None, training: bool = False) -> Tensor:
+        """Coupling terms (M, B) of standardised inputs (M, B, D); there is no modulation to use."""
+        return self.layers.forward(inputs, training, self.dropout).squeeze(-1)
+
+
+class StackedAutoencoders:
     """M autoencoders, each with its own width of the code.
 
     Args:
@@ -96,22 +125,20 @@ class StackedAutoencoders(nn.Module):
     """
 
     def __init__(self, inputs: int, dimensions: np.ndarray, generator: torch.Generator):
-        super().__init__()
         models, width = len(dimensions), int(max(dimensions))
-        self.encoder = HiddenLayers(models, (inputs, AUTOENCODER_NODES), 0.0, generator)
-        self.code_weights = nn.Parameter(initial_weights(models, AUTOENCODER_NODES, width, generator))
-        self.code_biases = nn.Parameter(torch.zeros(models, 1, width))
-        self.decoder = HiddenLayers(models, (width, AUTOENCODER_NODES), 0.0, generator)
-        self.output_weights = nn.Parameter(initial_weights(models, AUTOENCODER_NODES, inputs, generator))
-        self.output_biases = nn.Parameter(torch.zeros(models, 1, inputs))
+        self.encoder = RowLayers.initial(models, (inputs, AUTOENCODER_NODES, width), generator)
+        self.decoder = RowLayers.initial(models, (width, AUTOENCODER_NODES, inputs), generator)
         used = np.arange(width) < np.asarray(dimensions)[:, None]
-        self.register_buffer("used", as_tensor(used[:, None]))  # (M, 1, C)
+        self.used = as_tensor(used[:, None])  # (M, 1, C)
+
+    def parameters(self) -> list[Tensor]:
+        """What is trained."""
+        return self.encoder.parameters() + self.decoder.parameters()
 
     def encode(self, inputs: Tensor) -> Tensor:
         """(M, B, D) -> (M, B, C), zero in the dimensions that a model does not have."""
-        return self.used * torch.baddbmm(self.code_biases, self.encoder(inputs), self.code_weights)
+        return self.used * self.encoder.forward(inputs)
 
-    def forward(self, inputs: Tensor, modulation: Tensor | None = None) -> Tensor:
-        """The inputs given back, (M, B, D); there is no modulation to use."""
-        decoded = self.decoder(self.encode(inputs))
-        return torch.baddbmm(self.output_biases, decoded, self.output_weights)
+    def forward(self, inputs: Tensor, modulation: Tensor | None = None, training: bool = False) -> Tensor:
+        """The inputs given back, (M, B, D); there is no modulation to use, and nothing is dropped."""
+        return self.decoder.forward(self.encode(inputs))

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.feedback.compiled_pmnn import layer_sizes
 from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
 from structlearn.ground.errors import InputError
 from structlearn.primitives.kernels import KERNEL_COUNT
@@ -156,7 +155,7 @@ def _check_orientation(primitive: PosePrimitive, feedback: bool) -> None:
 
 
 def _check_network(name: str, network: PhaseModulatedNetwork, expected: VectorPrimitive | None) -> None:
-    inputs, *widths = layer_sizes(network)
+    inputs, *widths = network.sizes
     if inputs and expected is None:
         raise InputError(f"the network of '{name}' takes {inputs} channels, but there are no expected traces")
     if inputs and inputs != len(expected.start):

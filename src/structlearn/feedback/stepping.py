@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.feedback.compiled_pmnn import hidden_layers, scratch
+from structlearn.networks.compiled_layers import hidden_layers, layer_values
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
 
@@ -32,10 +32,10 @@ class Plan(NamedTuple):
         position_forcing: (R, 3) in the base frame.
         orientation_forcing: (R, 3).
         expected: (R, E) expected sensor traces; NaN where a primitive has none.
-        readout: (R, H) r of `compiled.readout`.
+        readout: (R, H) r of `compiled_pmnn.readout`.
         offset: (R,) its s.
         axis: (3,) about which the coupling turns.
-        values: packed networks, see `compiled.PackedNetworks`.
+        values: packed networks, see `compiled_layers.PackedNetworks`.
         first: (P,).
         layers: (P,).
         sizes: (P, L + 1).
@@ -82,7 +82,7 @@ class State(NamedTuple):
         held: (2, 1, 3) coupling vector of the position, always 0, and of the orientation.
         window: (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation.
         goals: (1, 2, 4) evolving goal at this row and the next.
-        work: (2, W) of the networks.
+        work: `compiled_layers.layer_values` of the networks.
     """
 
     clock: np.ndarray
@@ -125,7 +125,7 @@ def resting_state(plan: Plan) -> State:
         held=np.zeros((2, 1, 3)),
         window=np.zeros((2, 1, 2, 3)),
         goals=np.zeros((1, 2, 4)),
-        work=scratch(plan.sizes),
+        work=layer_values(plan.sizes),
     )
 
 
@@ -233,8 +233,8 @@ def _coupling(plan: Plan, state: State, row: int, primitive: int, sensor_flags: 
     begin, layers, sizes = plan.first[primitive], plan.layers[primitive], plan.sizes[primitive]
     if begin < 0 or (sizes[0] > 0 and sensor_flags & (WAITING | NO_OFFSET | STALE)):
         return 0.0
-    features = state.work[hidden_layers(plan.values, begin, layers, sizes, state.deviation, state.work)]
-    c = plan.offset[row]
+    hidden_layers(plan.values, begin, layers, sizes, state.deviation, state.work)
+    features, c = state.work[layers], plan.offset[row]
     for j in range(sizes[layers]):
         c += plan.readout[row, j] * features[j]
     return c

@@ -9,17 +9,18 @@ lowest error on the left-out demonstration itself, which is what the dissertatio
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
 from pydantic import Field, PositiveInt
-from torch import Tensor, nn
+from torch import Tensor
 from tqdm import tqdm
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.folds import PARTS, Fold, without_generalization
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.networks.rmsprop import RootMeanSquarePropagation
@@ -27,6 +28,12 @@ from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 
 EVALUATED_AT_ONCE = 128
 """Samples per model; a stack's activations then stay in a core's cache."""
+
+DECAY = 0.9
+"""Of RMSProp's running mean of squared gradients, per step: the value with which it was published."""
+
+FRACTIONS = (0.075, 0.075)
+"""Of the samples that are not left out, for validation and test (IV.9.3)."""
 
 
 class TrainingParameters(Parameters):
@@ -36,30 +43,29 @@ class TrainingParameters(Parameters):
         steps: gradient steps.
         batch_size: samples per model and step.
         learning_rate: of RMSProp.
-        decay: of RMSProp's running mean of squared gradients.
         dropout: probability with which a hidden node is left out of a step (IV.9.1.4).
         evaluate_every: steps between two evaluations, which are where training can stop.
-        validation_fraction: of the samples that are not left out (IV.9.3).
-        test_fraction: likewise.
         chunk_samples: consecutive samples that are split together; 1 is the text.
         seed: of initial weights, splits, batches and dropout.
     """
 
-    steps: PositiveInt = 10000
-    batch_size: PositiveInt = 64
-    learning_rate: float = Field(default=1e-3, gt=0)
-    decay: float = Field(default=0.9, gt=0, lt=1)
-    dropout: float = Field(default=0.5, ge=0, lt=1)
-    evaluate_every: PositiveInt = 500
-    validation_fraction: float = Field(default=0.075, gt=0, lt=0.5)
-    test_fraction: float = Field(default=0.075, gt=0, lt=0.5)
-    chunk_samples: PositiveInt = 1
-    seed: int = Field(default=0, ge=0)
+    steps: PositiveInt
+    batch_size: PositiveInt
+    learning_rate: float = Field(gt=0)
+    dropout: float = Field(ge=0, lt=1)
+    evaluate_every: PositiveInt
+    chunk_samples: PositiveInt
+    seed: int = Field(ge=0)
 
-    @property
-    def fractions(self) -> tuple[float, float]:
-        """Of validation and test."""
-        return self.validation_fraction, self.test_fraction
+
+class Stack(Protocol):
+    """M networks of any kind; all their parameters have a leading model axis."""
+
+    def parameters(self) -> list[Tensor]:
+        """What is trained."""
+
+    def forward(self, inputs: Tensor, modulation: Tensor | None, training: bool = False) -> Tensor:
+        """Outputs (M, B) or (M, B, D) of inputs (M, B, D); `training` lets nodes drop out."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +104,7 @@ class LearningCurves:
 
 
 def train(
-    network: nn.Module, data: StackedData, parameters: TrainingParameters, description: str | None = None
+    network: Stack, data: StackedData, parameters: TrainingParameters, description: str | None = None
 ) -> LearningCurves:
     """Train a stack in place; every model ends with the weights that did best on its validation part.
 
@@ -106,12 +112,12 @@ def train(
     of threads would not be reproducible.
 
     Args:
-        network: called with a batch of inputs and its modulation; all parameters have a leading model axis.
+        network: the stack.
         data: samples of all models.
         parameters: of the training.
         description: what the progress bar says; no bar without one.
     """
-    optimiser = RootMeanSquarePropagation(network, parameters.learning_rate, parameters.decay)
+    optimiser = RootMeanSquarePropagation(network.parameters(), parameters.learning_rate, DECAY)
     draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
     starts = range(0, parameters.steps, parameters.evaluate_every)
     best, kept = np.full(len(data.folds), np.inf), _copy(network)
@@ -121,7 +127,6 @@ def train(
         for start in tqdm(starts, desc=description, leave=False, disable=silent):
             count = min(parameters.evaluate_every, parameters.steps - start)
             shape = (count, parameters.batch_size)
-            network.train()
             for rows in _batches(data.folds, draws, shape):
                 optimiser.step(_loss(network, data, rows))
             done.append(start + count)
@@ -153,7 +158,7 @@ def train_final(
     Raises:
         InputError: too few samples, or the target is constant.
     """
-    fold = without_generalization(dataset, parameters.fractions, parameters.chunk_samples, parameters.seed)
+    fold = without_generalization(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
     generator = seeded(parameters.seed)
     scale = target_scale(dataset.target, fold)
     if initial is None:
@@ -176,7 +181,7 @@ def train_final(
     return network.to_network(0, mean, spread, scale)
 
 
-def evaluate(network: nn.Module, data: StackedData) -> np.ndarray:
+def evaluate(network: Stack, data: StackedData) -> np.ndarray:
     """Normalised mean squared errors (M, 4) without dropout, parts in the order of `folds.PARTS`.
 
     With several targets per sample, both the squared error and the variance are summed over them.
@@ -192,9 +197,8 @@ def evaluate(network: nn.Module, data: StackedData) -> np.ndarray:
     return result
 
 
-def predict(network: nn.Module, data: StackedData) -> np.ndarray:
+def predict(network: Stack, data: StackedData) -> np.ndarray:
     """Output of a stack for all samples, (M, S) or (M, S, D)."""
-    network.eval()
     outputs = []
     with torch.no_grad():
         for start in range(0, data.inputs.shape[1], EVALUATED_AT_ONCE):
@@ -202,7 +206,7 @@ def predict(network: nn.Module, data: StackedData) -> np.ndarray:
             modulation = (
                 None if data.modulation is None else data.modulation[rows].expand(len(data.folds), -1, -1)
             )
-            outputs.append(network(data.inputs[:, rows], modulation))
+            outputs.append(network.forward(data.inputs[:, rows], modulation))
     return torch.cat(outputs, dim=1).numpy()
 
 
@@ -238,7 +242,7 @@ def _batches(
     yield from torch.from_numpy(np.stack(stacked, axis=1))
 
 
-def _loss(network: nn.Module, data: StackedData, rows: Tensor) -> Tensor:
+def _loss(network: Stack, data: StackedData, rows: Tensor) -> Tensor:
     """Squared error of a batch, meant over its samples and summed over models: their gradients do not mix."""
     models, samples = data.inputs.shape[:2]
     flat = (rows + samples * torch.arange(models)[:, None]).reshape(-1)  # rows of the (M * S, ...) view
@@ -249,15 +253,15 @@ def _loss(network: nn.Module, data: StackedData, rows: Tensor) -> Tensor:
     modulation = None
     if data.modulation is not None:
         modulation = data.modulation.index_select(0, rows.reshape(-1)).unflatten(0, rows.shape)
-    error = (network(batch(data.inputs), modulation) - batch(data.target)).square()
+    error = (network.forward(batch(data.inputs), modulation, training=True) - batch(data.target)).square()
     return error.flatten(1).mean(dim=1).sum()
 
 
-def _copy(network: nn.Module) -> list[Tensor]:
+def _copy(network: Stack) -> list[Tensor]:
     return [values.detach().clone() for values in network.parameters()]
 
 
-def _keep(kept: list[Tensor], network: nn.Module, better: np.ndarray) -> None:
+def _keep(kept: list[Tensor], network: Stack, better: np.ndarray) -> None:
     """Take over the weights of the models that did better."""
     chosen = torch.from_numpy(better)
     for found, values in zip(kept, network.parameters(), strict=True):

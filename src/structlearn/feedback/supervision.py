@@ -39,7 +39,7 @@ class ExpectedTracesParameters(RunSourceParameters):
         smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
     """
 
-    smoothing_hz: float = Field(default=4.0, gt=0)
+    smoothing_hz: float = Field(gt=0)
 
 
 class SupervisionParameters(Parameters):
@@ -58,10 +58,10 @@ class SupervisionParameters(Parameters):
 
     primitives: tuple[str, ...] = Field(min_length=1)
     settings_deg: tuple[float, ...] = Field(min_length=1)
-    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    smoothing_hz: float = Field(default=5.0, gt=0)
-    target_hz: float = Field(default=2.0, gt=0)
-    rate_hz: float = Field(default=100.0, gt=0)
+    axis: tuple[float, float, float]
+    smoothing_hz: float = Field(gt=0)
+    target_hz: float = Field(gt=0)
+    rate_hz: float = Field(gt=0)
 
     @model_validator(mode="after")
     def _axis_has_a_direction(self) -> Self:

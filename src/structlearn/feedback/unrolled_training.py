@@ -2,18 +2,18 @@
 
     r = R c        loss = mean (R c - r_cd)^2 / mean r_cd^2 + weight mean (c - c_target)^2 / mean c_target^2
 
-Trained sample by sample, as in `training`, a model is asked for the right coupling term at every instant;
-what counts is where the movement ends up. Here c_t = PMNN(ds_t, G_t) runs through the primitive, whose
-state is its own, and the angle r that it adds to the nominal movement is compared with the demonstrated
+Trained sample by sample (`supervised_training`), a model is asked for the right coupling term at every
+instant; what counts is where the movement ends up. Here c_t = PMNN(ds_t, G_t) runs through the primitive,
+whose state is its own, and the angle r that it adds to the nominal movement is compared with the demonstrated
 one. The sensors cannot be differentiated: their deviations are those of the corrected demonstration
 (teacher forcing).
 
-Since the primitive is linear in c (`differentiable`), the loss is that of the coupling terms seen through the
-primitive: errors that it averages out weigh little, errors that add up to drift weigh much. So it pays where
-what cannot be predicted is in the demonstrated path, such as a hand's tremor, which two differentiations
-magnify in c_target until it drowns the correction. Where the noise is in the coupling term itself, single
-samples are as good or better: a path has fewer independent values, and the primitive blurs what they tell.
-For the same reason training from an untrained network is slow without some of the loss on c.
+Since the primitive is linear in c (`coupling_response`), the loss is that of the coupling terms seen through
+the primitive: errors that it averages out weigh little, errors that add up to drift weigh much. So it pays
+where what cannot be predicted is in the demonstrated path, such as a hand's tremor, which differentiating
+twice magnifies in c_target until it drowns the correction. Where the noise is in the coupling term itself,
+single samples are as good or better: a path has fewer independent values, and the primitive blurs what they
+tell. For the same reason training from an untrained network is slow without some of the loss on c.
 
 The path needs no file of its own: c_target was computed such that the primitive with it as its coupling
 term is the demonstration (`coupling`), so r_cd follows from the coupling dataset.
@@ -27,40 +27,44 @@ import torch
 from pydantic import Field
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.differentiable_primitive import responses
+from structlearn.feedback.coupling_response import coupling_response
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.stacked_networks import StackedPhaseModulatedNetworks
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
+from structlearn.ground.signals import time_normalised
 from structlearn.networks.torch_settings import as_tensor, one_thread
 from structlearn.primitives import canonical, kernels, transformation
 
 PHASE_TOLERANCE = 0.02
 """A demonstration's phase may differ so much from that of one uniform movement from start to end."""
 
+SAMPLES = 250
+"""Per demonstration in normalised time: about 100 Hz in movements of 2.6 s, the electrodes' own rate."""
+
+DEMONSTRATIONS_PER_BATCH = 15
+"""Whole demonstrations in a step: as many as there are of one setting."""
+
+VALIDATION_INTERVAL = 50
+"""Steps between two looks at the demonstrations that training is stopped on."""
+
 
 class UnrolledTrainingParameters(Parameters):
     """Parameters of training inside the unroll.
 
     Attributes:
-        samples: per demonstration in normalised time.
         steps: largest number of steps of the optimiser (Adam).
         learning_rate: of the optimiser.
-        demonstrations_per_batch: whole demonstrations in a step.
         dropout: probability with which a hidden node is left out of a step.
         coupling_loss_weight: of the loss on the coupling terms themselves, beside that on the path.
-        validation_interval: steps between two looks at them.
         seed: of the batches and the dropout masks.
     """
 
-    samples: int = Field(default=250, ge=10)
-    steps: int = Field(default=2000, ge=1)
-    learning_rate: float = Field(default=1e-3, gt=0)
-    demonstrations_per_batch: int = Field(default=15, ge=1)
-    dropout: float = Field(default=0.5, ge=0, lt=1)
-    coupling_loss_weight: float = Field(default=0.1, ge=0)
-    validation_interval: int = Field(default=50, ge=1)
-    seed: int = Field(default=38, ge=0)
+    steps: int = Field(ge=1)
+    learning_rate: float = Field(gt=0)
+    dropout: float = Field(ge=0, lt=1)
+    coupling_loss_weight: float = Field(ge=0)
+    seed: int = Field(ge=0)
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ class CorrectedPaths:
     def response(self) -> np.ndarray:
         """(T, T) angle over time that a held coupling term adds to a movement."""
         samples = self.target.shape[1]
-        return responses(samples, 1.0 / (canonical.TAU_PER_DURATION * (samples - 1))).coupling
+        return coupling_response(samples, 1.0 / (canonical.TAU_PER_DURATION * (samples - 1)))
 
     def where(self, mask: np.ndarray) -> Self:
         """The demonstrations of a mask (L,) or of indices."""
@@ -119,7 +123,7 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
             ("target", rows.target[:, None]),
             ("correction", _correction(rows.target)),
         ):
-            columns[name].append(_resampled(values, samples))
+            columns[name].append(time_normalised(values, samples))
     return CorrectedPaths(
         deviation=np.array(columns["deviation"]),
         target=np.array(columns["target"])[..., 0],
@@ -206,13 +210,11 @@ def train_unrolled(
     with one_thread():
         for step in range(1, parameters.steps + 1):
             order = torch.randperm(len(data.target), generator=generator)
-            loss = _loss(
-                stack, data, order[: parameters.demonstrations_per_batch], parameters.coupling_loss_weight
-            )
+            loss = _loss(stack, data, order[:DEMONSTRATIONS_PER_BATCH], parameters.coupling_loss_weight)
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
-            if step % parameters.validation_interval == 0 or step == parameters.steps:
+            if step % VALIDATION_INTERVAL == 0 or step == parameters.steps:
                 network = stack.to_network(0, initial.input_mean, initial.input_scale, target_scale)
                 error = np.mean(unrolled_error(network, validation) ** 2)
                 if error < smallest:
@@ -248,7 +250,7 @@ def _loss(
     """Loss of some whole demonstrations: that on the path, plus that on the coupling terms."""
     inputs = data.inputs[chosen].flatten(0, 1)  # (B T, D)
     modulation = data.modulation.repeat(len(chosen), 1)
-    coupling = stack(inputs[None], modulation[None]).reshape(len(chosen), -1)  # (B, T)
+    coupling = stack.forward(inputs[None], modulation[None], training=True).reshape(len(chosen), -1)  # (B, T)
     path_loss = (coupling @ data.response.T - data.correction[chosen]).square().mean()
     return path_loss + weight * (coupling - data.target[chosen]).square().mean()
 
@@ -261,14 +263,6 @@ def _correction(target: np.ndarray) -> np.ndarray:
     """What a coupling target (T,), linear between its samples, adds to a movement: (T, 1) rad."""
     step = 1.0 / (canonical.TAU_PER_DURATION * (len(target) - 1))  # dt / tau
     return transformation.unroll(np.zeros(1), np.zeros(1), target[:, None], step, 1.0).position
-
-
-def _resampled(values: np.ndarray, samples: int) -> np.ndarray:
-    """Uniform samples (T_l, C) at `samples` uniform times of the same span, by linear interpolation."""
-    places = np.linspace(0.0, len(values) - 1.0, samples)
-    before = np.minimum(places.astype(int), len(values) - 2)
-    fraction = (places - before)[:, None]
-    return (1.0 - fraction) * values[before] + fraction * values[before + 1]
 
 
 def _check_whole_movement(rows: CouplingDataset, name: str) -> None:

@@ -1,9 +1,12 @@
 """Parameters: `params.yaml` holds one key per stage, a pydantic model per stage checks it.
 
-The model lives beside the code that it configures; here is only what all of them share. The file is read
-with `yaml.safe_load` because `dvc.api.params_show` costs 0.7 s a stage.
+The model lives beside the code that it configures, and has no defaults: a value stands in the file, once.
+Here is only what all models share. The file is read by YAML's C loader, once per process, because
+`dvc.api.params_show` costs 0.7 s a stage.
 """
 
+from collections.abc import Hashable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,32 +26,61 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 
 def read_parameters(path: Path, key: str, model: type[ParametersType]) -> ParametersType:
-    """Check the value of one top-level key of a YAML file against its model.
+    """Check the value of one key of a YAML file against its model.
 
     Args:
         path: the YAML file, usually `params.yaml`.
-        key: the stage's key at the top level.
+        key: the stage's key at the top level, or with dots one below, e.g. `testbed.touch`.
         model: the pydantic model of that key.
 
     Returns:
         The checked, frozen parameters.
 
     Raises:
-        InputError: the file is missing or no YAML mapping, the key is absent, or a value is unknown, of the
-            wrong type or out of range; the message names file, key and reason.
+        InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a value
+            is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
     """
+    path = Path(path)
     try:
-        tree: Any = yaml.safe_load(Path(path).read_text())
+        state = path.stat()
+        values = _tree(path.resolve(), state.st_mtime_ns, state.st_size)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such parameter file") from error
+    except _DuplicateKeyError as error:
+        raise InputError(f"{path}: {error}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a YAML file: {error}") from error
-    if not isinstance(tree, dict) or key not in tree:
-        raise InputError(f"{path}: key '{key}' is missing")
+    for part in key.split("."):
+        if not isinstance(values, dict) or part not in values:
+            raise InputError(f"{path}: key '{key}' is missing")
+        values = values[part]
     try:
-        return model.model_validate(tree[key])
+        return model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{path}: " + "; ".join(_reasons(key, error))) from error
+
+
+@lru_cache(maxsize=4)
+def _tree(path: Path, modified_ns: int, size: int) -> Any:
+    """What one version of the file holds; nobody may change it."""
+    return yaml.load(path.read_bytes().decode(), _Loader)
+
+
+class _DuplicateKeyError(ValueError):
+    """YAML itself would silently take the last value."""
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+    """YAML's safe loader, in C where it is compiled in; a key that stands twice is an error."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        """A mapping, after a look at its keys."""
+        seen: set[str] = set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                raise _DuplicateKeyError(f"key '{key.value}' stands twice (line {key.start_mark.line + 1})")
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
 
 
 def _reasons(key: str, error: ValidationError) -> list[str]:

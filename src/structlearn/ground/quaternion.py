@@ -20,16 +20,17 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     Returns:
         (..., 4) the rotation b followed by a, both in the base frame.
     """
-    ar, ax, ay, az = np.moveaxis(np.asarray(a, dtype=float), -1, 0)
-    br, bx, by, bz = np.moveaxis(np.asarray(b, dtype=float), -1, 0)
-    return np.stack(
-        [
-            ar * br - ax * bx - ay * by - az * bz,
-            ar * bx + ax * br + ay * bz - az * by,
-            ar * by - ax * bz + ay * br + az * bx,
-            ar * bz + ax * by - ay * bx + az * br,
-        ],
-        axis=-1,
+    components = (np.moveaxis(np.asarray(q, dtype=float), -1, 0) for q in (a, b))
+    return np.stack(product_components(*components), axis=-1)
+
+
+def product_components(a: np.ndarray, b: np.ndarray) -> tuple:
+    """The four components of the product from those of (4, ...) quaternions; numba compiles it as it is."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
     )
 
 

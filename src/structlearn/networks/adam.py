@@ -24,12 +24,12 @@ class AdamParameters(Parameters):
             torque is a thousandth of the others', and those that suit the last joint leave masses behind.
     """
 
-    rate: float = Field(default=1e-3, gt=0)
-    batch: int = Field(default=256, ge=1)
-    second_moment_decay: float = Field(default=0.999, gt=0, lt=1)
-    decay: float = Field(default=1.0, gt=0, le=1)
-    smallest: float = Field(default=0.0, ge=0, le=1)
-    mass_step: float = Field(default=1.0, gt=0)
+    rate: float = Field(gt=0)
+    batch: int = Field(ge=1)
+    second_moment_decay: float = Field(gt=0, lt=1)
+    decay: float = Field(gt=0, le=1)
+    smallest: float = Field(ge=0, le=1)
+    mass_step: float = Field(gt=0)
 
 
 class Adam:

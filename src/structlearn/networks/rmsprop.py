@@ -1,10 +1,12 @@
-"""RMSProp on all weights of a network as one vector.
+"""RMSProp on all weights of a stack of networks as one vector.
 
 The rule is torch's. For many small tensors, torch's own optimiser spends a fifth of a training step in calls.
 """
 
+from collections.abc import Sequence
+
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 SMALLEST_ROOT = 1e-8
 """Added to the root mean square of a gradient: a weight without gradient stays where it is."""
@@ -14,19 +16,19 @@ class RootMeanSquarePropagation:
     """RMSProp: a step of the learning rate, divided by the running root mean square of each gradient.
 
     Args:
-        network: its parameters become views of the vector.
-        learning_rate: step of a weight whose gradient keeps its size.
+        parameters: leaves that gradients are taken for; they become views of the vector.
+        rate: step of a weight whose gradient keeps its size; it may be changed between steps.
         decay: of the running mean of squared gradients, per step.
     """
 
-    def __init__(self, network: nn.Module, learning_rate: float, decay: float):
-        self.parameters = list(network.parameters())
+    def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float):
+        self.parameters = list(parameters)
         self.weights = torch.cat([values.detach().flatten() for values in self.parameters])
         sizes = [values.numel() for values in self.parameters]
         for values, view in zip(self.parameters, self.weights.split(sizes), strict=True):
             values.data = view.view_as(values)
         self.mean_square = torch.zeros_like(self.weights)
-        self.rate, self.decay = learning_rate, decay
+        self.rate, self.decay = rate, decay
 
     @torch.no_grad()
     def step(self, loss: Tensor) -> None:

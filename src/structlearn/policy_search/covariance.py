@@ -39,10 +39,10 @@ class CovarianceParameters(Parameters):
             covariance grow, because then chance only widens.
     """
 
-    mode: Literal["rescaled", "full", "kept"] = "rescaled"
-    centre: Literal["old_mean", "new_mean"] = "old_mean"
-    damping: float = Field(default=2.0, ge=1)
-    eigenvalue_floor: float = Field(default=0.5, gt=0, le=1)
+    mode: Literal["rescaled", "full", "kept"]
+    centre: Literal["old_mean", "new_mean"]
+    damping: float = Field(ge=1)
+    eigenvalue_floor: float = Field(gt=0, le=1)
 
 
 def factor(covariance: np.ndarray) -> np.ndarray:

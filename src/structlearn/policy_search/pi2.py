@@ -38,11 +38,11 @@ class PI2Parameters(Parameters):
         covariance: how the covariance follows.
     """
 
-    samples: int = Field(default=38, ge=FEWEST_ROLLOUTS)
-    kl_bound: float = Field(default=1.0, ge=1e-6)
-    temperature: float | None = Field(default=None, ge=1e-9)
-    temperature_floor: float = Field(default=1e-3, ge=1e-9)
-    covariance: CovarianceParameters = CovarianceParameters()
+    samples: int = Field(ge=FEWEST_ROLLOUTS)
+    kl_bound: float = Field(ge=1e-6)
+    temperature: float | None = Field(ge=1e-9)
+    temperature_floor: float = Field(ge=1e-9)
+    covariance: CovarianceParameters
 
 
 @dataclass(frozen=True)

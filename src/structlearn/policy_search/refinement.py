@@ -55,11 +55,11 @@ class RefinementParameters(Parameters):
         training: of the network.
     """
 
-    iterations: int = Field(default=3, ge=1, le=100)
-    search: PI2Parameters = PI2Parameters()
-    evaluation_runs: int = Field(default=8, ge=1)
-    added_runs: int = Field(default=24, ge=1)
-    training: TrainingParameters = TrainingParameters()
+    iterations: int = Field(ge=1, le=100)
+    search: PI2Parameters
+    evaluation_runs: int = Field(ge=1)
+    added_runs: int = Field(ge=1)
+    training: TrainingParameters
 
 
 class ScaleParameters(Parameters):
@@ -71,7 +71,7 @@ class ScaleParameters(Parameters):
     """
 
     exploration: float = Field(gt=0)
-    threshold_rad: float = Field(default=0.0, ge=0)
+    threshold_rad: float = Field(ge=0)
 
 
 @dataclass(frozen=True)

@@ -41,9 +41,9 @@ class ComparisonParameters(Parameters):
         evaluation_runs: executions of the mean policy after every update, beyond the budget.
     """
 
-    budget: int = Field(default=76, ge=1)
-    seeds: int = Field(default=2, ge=1)
-    evaluation_runs: int = Field(default=2, ge=1)
+    budget: int = Field(ge=1)
+    seeds: int = Field(ge=1)
+    evaluation_runs: int = Field(ge=1)
 
 
 class Search(Protocol):

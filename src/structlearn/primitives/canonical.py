@@ -1,7 +1,7 @@
 """Second-order canonical system: the clock that all primitives of a movement share (eq. IV.4, IV.5).
 
-    tau du/dt = ALPHA_U (BETA_U (0 - p) - u)        p(0) = 1
-    tau dp/dt = u                                   u(0) = 0
+    tau du/dt = ALPHA_U (ALPHA_U / 4 (0 - p) - u)        p(0) = 1
+    tau dp/dt = u                                        u(0) = 0
 
 It is critically damped, so the solution is closed-form; nothing is integrated and no step size can matter.
 """
@@ -9,7 +9,6 @@ It is critically damped, so the solution is closed-form; nothing is integrated a
 import numpy as np
 
 ALPHA_U = 25.0
-BETA_U = ALPHA_U / 4.0
 
 TAU_PER_DURATION = 2.0
 """tau = 2 x duration: the phase is then spent (p = 0.0140) when the movement ends. With tau = duration it

@@ -10,7 +10,6 @@ from pydantic import Field
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.regression import Regression
 from structlearn.primitives.sequence import PosePrimitive, fit_orientation
@@ -33,10 +32,10 @@ class FitParameters(Parameters):
         scaled_axes: local axes (x along the reach) whose forcing term scales with the reach.
     """
 
-    smoothing_hz: float = Field(default=5.0, gt=0)
-    kernel_count: int = Field(default=KERNEL_COUNT, ge=2, le=200)
-    regression: Regression = "joint"
-    scaled_axes: tuple[bool, bool, bool] = (False, False, False)
+    smoothing_hz: float = Field(gt=0)
+    kernel_count: int = Field(ge=2, le=200)
+    regression: Regression
+    scaled_axes: tuple[bool, bool, bool]
 
 
 REPRODUCTION_ERRORS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "max_deg", "end_deg")

@@ -211,15 +211,7 @@ def unroll(
     return OrientationTrajectory(times, orientation, rates[0] / tau, rates[1] / tau**2)
 
 
-@numba.njit(cache=True)
-def _product(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float, float]:
-    """Hamilton product of two quaternions, for the compiled loop (`quaternion.product` for arrays)."""
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
+_product = numba.njit(cache=True)(quaternion.product_components)
 
 
 @numba.njit(cache=True)

@@ -6,7 +6,6 @@ from pathlib import Path
 from pydantic import Field
 
 from structlearn.ground.params import Parameters
-from structlearn.recordings.clock import MAX_GAP_S
 from structlearn.recordings.topics import TopicMap
 
 SIMULATED = "simulated"
@@ -21,7 +20,7 @@ class SourceParameters(Parameters):
         topics: which topic of your bags carries which signal; not looked at when simulated.
     """
 
-    source: str = Field(default=SIMULATED, min_length=1)
+    source: str = Field(min_length=1)
     topics: TopicMap
 
     @property
@@ -39,8 +38,8 @@ class RunSourceParameters(Parameters):
         runs: number of simulated runs, per setting where there are several.
     """
 
-    source: str | None = Field(default=None, min_length=1)
-    runs: int = Field(default=15, ge=1, le=1000)
+    source: str | None = Field(min_length=1)
+    runs: int = Field(ge=1, le=1000)
 
 
 class CorrectionSourceParameters(RunSourceParameters):
@@ -64,7 +63,7 @@ class PublicSourceParameters(Parameters):
     """
 
     source: str = Field(min_length=1)
-    slide_trials: int = Field(default=12, ge=1)
+    slide_trials: int = Field(ge=1)
 
     @property
     def folder(self) -> Path:
@@ -81,4 +80,4 @@ class ClockParameters(Parameters):
     """
 
     rate_hz: float = Field(gt=0, le=10_000)
-    max_gap_s: float = Field(default=MAX_GAP_S, gt=0)
+    max_gap_s: float = Field(gt=0)

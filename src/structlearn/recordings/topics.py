@@ -1,6 +1,6 @@
 """Which topic of a bag carries which signal."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -32,16 +32,17 @@ class TopicMap(Parameters):
         wrench: force and torque at the wrist.
         tactile: one topic per tactile sensor, in the order in which their channels are put side by side.
         tool_to_board: orientation of the tool relative to the board, e.g. from motion capture.
-        must_exist: whether a topic named here that a file does not have is an error; the pose always is.
     """
 
+    must_exist: ClassVar[bool] = True
+    """Whether a topic named here that a file does not have is an error; the pose always is."""
+
     pose: Topic
-    twist: Topic | None = None
-    joint_states: Topics = ()
-    wrench: Topic | None = None
-    tactile: Topics = ()
-    tool_to_board: Topic | None = None
-    must_exist: bool = True
+    twist: Topic | None
+    joint_states: Topics
+    wrench: Topic | None
+    tactile: Topics
+    tool_to_board: Topic | None
 
     @model_validator(mode="after")
     def _each_once(self) -> "TopicMap":
@@ -61,14 +62,19 @@ class TopicMap(Parameters):
         return [(topic, role) for topic, role in pairs if topic is not None]
 
 
-OWN_TOPICS = TopicMap(
+class OptionalTopicMap(TopicMap):
+    """Topics of which a file has those of the signals that were recorded."""
+
+    must_exist: ClassVar[bool] = False
+
+
+OWN_TOPICS = OptionalTopicMap(
     pose="/pose",
     twist="/twist",
     joint_states=("/joint_states/positions", "/joint_states/velocities", "/joint_states/torques"),
     wrench="/wrench",
     tactile=tuple(f"/tactile/{finger}" for finger in range(MAX_FINGERS)),
     tool_to_board="/tool_to_board",
-    must_exist=False,
 )
 """The topics of the files that this package writes. Joint signals have a topic each, since each may have a
 clock of its own; a file has those of the topics that were recorded."""

@@ -1,4 +1,4 @@
-"""The parameters that a page's results were made with, as one table."""
+"""The parameters that a page's results were made with, one row each."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -6,18 +6,16 @@ from typing import Any
 import pandas as pd
 
 from structlearn.ground.params import Parameters
-from structlearn.reporting.page import MISSING, Table
 
 
-def parameter_table(parameters: Mapping[str, Parameters]) -> Table:
+def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
     """One row per parameter, named as for `dvc exp run -S`.
 
     Args:
         parameters: by their key in `params.yaml`.
     """
     rows = [row for key, model in parameters.items() for row in _rows(key, model.model_dump(mode="json"))]
-    frame = pd.DataFrame(rows, columns=["parameter", "value"])
-    return Table(frame, f"The {len(rows)} parameters used, from `params.yaml`.", folded=True)
+    return pd.DataFrame(rows, columns=["parameter", "value"])
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
@@ -34,9 +32,9 @@ def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
 
 def _text(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(_text(inner) for inner in value) or MISSING
+        return ", ".join(_text(inner) for inner in value) or "\N{EN DASH}"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:
-        return MISSING
+        return "\N{EN DASH}"
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -49,3 +49,13 @@ def with_spread(mean: float, std: float, number_format: str = ".1f") -> str:
     """`1.2 ± 0.4`: a mean and its std, which a single sample does not have."""
     text = rounded(mean, number_format)
     return f"{text} ± {std:{number_format}}" if math.isfinite(std) else text
+
+
+def percent(count: int, n: int, fewest: int = 0) -> str:
+    """`99.8 %`: with the fewest digits, or as many as it takes not to say 0 or 100 where it is neither."""
+    return next(
+        text
+        for digits in range(fewest, 10)
+        if (text := f"{100 * count / n:.{digits}f} %")
+        and (count in (0, n) or float(text[:-2]) not in (0.0, 100.0))
+    )

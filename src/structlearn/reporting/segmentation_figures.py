@@ -13,23 +13,17 @@ from structlearn.palette import (
     BLUE,
     DEMONSTRATION_COLOUR,
     METHOD_COLOURS,
+    METHOD_NAMES,
     ORANGE,
     REFERENCE_COLOUR,
     VERMILION,
 )
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting.figures import canvas, legend_above, styled
+from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.segmentation.cut_errors import aligned_segments, aligned_spread_mm
 from structlearn.segmentation.parameters import AXES, PrimitiveParameters
 from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 
-METHOD_NAMES = {
-    "zvc": "zero-velocity crossing",
-    "dtw": "time warping",
-    "ls": "least squares",
-    "wls_text": "weighted, as printed",
-    "wls": "weighted, with crossings",
-}
 PAIRS_SHOWN = 16
 TOP_PAIRS = 8
 APART = 0.03
@@ -61,13 +55,13 @@ def top_pairs(pairs: pd.DataFrame, count: int = TOP_PAIRS, apart: float = APART)
 @styled
 def correspondence_figure(
     reference: Demonstration, guess: Demonstration, segmentation: Segmentation, primitive: PrimitiveParameters
-) -> Figure:
+) -> list[Figure]:
     """Figure IV.14: pairs without weights, the pairs of largest weight, and the refined segments."""
     chosen = segmentation.pairs["primitive"] == primitive.name
     pairs = segmentation.pairs[chosen & (segmentation.pairs["demonstration"] == guess.name)]
     some = pairs.iloc[np.linspace(0, len(pairs) - 1, min(PAIRS_SHOWN, len(pairs))).round().astype(int)]
-    figure = canvas(3.7)
-    every, top, refined = figure.subplots(1, 3)
+    figures = [canvas(3.4, PANEL_WIDTH) for _ in range(3)]
+    every, top, refined = (figure.subplots() for figure in figures)
     _draw_pairs(every, reference, guess, pairs, some, primitive.axis)
     every.set_title(f"(a) Every {len(pairs) // max(len(some) - 1, 1)}th pair, no weights")
     every.legend(
@@ -99,7 +93,7 @@ def correspondence_figure(
     refined.set(title="(c) Refined and stretched", xlabel="time / duration of the segment")
     refined.set_ylabel(f"{primitive.axis} from its mean (mm)")
     refined.legend(handlelength=1.2, fontsize=7.5)
-    return figure
+    return figures
 
 
 def _draw_pairs(
@@ -139,19 +133,20 @@ def alignment_figure(
     segmentation: Segmentation,
     primitives: Sequence[PrimitiveParameters],
     methods: Sequence[str] = ("zvc", "ls", "wls_text", "wls"),
-) -> Figure:
+) -> list[Figure]:
     """Figure IV.15a, b: segments of all demonstrations stretched to one duration, before and after refining.
 
     Args:
         demonstrations: the complete ones.
         segmentation: of these.
-        primitives: those with an axis, one row each.
-        methods: one column each.
+        primitives: those with an axis, one panel each.
+        methods: drawn beside each other, two in a row.
     """
-    figure = canvas(0.5 + 2.3 * len(primitives))
-    panels = figure.subplots(len(primitives), len(methods), sharex=True, sharey="row", squeeze=False)
-    for row, primitive in zip(panels, primitives, strict=True):
-        for panel, method in zip(row, methods, strict=True):
+    figures = []
+    for primitive in primitives:
+        figures.append(canvas(4.6, PANEL_WIDTH))
+        grid = figures[-1].subplots((len(methods) + 1) // 2, 2, sharex=True, sharey=True, squeeze=False)
+        for panel, method in zip(grid.ravel(), methods, strict=False):
             arguments = (demonstrations, segmentation, primitive.name, method, primitive.axis)
             curves, names = aligned_segments(*arguments)
             curves = 1e3 * (curves - curves.mean(axis=1, keepdims=True))
@@ -167,12 +162,11 @@ def alignment_figure(
                 x, side = (0.05, "left") if rises else (0.97, "right")
                 spread = f"spread {aligned_spread_mm(*arguments):.2f} mm"
                 panel.text(x, 0.95, spread, transform=panel.transAxes, ha=side, va="top")
-        row[0].set_ylabel(f"{primitive.name}:\n{primitive.axis} from its mean (mm)")
-    for panel, method in zip(panels[0], methods, strict=True):
-        panel.set_title(METHOD_NAMES[method][0].upper() + METHOD_NAMES[method][1:])
-    for panel in panels[-1]:
-        panel.set_xlabel("time / duration")
-    return figure
+            panel.set_title(METHOD_NAMES[method], fontweight="normal")
+        figures[-1].suptitle(f"{primitive.name[0].upper()}{primitive.name[1:]}", fontsize=9.5, weight="bold")
+        figures[-1].supylabel(f"{primitive.axis} from its mean (mm)", fontsize=9.0)
+        figures[-1].supxlabel("time / duration", fontsize=9.0)
+    return figures
 
 
 @styled
@@ -181,8 +175,8 @@ def noise_figure(
     comparison: pd.DataFrame,
     noise: str = "noise of the demonstrator (mm)",
     pair: str = "same person",
-) -> Figure:
-    """Cut errors over the noise, and the paired differences to the result's method.
+) -> list[Figure]:
+    """Cut errors over the noise, and the paired differences to the result's method; a panel each.
 
     Args:
         by_level: of `segmentation.comparison.errors_by_level`.
@@ -190,8 +184,8 @@ def noise_figure(
         noise: what the noise is.
         pair: what the two errors of a difference have in common.
     """
-    figure = canvas(3.9)
-    errors, differences = figure.subplots(1, 2)
+    figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
+    errors, differences = (figure.subplots() for figure in figures)
     levels = sorted(by_level["noise_mm"].unique())
     places = {level: place for place, level in enumerate(levels)}
     _draw_methods(errors, by_level, places, "mean_ms", "half_width_ms", METHODS)
@@ -211,8 +205,9 @@ def noise_figure(
         panel.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
         panel.set_xlabel(noise)
         panel.grid(axis="x", visible=False)
-    legend_above(figure, errors)
-    return figure
+    errors.set_ylim(top=2.5 * high)
+    errors.legend(loc="upper left", ncols=2)
+    return figures
 
 
 def _draw_methods(
@@ -242,10 +237,10 @@ def _draw_methods(
 
 
 @styled
-def downsampling_figure(effect: pd.DataFrame) -> Figure:
+def downsampling_figure(effect: pd.DataFrame) -> list[Figure]:
     """Work of the time warping and shift of the cut points over the down-sampling factor g (appendix C)."""
-    figure = canvas(2.9)
-    work, shift = figure.subplots(1, 2)
+    figures = [canvas(2.9, PANEL_WIDTH) for _ in range(2)]
+    work, shift = (figure.subplots() for figure in figures)
     work.plot(effect["factor"], effect["work"], color=BLUE, marker="o", markersize=4)
     work.set_yscale("log")
     work.set(title="Work", ylabel="cells of the warping table,\nrelative to the first g")
@@ -261,4 +256,4 @@ def downsampling_figure(effect: pd.DataFrame) -> Figure:
         panel.xaxis.set_minor_locator(NullLocator())
         panel.yaxis.set_minor_locator(NullLocator())
         panel.set_xlabel("down-sampling factor g")
-    return figure
+    return figures

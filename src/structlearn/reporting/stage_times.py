@@ -15,7 +15,7 @@ import yaml
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.wall_clock import TIMES, StageTime, read_times
-from structlearn.reporting.page import KeyNumber, Link, Links, Page, Prose, Section, Table, render
+from structlearn.reporting.document import Document, Table, render
 from structlearn.reporting.prose import counted
 
 PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml")
@@ -44,58 +44,30 @@ def stage_times(pipelines: Iterable[Mapping], times: Mapping[str, StageTime]) ->
     return pd.DataFrame(rows, columns=["testbed", "stage", "wall_s", "cpu_s"])
 
 
-def times_page(table: pd.DataFrame, machine: str) -> Page:
-    """The page.
+def times_page(table: pd.DataFrame, machine: str) -> str:
+    """The page as HTML.
 
     Args:
         table: of `stage_times`.
         machine: its cores, processor and Python in words.
     """
     shown = _with_sums(table)
-    missing = int(table["wall_s"].isna().sum())
-    absent = (
-        f" {counted(missing, 'stage')} without a time did not run since times are kept." if missing else ""
+    times = Table(
+        shown.drop(columns="sum"),
+        formats={"wall_s": ".1f", "cpu_s": ".1f", "busy": ".1f"},
+        headings={"wall_s": "wall time (s)", "cpu_s": "CPU time (s)", "busy": "cores busy"},
+        strong=frozenset(shown.index[shown["sum"]]),
     )
-    return Page(
-        title="Times of all stages",
-        lead="How long every stage took when it last ran. DVC runs stages one after the other.",
-        key_numbers=(
-            KeyNumber(_minutes(table["wall_s"].sum()), "wall time, all stages together"),
-            KeyNumber(_minutes(table["cpu_s"].sum()), "CPU time"),
-            KeyNumber(f"{len(table) - missing} of {len(table)}", "stages have a time"),
-        ),
-        sections=(
-            Section(
-                "Machine",
-                (
-                    Prose(
-                        f"This page was made on {machine}. Each time is of that stage's last run; stages "
-                        "whose last run was on another machine, and whose results came from the cache or "
-                        "from git here, are listed too."
-                    ),
-                    Prose(
-                        "A time is that of the stage's work, without the start of Python (a few seconds per "
-                        "stage) and without DVC. CPU time is that of all processes of a stage on its "
-                        f"machine; over wall time it says how many cores were busy.{absent}"
-                    ),
-                ),
-            ),
-            Section(
-                "Stages",
-                (
-                    Table(
-                        shown.drop(columns="sum"),
-                        "Times of stages, and sums of testbeds in bold, in the order of the pipelines.",
-                        formats={"wall_s": ".1f", "cpu_s": ".1f", "busy": ".1f"},
-                        headings={"wall_s": "wall time (s)", "cpu_s": "CPU time (s)", "busy": "cores busy"},
-                        strong=frozenset(shown.index[shown["sum"]]),
-                    ),
-                    Links((Link(TIMES.name, TIMES.name, "the times of stages by their scripts"),)),
-                ),
-            ),
-        ),
-        back=Link("../index.html", "Overview"),
-    )
+    facts = {
+        "machine": machine,
+        "stages": len(table),
+        "missing": int(table["wall_s"].isna().sum()),
+        "wall_min": table["wall_s"].sum() / 60.0,
+        "cpu_min": table["cpu_s"].sum() / 60.0,
+        "file": TIMES.name,
+        "times": times,
+    }
+    return render(Document("times.html.jinja", "structlearn.reporting", facts=facts), figures={})
 
 
 def this_machine() -> str:
@@ -131,16 +103,12 @@ def _sum(table: pd.DataFrame, name: str) -> pd.DataFrame:
     return pd.DataFrame([row])
 
 
-def _minutes(seconds: float) -> str:
-    return f"{seconds / 60.0:.1f} min"
-
-
 def main() -> None:
     """Render the page of this project's pipelines."""
     pipelines = [yaml.safe_load(Path(name).read_text()) for name in PIPELINES]
     page = times_page(stage_times(pipelines, read_times()), this_machine())
     with publish(TIMES.with_name("index.html")) as path:
-        path.write_text(render(page), encoding="utf-8")
+        path.write_text(page, encoding="utf-8")
     print(f"{TIMES.with_name('index.html')} is up to date")
 
 

@@ -12,6 +12,7 @@ from typing import get_args
 import numba
 import numpy as np
 
+from structlearn.ground.compiled_vectors import cross
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
@@ -112,12 +113,6 @@ def joint_placement(
             turn[row, k] = (
                 rotation[row, 0] * own[0][k] + rotation[row, 1] * own[1][k] + rotation[row, 2] * own[2][k]
             )
-
-
-@numba.njit(cache=True, inline="always")
-def cross(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
-    """Vector product of two vectors (3,)."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @numba.njit(cache=True, inline="always")

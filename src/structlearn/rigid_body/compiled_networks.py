@@ -1,7 +1,7 @@
 """Networks as inverse dynamics of one state, compiled: what a control loop evaluates in every tick.
 
-`multilayer_perceptron` and `lagrangian` are the batched references that are trained; the same passes are
-written here for one model and one state.
+`multilayer_perceptron` and `lagrangian` are the batched references that are trained; the same is written here
+for one model and one state, on the forward pass of `networks.compiled_layers`.
 """
 
 import math
@@ -9,12 +9,10 @@ import math
 import numba
 import numpy as np
 
+from structlearn.networks.compiled_layers import affine, hidden_layers, layer_values, pack
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, add_friction
 from structlearn.rigid_body.lagrangian import SMALLEST_INERTIA, StackedLagrangianNetworks
-from structlearn.rigid_body.multilayer_perceptron import StackedLayers, StackedPerceptrons
-
-Layers = tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]
-"""Weights (previous, next) and biases (next,) of each layer."""
+from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
 
 
 def perceptron(networks: StackedPerceptrons, model: int) -> InverseDynamics:
@@ -24,17 +22,19 @@ def perceptron(networks: StackedPerceptrons, model: int) -> InverseDynamics:
         networks: trained.
         model: which, from 0.
     """
-    weights, biases = _layers(networks.network, model)
-    scaling = (networks.input_mean, networks.input_scale, networks.output_mean, networks.output_scale)
-    mean, scale, out_mean, out_scale = (values.double().numpy().ravel() for values in scaling)
+    layers = networks.network.layers_of(model)
+    mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
     # Standardising is linear and becomes part of the first and the last layer.
-    first, last = weights[0] / scale[:, None], weights[-1] * out_scale
-    start, end = biases[0] - mean @ first, biases[-1] * out_scale + out_mean
-    weights, biases = (first, *weights[1:-1], last), (start, *biases[1:-1], end)
-    values = _memory(weights)
+    (weights, biases), inner = layers[0], layers[1:]
+    turned = np.ascontiguousarray(weights.T) / scale[:, None]
+    layers = [(turned.T, biases - mean @ turned), *inner]
+    weights, biases = layers[-1]
+    layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
+    packed = pack([(np.zeros_like(mean), np.ones_like(scale), layers)])
+    arguments = (packed.values, packed.sizes[0], layer_values(packed.sizes))
 
     def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        return _perceptron(weights, biases, values, np.concatenate((q, qd, qdd)))
+        return _perceptron(*arguments, np.concatenate((q, qd, qdd)))
 
     return torques
 
@@ -49,87 +49,70 @@ def lagrangian(
         model: which, from 0.
         friction: (3, n) rows of friction (`compiled.friction_rows`) that act beside the network; None: none.
     """
-    inertia, potential = _layers(networks.inertia, model), _layers(networks.potential, model)
-    memory = (_memory(inertia[0]), _memory(potential[0]))
-    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
-    rubbing = (
-        np.zeros((3, networks.joints)) if friction is None else np.ascontiguousarray(friction, dtype=float)
+    joints = networks.joints
+    packed = pack(
+        [
+            (np.zeros(joints), np.ones(joints), layers.layers_of(model))
+            for layers in (networks.inertia, networks.potential)
+        ]
     )
+    memory = (layer_values(packed.sizes), layer_values(packed.sizes))
+    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
+    rubbing = np.zeros((3, joints)) if friction is None else np.ascontiguousarray(friction, dtype=float)
+    arguments = (packed.values, packed.first, packed.sizes, *memory, *places, rubbing)
 
     def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        return _lagrangian(*inertia, *potential, *memory, *places, rubbing, q, qd, qdd)
+        return _lagrangian(*arguments, q, qd, qdd)
 
     return torques
 
 
-def _layers(stacked: StackedLayers, model: int) -> Layers:
-    pairs = [
-        [parameter[model].detach().double().numpy() for parameter in layer] for layer in stacked.layers()
-    ]
-    # an input's weights side by side: the loops vectorise
-    return (
-        tuple(np.ascontiguousarray(weights.T) for weights, _ in pairs),
-        tuple(bias.ravel().copy() for _, bias in pairs),
-    )
-
-
-def _memory(weights: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Room for the values of all layers."""
-    return np.zeros((len(weights), max(max(layer.shape) for layer in weights)))
-
-
 @numba.njit(cache=True, fastmath={"contract"})
 def _forward(
-    weights: tuple[np.ndarray, ...], biases: tuple[np.ndarray, ...], values: np.ndarray, inputs: np.ndarray
-) -> None:
-    """Fill `values` with the hidden layers and, in the last row, the outputs."""
-    for layer in range(len(weights)):
-        matrix, bias, out = weights[layer], biases[layer], values[layer]
-        before, after = matrix.shape
-        for j in range(after):
-            out[j] = bias[j]
-        for i in range(before):
-            value = inputs[i] if layer == 0 else values[layer - 1, i]
-            for j in range(after):
-                out[j] += matrix[i, j] * value
-        if layer < len(weights) - 1:
-            for j in range(after):  # tanh, three times faster than the library's
-                out[j] = 1.0 - 2.0 / (math.exp(2.0 * out[j]) + 1.0)
+    values: np.ndarray, begin: int, sizes: np.ndarray, inputs: np.ndarray, work: np.ndarray
+) -> np.ndarray:
+    """Outputs of a network whose last layer is linear; its layers' values stay in rows of work."""
+    last = len(sizes) - 2
+    at = hidden_layers(values, begin, last, sizes, inputs, work)
+    affine(values, at, sizes[last], sizes[last + 1], work[last], work[last + 1])
+    return work[last + 1, : sizes[last + 1]]
 
 
 @numba.njit(cache=True)
-def _perceptron(
-    weights: tuple[np.ndarray, ...], biases: tuple[np.ndarray, ...], values: np.ndarray, inputs: np.ndarray
-) -> np.ndarray:
-    _forward(weights, biases, values, inputs)
-    return values[len(weights) - 1, : len(biases[-1])].copy()
+def _perceptron(values: np.ndarray, sizes: np.ndarray, work: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    return _forward(values, 0, sizes, inputs, work).copy()
 
 
 @numba.njit(cache=True, fastmath={"contract"})
-def _tangent(weights: tuple[np.ndarray, ...], values: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def _tangent(
+    values: np.ndarray, begin: int, sizes: np.ndarray, work: np.ndarray, direction: np.ndarray
+) -> np.ndarray:
     """Change of the outputs along a direction of the inputs."""
-    change = direction
-    for layer in range(len(weights)):
-        matrix = weights[layer]
-        before, after = matrix.shape
+    change, at, last = direction, begin + 2 * sizes[0], len(sizes) - 2
+    for layer in range(last + 1):
+        before, after = sizes[layer], sizes[layer + 1]
+        matrix = values[at : at + before * after].reshape(before, after)
         out = np.zeros(after)
         for i in range(before):
             for j in range(after):
                 out[j] += matrix[i, j] * change[i]
-        if layer < len(weights) - 1:
+        if layer < last:
             for j in range(after):
-                out[j] *= 1.0 - values[layer, j] * values[layer, j]
-        change = out
+                out[j] *= 1.0 - work[layer + 1, j] * work[layer + 1, j]
+        change, at = out, at + (before + 1) * after
     return change
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc"})
-def _adjoint(weights: tuple[np.ndarray, ...], values: np.ndarray, cotangent: np.ndarray) -> np.ndarray:
-    """Gradient at the inputs of the outputs times a cotangent."""
-    gradient = cotangent
-    for layer in range(len(weights) - 1, -1, -1):
-        matrix = weights[layer]
-        before, after = matrix.shape
+def _adjoint(
+    values: np.ndarray, end: int, sizes: np.ndarray, work: np.ndarray, cotangent: np.ndarray
+) -> np.ndarray:
+    """Gradient at the inputs of the outputs times a cotangent; the network's numbers stand before `end`."""
+    gradient, at = cotangent, end
+    for layer in range(len(sizes) - 2, -1, -1):
+        before, after = sizes[layer], sizes[layer + 1]
+        at -= (before + 1) * after
+        matrix = values[at : at + before * after].reshape(before, after)
         out = np.empty(before)
         for i in range(before):
             total = 0.0
@@ -138,19 +121,18 @@ def _adjoint(weights: tuple[np.ndarray, ...], values: np.ndarray, cotangent: np.
             out[i] = total
         if layer > 0:
             for i in range(before):
-                out[i] *= 1.0 - values[layer - 1, i] * values[layer - 1, i]
+                out[i] *= 1.0 - work[layer, i] * work[layer, i]
         gradient = out
     return gradient
 
 
 @numba.njit(cache=True)
 def _lagrangian(
-    inertia_weights: tuple[np.ndarray, ...],
-    inertia_biases: tuple[np.ndarray, ...],
-    potential_weights: tuple[np.ndarray, ...],
-    potential_biases: tuple[np.ndarray, ...],
-    inertia_values: np.ndarray,
-    potential_values: np.ndarray,
+    values: np.ndarray,
+    first: np.ndarray,
+    sizes: np.ndarray,
+    inertia_work: np.ndarray,
+    potential_work: np.ndarray,
     rows: np.ndarray,
     columns: np.ndarray,
     friction: np.ndarray,
@@ -160,9 +142,8 @@ def _lagrangian(
 ) -> np.ndarray:
     """Torques; the equations are in `lagrangian`'s header."""
     n = len(q)
-    _forward(inertia_weights, inertia_biases, inertia_values, q)
-    raw = inertia_values[len(inertia_weights) - 1]
-    raw_rate = _tangent(inertia_weights, inertia_values, qd)
+    raw = _forward(values, first[0], sizes[0], q, inertia_work)
+    raw_rate = _tangent(values, first[0], sizes[0], inertia_work, qd)
     factor, factor_rate, slope = np.zeros((n, n)), np.zeros((n, n)), np.ones(len(rows))
     for k in range(len(rows)):
         row, column = rows[k], columns[k]
@@ -184,8 +165,8 @@ def _lagrangian(
     cotangent = np.empty(len(rows))
     for k in range(len(rows)):
         cotangent[k] = slope[k] * qd[rows[k]] * momentum[columns[k]]
-    _forward(potential_weights, potential_biases, potential_values, q)
-    torques -= _adjoint(inertia_weights, inertia_values, cotangent)
-    torques += _adjoint(potential_weights, potential_values, np.ones(1))
+    _forward(values, first[1], sizes[1], q, potential_work)
+    torques -= _adjoint(values, first[1], sizes[0], inertia_work, cotangent)
+    torques += _adjoint(values, len(values), sizes[1], potential_work, np.ones(1))
     add_friction(friction, qd, torques)
     return torques

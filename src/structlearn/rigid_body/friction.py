@@ -58,13 +58,3 @@ def friction_coefficients(free: Tensor, terms: Sequence[FrictionTerm]) -> Tensor
         for term, column in zip(terms, free.unbind(-1), strict=True)
     ]
     return torch.stack(parts, dim=-1)
-
-
-def free_friction(coefficients: np.ndarray | Tensor, terms: Sequence[FrictionTerm]) -> Tensor:
-    """Free parameters (..., n, k) of coefficients (..., n, k); negative friction becomes none."""
-    columns = torch.as_tensor(coefficients, dtype=torch.float64).unbind(-1)
-    parts = [
-        column if term == "offset" else column.clamp(min=0.0).sqrt()
-        for term, column in zip(terms, columns, strict=True)
-    ]
-    return torch.stack(parts, dim=-1)

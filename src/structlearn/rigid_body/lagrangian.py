@@ -10,42 +10,79 @@ sample. With Ldot = (dL/dq) qd from one tangent pass along qd,
 where the last is one adjoint pass through L. Both passes are written out, so that they can be differentiated.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
+from torch.nn import functional
 
-from structlearn.rigid_body.multilayer_perceptron import StackedLayers
+from structlearn.networks.stacked_layers import StackedLayers
 
 SMALLEST_INERTIA = 1e-3
 """kg m^2 (b): keeps H positive definite whatever the network says."""
 
 
-class StackedLagrangianNetworks(nn.Module):
+@dataclass(frozen=True)
+class StackedLagrangianNetworks:
     """M deep Lagrangian networks.
 
     L is lower triangular. Its n (n + 1) / 2 entries, diagonal first, are outputs of a network, the diagonal
     through a softplus, so that every H has one L only.
 
-    Args:
-        joints: number of joints n.
-        hidden: nodes of each hidden layer, of both networks.
-        generators: source of the initial values of each model.
+    Attributes:
+        inertia: gives the entries of L.
+        potential: gives V.
+        row: (entries, n) choice of each entry's row: a product with it is a sum over the matrix.
+        column: (entries, n) of its column.
     """
 
-    def __init__(self, joints: int, hidden: Sequence[int], generators: Sequence[torch.Generator]):
-        super().__init__()
-        self.joints = joints
+    inertia: StackedLayers
+    potential: StackedLayers
+    row: Tensor
+    column: Tensor
+
+    @classmethod
+    def initial(cls, joints: int, hidden: Sequence[int], generators: Sequence[torch.Generator]) -> Self:
+        """Networks to be trained.
+
+        Args:
+            joints: number of joints n.
+            hidden: nodes of each hidden layer, of both networks.
+            generators: source of the initial values of each model.
+        """
         below = torch.tril_indices(joints, joints, offset=-1)
         diagonal = torch.arange(joints).expand(2, -1)
         row, column = torch.cat([diagonal, below], dim=1)
-        self.inertia = StackedLayers((joints, *hidden, len(row)), generators)
-        self.potential = StackedLayers((joints, *hidden, 1), generators)
-        # (entries, n) choices of each entry's row and column: products with them are sums over the matrix
-        self.register_buffer("row", torch.eye(joints)[row])
-        self.register_buffer("column", torch.eye(joints)[column])
+        return cls(
+            StackedLayers.uniform((joints, *hidden, len(row)), generators),
+            StackedLayers.uniform((joints, *hidden, 1), generators),
+            torch.eye(joints)[row],
+            torch.eye(joints)[column],
+        )
 
-    def forward(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.row.shape[1]
+
+    def parameters(self) -> list[Tensor]:
+        """What is trained."""
+        return self.inertia.parameters() + self.potential.parameters()
+
+    def to_arrays(self) -> dict[str, Tensor]:
+        """All tensors by name, e.g. `inertia.weights.0`, without gradients."""
+        layers = self.inertia.to_arrays("inertia.") | self.potential.to_arrays("potential.")
+        return layers | {"row": self.row, "column": self.column}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Tensor]) -> Self:
+        """The inverse of `to_arrays`."""
+        layers = (StackedLayers.from_arrays(arrays, f"{name}.") for name in ("inertia", "potential"))
+        return cls(*layers, arrays["row"], arrays["column"])
+
+    def torques(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
         """Torques (M, n, B) in N m of states (n, B), the same states for all models."""
         q, rate = (values.expand(self.inertia.models, -1, -1) for values in (q, qd))
         values = self.inertia.activations(q)
@@ -77,21 +114,19 @@ class StackedLagrangianNetworks(nn.Module):
     def _factor(self, raw: Tensor) -> tuple[Tensor, Tensor]:
         """Entries of L (M, entries, B) and their slopes against the network's outputs."""
         diagonal, below = raw[:, : self.joints], raw[:, self.joints :]
-        factor = torch.cat([nn.functional.softplus(diagonal), below], dim=1)
+        factor = torch.cat([functional.softplus(diagonal), below], dim=1)
         return factor, torch.cat([torch.sigmoid(diagonal), torch.ones_like(below)], dim=1)
 
 
 def _tangent(network: StackedLayers, values: Sequence[Tensor], direction: Tensor) -> Tensor:
     """Change of a network's outputs (M, K, B) along a direction (M, D, B) of its inputs."""
-    layers = network.layers()
-    for value, (weights, _) in zip(values, layers[:-1], strict=True):
+    for value, weights in zip(values, network.weights[:-1], strict=True):
         direction = (1.0 - value * value) * torch.bmm(weights, direction)
-    return torch.bmm(layers[-1][0], direction)
+    return torch.bmm(network.weights[-1], direction)
 
 
 def _adjoint(network: StackedLayers, values: Sequence[Tensor], cotangent: Tensor) -> Tensor:
     """Gradient (M, D, B) at a network's inputs of its outputs times a cotangent (M, K, B)."""
-    layers = network.layers()
-    for value, (weights, _) in zip(reversed(values), reversed(layers[1:]), strict=True):
+    for value, weights in zip(reversed(values), reversed(network.weights[1:]), strict=True):
         cotangent = (1.0 - value * value) * torch.bmm(weights.mT, cotangent)
-    return torch.bmm(layers[0][0].mT, cotangent)
+    return torch.bmm(network.weights[0].mT, cotangent)

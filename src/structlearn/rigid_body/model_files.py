@@ -10,7 +10,6 @@ import torch
 
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
-from structlearn.networks.torch_settings import seeded
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
@@ -64,12 +63,7 @@ class DynamicsModels:
     def networks(self) -> StackedPerceptrons | StackedLagrangianNetworks:
         """Of networks: all M, without their friction."""
         network = StackedLagrangianNetworks if self.kind == "delan" else StackedPerceptrons
-        built = network(len(self.joints), self.hidden, [seeded(0)] * self.count)
-        weights = {
-            name: torch.from_numpy(values) for name, values in self.state.items() if name != "friction"
-        }
-        built.load_state_dict(weights)
-        return built.requires_grad_(False)
+        return network.from_arrays({name: torch.from_numpy(values) for name, values in self.state.items()})
 
 
 def write_dynamics_models(models: DynamicsModels, path: str | Path) -> None:

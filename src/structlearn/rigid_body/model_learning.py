@@ -44,12 +44,10 @@ class LearningParameters(Parameters):
         threshold: NMSE of every joint at which a model is good enough.
     """
 
-    hidden: tuple[int, ...] = Field(default=(32, 64, 32), min_length=1)
-    networks: AdamParameters = AdamParameters()
-    structures: AdamParameters = AdamParameters(
-        rate=0.03, batch=64, second_moment_decay=0.99, decay=0.1, smallest=0.01, mass_step=10.0
-    )
-    threshold: float = Field(default=0.1, gt=0)
+    hidden: tuple[int, ...] = Field(min_length=1)
+    networks: AdamParameters
+    structures: AdamParameters
+    threshold: float = Field(gt=0)
 
 
 class Learner(Protocol):

@@ -48,7 +48,7 @@ class NetworkLearner:
         joints = motion.joints
         self.kind, self.friction = kind, tuple(friction) if kind == "delan" else ()
         network = StackedLagrangianNetworks if kind == "delan" else StackedPerceptrons
-        self.network = network(joints, hidden, generators)
+        self.network = network.initial(joints, hidden, generators)
         parts = [motion.q, motion.qd, motion.qdd, motion.torque]
         if self.friction:
             columns = friction_columns(motion.qd, self.friction)
@@ -57,7 +57,7 @@ class NetworkLearner:
         self.joints, self.variance = joints, motion.torque_variance
         if kind == "mlp_scaled":
             q, qd, qdd, torque = self.rows.mT.split(joints)
-            self.network.standardise((q, qd, qdd), torque)
+            self.network = self.network.standardised((q, qd, qdd), torque)
         self.weights = as_tensor(np.asarray(weights))[:, None]
         self.rubbing = initial_friction(len(generators), joints, self.friction).float().requires_grad_()
         variables = [*self.network.parameters(), *([self.rubbing] if self.friction else [])]
@@ -79,13 +79,13 @@ class NetworkLearner:
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights and free parameters of friction, each with a leading axis of models; then scales."""
-        tensors = self.network.state_dict() | {"friction": self.rubbing.detach()}
+        tensors = self.network.to_arrays() | {"friction": self.rubbing.detach()}
         return {name: values.numpy().copy() for name, values in tensors.items()}
 
     def _error(self, rows: Tensor) -> Tensor:
         """(M, n, B) torques too much."""
         q, qd, qdd, torque, *columns = rows.mT.contiguous().split(self.joints)
-        error = self.network(q, qd, qdd) - torque
+        error = self.network.torques(q, qd, qdd) - torque
         coefficients = friction_coefficients(self.rubbing, self.friction) if self.friction else self.rubbing
         for term, column in enumerate(columns):
             error = error + coefficients[..., term, None] * column

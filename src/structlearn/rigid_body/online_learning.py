@@ -8,13 +8,10 @@ from pydantic import Field
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
-from structlearn.networks.adam import AdamParameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.identification import fit_structure
 from structlearn.rigid_body.inertia_parameters import Structure, link_inertias
 from structlearn.rigid_body.model_learning import (
-    KINDS,
-    LOSSES,
     Kind,
     Learned,
     LearningParameters,
@@ -38,10 +35,10 @@ class PayloadLearningParameters(Parameters):
         iterations: of L-BFGS per fit.
     """
 
-    structure: Structure = "cov"
-    batch: int = Field(default=256, ge=1)
-    memory_s: float = Field(default=0.5, gt=0)
-    iterations: int = Field(default=30, ge=1)
+    structure: Structure
+    batch: int = Field(ge=1)
+    memory_s: float = Field(gt=0)
+    iterations: int = Field(ge=1)
 
 
 class OnlineParameters(Parameters):
@@ -56,12 +53,12 @@ class OnlineParameters(Parameters):
         payload: how a payload is followed.
     """
 
-    models: tuple[Kind, ...] = KINDS
-    seeds: int = Field(default=5, ge=1)
-    losses: tuple[Loss, ...] = LOSSES
-    learning: LearningParameters = LearningParameters(structures=AdamParameters(rate=0.01))
-    stride: int = Field(default=10, ge=1)
-    payload: PayloadLearningParameters = PayloadLearningParameters()
+    models: tuple[Kind, ...]
+    seeds: int = Field(ge=1)
+    losses: tuple[Loss, ...]
+    learning: LearningParameters
+    stride: int = Field(ge=1)
+    payload: PayloadLearningParameters
 
 
 def learn_once_through(tree: KinematicTree, motion: Motion, parameters: OnlineParameters) -> pd.DataFrame:

@@ -15,8 +15,9 @@ import numba
 import numpy as np
 from pydantic import Field
 
+from structlearn.ground.compiled_vectors import cross
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.compiled_dynamics import chain_arrays, cross, joint_placement
+from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
 from structlearn.rigid_body.tree import KinematicTree
 
 DAMPING = 1e-6
@@ -31,8 +32,8 @@ class VelocityControlParameters(Parameters):
         posture_1_s: K_n, towards the posture in the null space.
     """
 
-    tool_1_s: float = Field(default=6.0, gt=0)
-    posture_1_s: float = Field(default=2.0, ge=0)
+    tool_1_s: float = Field(gt=0)
+    posture_1_s: float = Field(ge=0)
 
 
 class VelocityControl:

@@ -33,7 +33,7 @@ def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motio
             for values in (motion.q, motion.qd, motion.qdd)
         )
         with torch.no_grad():
-            torques = np.swapaxes(models.networks()(*states).double().numpy(), 1, 2)
+            torques = np.swapaxes(models.networks().torques(*states).double().numpy(), 1, 2)
     if models.friction:
         columns = friction_columns(motion.qd, models.friction)
         torques = torques + np.einsum("njt,mjt->mnj", columns, models.friction_coefficients())

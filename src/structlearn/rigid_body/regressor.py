@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from structlearn.ground.compiled_vectors import cross
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
@@ -121,17 +122,17 @@ def _move(chain: _Chain, motion: _Motion, link: int, position: float, speed: flo
         linear = _rotated_back(rotation, _scaled(_vector(chain.gravity), -1.0))
     else:
         velocity, acceleration = _vector(motion.velocity[parent]), _vector(motion.acceleration[parent])
-        linear = _sum(_vector(motion.linear[parent]), _cross(acceleration, origin))
-        linear = _rotated_back(rotation, _sum(linear, _cross(velocity, _cross(velocity, origin))))
+        linear = _sum(_vector(motion.linear[parent]), cross(acceleration, origin))
+        linear = _rotated_back(rotation, _sum(linear, cross(velocity, cross(velocity, origin))))
         velocity, acceleration = _rotated_back(rotation, velocity), _rotated_back(rotation, acceleration)
         joint = parent
         while joint >= 0:
             turning = _vector(motion.turning[parent, joint])
-            sliding = _sum(_vector(motion.sliding[parent, joint]), _cross(turning, origin))
+            sliding = _sum(_vector(motion.sliding[parent, joint]), cross(turning, origin))
             _store(motion.turning[link, joint], _rotated_back(rotation, turning))
             _store(motion.sliding[link, joint], _rotated_back(rotation, sliding))
             joint = chain.parents[joint]
-    own, turned = _scaled(axis, change), _cross(velocity, _scaled(axis, speed))
+    own, turned = _scaled(axis, change), cross(velocity, _scaled(axis, speed))
     if slides:
         linear = _sum(linear, _sum(own, _scaled(turned, 2.0)))
     else:
@@ -169,7 +170,7 @@ def _placement(chain: _Chain, joint: int, position: float) -> tuple[tuple, tuple
 def _turned(row: tuple, axis: tuple, sine: float, cosine: float) -> tuple:
     """Rodrigues' formula for one row of a rotation, which turns about the axis against the angle."""
     along = _scaled(axis, (1.0 - cosine) * _dot(row, axis))
-    return _sum(_scaled(row, cosine), _sum(along, _scaled(_cross(row, axis), sine)))
+    return _sum(_scaled(row, cosine), _sum(along, _scaled(cross(row, axis), sine)))
 
 
 @numba.njit(cache=True, inline="always")
@@ -180,7 +181,7 @@ def _fill_columns(motion: _Motion, link: int, joint: int, regressor: np.ndarray,
     ax, ay, az = _vector(motion.linear[link])
     tx, ty, tz = t = _vector(motion.turning[link, joint])
     sx, sy, sz = _vector(motion.sliding[link, joint])
-    cx, cy, cz = _cross(t, w)
+    cx, cy, cz = cross(t, w)
     columns = regressor[sample, joint, link]
     columns[0] = sx * ax + sy * ay + sz * az
     # f and n are linear in h: s . (dw x h + w x (w x h)) + t . (h x a)
@@ -226,15 +227,6 @@ def _scaled(vector: tuple, factor: float) -> tuple:
 @numba.njit(cache=True, inline="always")
 def _dot(left: tuple, right: tuple) -> float:
     return left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
-
-
-@numba.njit(cache=True, inline="always")
-def _cross(left: tuple, right: tuple) -> tuple:
-    return (
-        left[1] * right[2] - left[2] * right[1],
-        left[2] * right[0] - left[0] * right[2],
-        left[0] * right[1] - left[1] * right[0],
-    )
 
 
 @numba.njit(cache=True, inline="always")

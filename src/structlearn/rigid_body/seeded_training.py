@@ -16,8 +16,6 @@ from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_learning import (
-    KINDS,
-    LOSSES,
     Kind,
     Learned,
     LearningParameters,
@@ -51,9 +49,9 @@ class EpochLimits(Parameters):
         robot: with either on the robot's log, which no model of rigid bodies explains in full.
     """
 
-    raw: int = Field(default=64, ge=1)
-    normalised: int = Field(default=40, ge=1)
-    robot: int = Field(default=5, ge=1)
+    raw: int = Field(ge=1)
+    normalised: int = Field(ge=1)
+    robot: int = Field(ge=1)
 
     @property
     def by_loss(self) -> dict[Loss, int]:
@@ -74,13 +72,13 @@ class DynamicsTrainingParameters(Parameters):
         smoothing_hz: low-pass of the robot's log.
     """
 
-    models: tuple[Kind, ...] = KINDS
-    seeds: int = Field(default=5, ge=1)
-    losses: tuple[Loss, ...] = LOSSES
-    learning: LearningParameters = LearningParameters()
-    plain: AdamParameters = AdamParameters(rate=0.01)
-    epochs: EpochLimits = EpochLimits()
-    smoothing_hz: float = Field(default=10.0, gt=0)
+    models: tuple[Kind, ...]
+    seeds: int = Field(ge=1)
+    losses: tuple[Loss, ...]
+    learning: LearningParameters
+    plain: AdamParameters
+    epochs: EpochLimits
+    smoothing_hz: float = Field(gt=0)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ class PrimitiveParameters(Parameters):
 
     name: str = Field(min_length=1)
     axis: Literal["x", "y", "z", "xyz", "between"]
-    threshold_m_s: float | None = Field(default=None, gt=0)
+    threshold_m_s: float | None = Field(gt=0)
 
     @model_validator(mode="after")
     def _threshold_where_needed(self) -> "PrimitiveParameters":
@@ -51,18 +51,18 @@ class SegmentParameters(Parameters):
     """
 
     primitives: tuple[PrimitiveParameters, ...] = Field(min_length=1)
-    reference: str | None = None
-    guess_cutoff_hz: float = Field(default=5.0, gt=0)
-    cut_cutoff_hz: float = Field(default=20.0, gt=0)
-    align_cutoff_hz: float = Field(default=5.0, gt=0)
-    bridge_s: float = Field(default=0.5, ge=0)
-    extension_s: float = Field(default=0.2, gt=0)
-    downsampling: int = Field(default=1, ge=1)
-    near_zero: float = Field(default=0.1, ge=0, lt=1)
-    decay: float = Field(default=1.0, ge=0)
-    crossing_weight: float = Field(default=3.0, ge=0)
-    crossing_tolerance_s: float = Field(default=0.1, gt=0)
-    skip_failures: bool = False
+    reference: str | None
+    guess_cutoff_hz: float = Field(gt=0)
+    cut_cutoff_hz: float = Field(gt=0)
+    align_cutoff_hz: float = Field(gt=0)
+    bridge_s: float = Field(ge=0)
+    extension_s: float = Field(gt=0)
+    downsampling: int = Field(ge=1)
+    near_zero: float = Field(ge=0, lt=1)
+    decay: float = Field(ge=0)
+    crossing_weight: float = Field(ge=0)
+    crossing_tolerance_s: float = Field(gt=0)
+    skip_failures: bool
 
     @model_validator(mode="after")
     def _between_has_neighbours(self) -> "SegmentParameters":

@@ -73,20 +73,6 @@ class Payload:
         return self.mass_kg * self.radius_m**2
 
 
-def with_payload(inertias: LinkInertias, payload: Payload) -> LinkInertias:
-    """Inertias of the links when the last one carries a payload."""
-    mass, moment = inertias.mass.copy(), inertias.first_moment.copy()
-    inertia = inertias.inertia.copy()
-    point = np.array(payload.point_m)
-    mass[-1] += payload.mass_kg
-    moment[-1] += payload.mass_kg * point
-    apart = inertias.first_moment[-1] / inertias.mass[-1] - point
-    reduced = inertias.mass[-1] * payload.mass_kg / mass[-1]
-    inertia[-1] += payload.inertia * np.eye(3)
-    inertia[-1] += reduced * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-    return LinkInertias(mass, moment, inertia)
-
-
 class ArmParameters(Parameters):
     """Which arm.
 
@@ -95,8 +81,8 @@ class ArmParameters(Parameters):
         locked_joints: joints held at zero, e.g. a gripper's fingers.
     """
 
-    urdf: str = Field(default="kuka_iiwa/model.urdf", min_length=1)
-    locked_joints: tuple[str, ...] = ()
+    urdf: str = Field(min_length=1)
+    locked_joints: tuple[str, ...]
 
     def read(self) -> Robot:
         """The arm.

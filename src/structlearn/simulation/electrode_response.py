@@ -59,23 +59,23 @@ class ResponseParameters(Parameters):
         noise_counts: standard deviation of the white noise before rounding; recorded 0.45 to 0.7 with it.
     """
 
-    width_mm: float = Field(default=1.5, gt=0)
-    hertz_mm_n: float = Field(default=1.3, ge=0)
-    saturation_1_n: float = Field(default=0.35, ge=0)
-    counts_per_n: float = Field(default=-1200.0, lt=0)
-    bulge: float = Field(default=0.15, ge=0)
-    bulge_n: float = Field(default=3.0, gt=0)
-    cross_talk: float = Field(default=0.05, ge=0)
-    cross_talk_mm: float = Field(default=4.0, gt=0)
-    gain_spread: float = Field(default=0.35, ge=0)
-    width_spread: float = Field(default=0.1, ge=0)
-    bulge_spread: float = Field(default=0.2, ge=0)
-    offset_counts: float = Field(default=30.0, ge=0)
-    hysteresis: float = Field(default=0.15, ge=0, le=1)
-    creep: tuple[float, float] = (0.05, 0.07)
-    creep_s: tuple[float, float] = (0.4, 10.0)
-    lag_s: float = Field(default=0.06, gt=0)
-    noise_counts: float = Field(default=0.6, ge=0)
+    width_mm: float = Field(gt=0)
+    hertz_mm_n: float = Field(ge=0)
+    saturation_1_n: float = Field(ge=0)
+    counts_per_n: float = Field(lt=0)
+    bulge: float = Field(ge=0)
+    bulge_n: float = Field(gt=0)
+    cross_talk: float = Field(ge=0)
+    cross_talk_mm: float = Field(gt=0)
+    gain_spread: float = Field(ge=0)
+    width_spread: float = Field(ge=0)
+    bulge_spread: float = Field(ge=0)
+    offset_counts: float = Field(ge=0)
+    hysteresis: float = Field(ge=0, le=1)
+    creep: tuple[float, float]
+    creep_s: tuple[float, float]
+    lag_s: float = Field(gt=0)
+    noise_counts: float = Field(ge=0)
 
 
 class Response(NamedTuple):

@@ -29,18 +29,24 @@ from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 
 CHANNELS = 2 * len(ELECTRODES_MM)
 
+PAD_DISTANCE_MM = 10.0
+"""Half the distance between the pads, d: a tool 20 mm thick."""
+
+HOME_MM = (-2.0, -3.0)
+"""Contact centre of the left and the right finger along the finger when nothing pulls at the tool, from the
+start of the round tip; chosen where the flat of the pad is."""
+
+HOME_ACROSS_MM = (0.0, 1.0)
+"""The same across the finger; chosen since two fingers never meet exactly."""
+
 
 class TouchParameters(ResponseParameters):
-    """The two fingers; the defaults are those of the robot here. What electrodes count: `ResponseParameters`.
+    """The two fingers. What electrodes count: `ResponseParameters`.
 
     Attributes:
         grip_n: force of the pinch; chosen so that a 60 g tool pushed with 1 N does not slip at friction 0.5.
         grip_spread: its standard deviation between trials, relative; chosen as what a force-controlled
             gripper repeats.
-        pad_distance_mm: half the distance between the pads, d: a tool 20 mm thick.
-        home_mm: contact centre of the left and the right finger along the finger when nothing pulls at the
-            tool, from the start of the round tip; chosen where the flat of the pad is.
-        home_across_mm: the same across the finger; chosen since two fingers never meet exactly.
         slip_mm: standard deviation between trials of where the tool sits, per finger and direction; chosen
             small: the hand keeps the tool between runs, only slip moves it.
         shear_mm_n: how far shear moves the contact centre, as if the skin were a layer of 500 N/m; so that
@@ -51,15 +57,12 @@ class TouchParameters(ResponseParameters):
             recording the drag of the scraped edge moves the electrodes far less than contact does.
     """
 
-    grip_n: float = Field(default=4.0, gt=0)
-    grip_spread: float = Field(default=0.05, ge=0)
-    pad_distance_mm: float = Field(default=10.0, gt=0)
-    home_mm: tuple[float, float] = (-2.0, -3.0)
-    home_across_mm: tuple[float, float] = (0.0, 1.0)
-    slip_mm: float = Field(default=0.15, ge=0)
-    shear_mm_n: float = Field(default=2.0, ge=0)
-    rolling_mm_rad: float = Field(default=8.0, ge=0)
-    twist_mm_n_m: float = Field(default=20.0, ge=0)
+    grip_n: float = Field(gt=0)
+    grip_spread: float = Field(ge=0)
+    slip_mm: float = Field(ge=0)
+    shear_mm_n: float = Field(ge=0)
+    rolling_mm_rad: float = Field(ge=0)
+    twist_mm_n_m: float = Field(ge=0)
 
 
 PLAY_MM = np.array([0.03, 0.1, 0.3, 1.0])
@@ -168,7 +171,7 @@ def _pads(parameters: TouchParameters) -> _Pads:
     return _Pads(
         statics=np.array(
             [
-                0.5 / (1e-3 * parameters.pad_distance_mm),
+                0.5 / (1e-3 * PAD_DISTANCE_MM),
                 parameters.shear_mm_n,
                 parameters.rolling_mm_rad,
                 parameters.twist_mm_n_m,
@@ -181,7 +184,7 @@ def _pads(parameters: TouchParameters) -> _Pads:
 def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
     """Load N, along mm, across mm of both pads with nothing pulling at the tool: (2, 3)."""
     grip = parameters.grip_n * np.exp(parameters.grip_spread * rng.standard_normal())
-    seat = np.column_stack([parameters.home_mm, parameters.home_across_mm])
+    seat = np.column_stack([HOME_MM, HOME_ACROSS_MM])
     return np.column_stack([[grip, grip], seat + parameters.slip_mm * rng.standard_normal((2, 2))])
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.ground import quaternion
+from structlearn.ground.params import Parameters
 from structlearn.simulation.electrode_response import (
     Response,
     ResponseParameters,
@@ -48,8 +49,20 @@ class FingerParameters(ResponseParameters):
         stiffness_n_mm: load in N at 1 mm of indentation, K in F = K d^1.5.
     """
 
-    width_mm: float = Field(default=2.6, gt=0)
-    stiffness_n_mm: float = Field(default=1.0, gt=0)
+    width_mm: float = Field(gt=0)
+    stiffness_n_mm: float = Field(gt=0)
+
+
+class TouchFingerParameters(Parameters):
+    """What of a finger depends on what it touches; the attributes are those of `FingerParameters`."""
+
+    width_mm: float = Field(gt=0)
+    stiffness_n_mm: float = Field(gt=0)
+
+    def with_electrodes_of(self, other: ResponseParameters) -> FingerParameters:
+        """The finger whose electrodes respond as another's but for the width."""
+        shared = {name: getattr(other, name) for name in ResponseParameters.model_fields}
+        return FingerParameters(**shared | self.model_dump())
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,18 @@ APPROACH_S, PRESS_S = 0.5, 0.35
 WAVER_S = 0.25
 """Width of the Gaussian that smooths the force a person holds; chosen: it wavers below 1 Hz."""
 
+AREA_SPREAD_MM = 0.7
+"""Standard deviation of where a contact begins within its area: chosen so that areas adjoin."""
+
+DRIFT_MM = 0.4
+"""Standard deviation per second of how a contact strays sideways; chosen: a hand does not follow a ruler."""
+
+RISE_MM = 8.0
+"""Height of the finger over the handle in the air: clear of it, whatever the sway of the hand."""
+
+STAMP_JITTER_S = 2e-4
+"""Standard deviation of the electrodes' stamps, for they have a clock of their own."""
+
 TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")
 """Columns of `true_contacts`."""
 
@@ -52,7 +64,7 @@ CLOCK_START_NS = 10**9
 
 
 class ToucherParameters(Parameters):
-    """The person who demonstrates touch; the defaults give about as many samples as the text has.
+    """The person who demonstrates touch; `params.yaml` asks for about as many samples as the text has.
 
     Attributes:
         skin: name of the skin (`tactile.electrodes.SKINS`).
@@ -70,41 +82,33 @@ class ToucherParameters(Parameters):
         time_cv: standard deviation of the log of these.
         load_n: range of the mean load of a contact.
         waver: standard deviation of the load within a contact, relative.
-        area_spread_mm: standard deviation of where a contact begins within its area; areas adjoin.
-        drift_mm: standard deviation per second of how a contact strays sideways.
         tilt_deg: standard deviation of how the finger is held, pitch and yaw.
         rest_s: range of the rests in the air, before, between and after contacts.
-        rise_mm: height of the finger over the handle in the air.
         noise_mm: standard deviation per axis of the hand's sway, motor noise and tremor in the air.
         handle_radius_mm: of the handle.
         handle_half_mm: half its length; a flat skin, which would lie on a bar with a whole line, needs a knob
             of no length.
-        stamp_jitter_s: standard deviation of the electrodes' stamps.
     """
 
-    skin: Literal["biotac", "flat_pad", "sphere"] = "biotac"
-    seed: int = Field(default=1, ge=0)
-    sensor_seed: int = Field(default=1, ge=0)
-    areas: int = Field(default=7, ge=1)
-    rotations: int = Field(default=3, ge=0)
-    translations: int = Field(default=4, ge=0)
-    rate_hz: float = Field(default=300.0, ge=30, le=3000)
-    along_mm: tuple[float, float] = (-12.5, 4.0)
-    across_deg: float = Field(default=60.0, ge=0, le=80)
-    rotation_s: float = Field(default=6.6, gt=0)
-    translation_s: float = Field(default=2.5, gt=0)
-    time_cv: float = Field(default=0.1, ge=0)
-    load_n: tuple[float, float] = (0.6, 2.2)
-    waver: float = Field(default=0.2, ge=0)
-    area_spread_mm: float = Field(default=0.7, ge=0)
-    drift_mm: float = Field(default=0.4, ge=0)
-    tilt_deg: float = Field(default=4.0, ge=0)
-    rest_s: tuple[float, float] = (0.4, 0.7)
-    rise_mm: float = Field(default=8.0, gt=0)
-    noise_mm: float = Field(default=0.2, ge=0)
-    handle_radius_mm: float = Field(default=5.0, gt=0)
-    handle_half_mm: float = Field(default=60.0, ge=0)
-    stamp_jitter_s: float = Field(default=2e-4, ge=0)
+    skin: Literal["biotac", "flat_pad", "sphere"]
+    seed: int = Field(ge=0)
+    sensor_seed: int = Field(ge=0)
+    areas: int = Field(ge=1)
+    rotations: int = Field(ge=0)
+    translations: int = Field(ge=0)
+    rate_hz: float = Field(ge=30, le=3000)
+    along_mm: tuple[float, float]
+    across_deg: float = Field(ge=0, le=80)
+    rotation_s: float = Field(gt=0)
+    translation_s: float = Field(gt=0)
+    time_cv: float = Field(ge=0)
+    load_n: tuple[float, float]
+    waver: float = Field(ge=0)
+    tilt_deg: float = Field(ge=0)
+    rest_s: tuple[float, float]
+    noise_mm: float = Field(ge=0)
+    handle_radius_mm: float = Field(gt=0)
+    handle_half_mm: float = Field(ge=0)
 
 
 @dataclass(frozen=True)
@@ -152,7 +156,7 @@ def recorded(run: TouchRun, person: ToucherParameters) -> Recording:
     rng = np.random.default_rng((person.seed, len(run.position)))
     ticks = CLOCK_START_NS + np.round(np.arange(len(run.position)) * 1e9 / person.rate_hz).astype(np.int64)
     step = 1 / person.rate_hz
-    jitter = np.clip(person.stamp_jitter_s * rng.standard_normal(len(run.counts)), -step, step)
+    jitter = np.clip(STAMP_JITTER_S * rng.standard_normal(len(run.counts)), -step, step)
     jitter[[0, -1]] = 0.0
     sampled = ticks[::SAMPLED_EVERY] + np.round(1e9 * jitter).astype(np.int64)
     origin = {
@@ -299,8 +303,8 @@ def _contact(
     waver = 1 + person.waver * _smooth_noise(total, WAVER_S * rate, rng)
     load = rng.uniform(*person.load_n) * pressed * np.maximum(waver, 0.2)
     sideways = 1e-3 * (
-        person.area_spread_mm * rng.standard_normal()
-        + person.drift_mm * (rng.standard_normal() * way * slide / rate + _smooth_noise(total, rate, rng))
+        AREA_SPREAD_MM * rng.standard_normal()
+        + DRIFT_MM * (rng.standard_normal() * way * slide / rate + _smooth_noise(total, rate, rng))
     )
     (low, high), (left, right) = covered(person, skin)
     swept = (1 - way if direction < 0 else way) * 2 - 1  # -1 to 1 or back
@@ -308,7 +312,7 @@ def _contact(
         along, across = low + area * (high - low) + sideways, _between(left, right, swept)
     else:
         along, across = _between(low, high, swept), _between(left, right, 2 * area - 1) + sideways
-    return along, across, load, 1e-3 * person.rise_mm * away
+    return along, across, load, 1e-3 * RISE_MM * away
 
 
 def _held_by_hand(

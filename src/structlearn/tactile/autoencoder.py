@@ -12,7 +12,7 @@ from typing import Self
 import torch
 from torch import Tensor
 
-from structlearn.networks.small_networks import StackedLayers
+from structlearn.networks.stacked_layers import StackedLayers
 
 LATENT = 3
 """Dimensions of the latent state: map x, map y, pressure."""

@@ -14,7 +14,7 @@ from typing import Self
 import torch
 from torch import Tensor
 
-from structlearn.networks.small_networks import StackedLayers
+from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.autoencoder import LATENT
 
 ACTION = 6
@@ -54,7 +54,7 @@ class LocallyLinearDynamics:
     def initial(cls, models: int, hidden: Sequence[int], generator: torch.Generator) -> Self:
         """Models to be trained, with a network of these hidden layers."""
         sizes = (LATENT, *hidden, LATENT * (LATENT + ACTION + 1))
-        return cls(StackedLayers.initial(models, sizes, generator, normalised=False))
+        return cls(StackedLayers.initial(models, sizes, generator))
 
     def part(self, models: slice) -> Self:
         """Some of the models."""
@@ -86,7 +86,7 @@ class NonLinearDynamics:
     def initial(cls, models: int, hidden: int, generator: torch.Generator) -> Self:
         """Models to be trained, with so many nodes in the hidden layer."""
         sizes = (LATENT + ACTION, hidden, LATENT)
-        return cls(StackedLayers.initial(models, sizes, generator, normalised=False))
+        return cls(StackedLayers.initial(models, sizes, generator))
 
     def part(self, models: slice) -> Self:
         """Some of the models."""
@@ -109,7 +109,7 @@ class NonLinearDynamics:
             J_z: (M, 3, 3, B).   J_a: (M, 3, 6, B).
         """
         first, second = self.network.weights
-        slope = 1.0 - self.network.hidden(torch.cat([latent, action], dim=1)).square()
+        slope = 1.0 - self.network.activations(torch.cat([latent, action], dim=1))[-1].square()
         products = (second[:, :, None] * first.transpose(1, 2)[:, None]).flatten(1, 2)  # (M, 3 * 9, hidden)
         jacobian = torch.bmm(products, slope).unflatten(1, (LATENT, LATENT + ACTION))
         return jacobian[:, :, :LATENT], jacobian[:, :, LATENT:]

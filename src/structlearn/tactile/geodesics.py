@@ -39,11 +39,11 @@ class GeodesicParameters(Parameters):
         seed: of the bins.
     """
 
-    neighbours: int = Field(default=18, ge=2)
-    bin_size: int = Field(default=2310, ge=3)
-    bins: int | None = Field(default=None, ge=1)
-    bridge_mm: float = Field(default=3.0, ge=0)
-    seed: int = Field(default=0, ge=0)
+    neighbours: int = Field(ge=2)
+    bin_size: int = Field(ge=3)
+    bins: int | None = Field(ge=1)
+    bridge_mm: float = Field(ge=0)
+    seed: int = Field(ge=0)
 
 
 @dataclass(frozen=True)

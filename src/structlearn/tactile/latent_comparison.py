@@ -65,14 +65,14 @@ class LatentParameters(Parameters):
         longest_chain: steps of prediction to which the forward models are tested.
     """
 
-    seeds: PositiveInt = 6
-    stacks: PositiveInt = 2
-    map_unit_m: float = Field(default=0.01, gt=0)
-    networks: NetworkParameters = NetworkParameters()
-    training: LatentTrainingParameters = LatentTrainingParameters()
-    pair_pool: PositiveInt = 1_000_000
-    evaluation_pairs: PositiveInt = 10_000
-    longest_chain: int = Field(default=8, ge=3)
+    seeds: PositiveInt
+    stacks: PositiveInt
+    map_unit_m: float = Field(gt=0)
+    networks: NetworkParameters
+    training: LatentTrainingParameters
+    pair_pool: PositiveInt
+    evaluation_pairs: PositiveInt
+    longest_chain: int = Field(ge=3)
 
 
 @dataclass(frozen=True)

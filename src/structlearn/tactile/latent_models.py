@@ -13,7 +13,7 @@ from pydantic import PositiveInt
 from torch import Tensor
 
 from structlearn.ground.params import Parameters
-from structlearn.networks.small_networks import StackedLayers
+from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.autoencoder import StackedAutoencoders
 from structlearn.tactile.forward_dynamics import ForwardDynamics, LocallyLinearDynamics, NonLinearDynamics
 from structlearn.tactile.inverse_dynamics import JACOBIAN, LOCALLY_LINEAR, NEGATIVE_GRADIENT
@@ -49,9 +49,9 @@ class NetworkParameters(Parameters):
         nonlinear_hidden: nodes of the hidden layer of the NL model.
     """
 
-    encoder_hidden: tuple[PositiveInt, ...] = (19, 12, 6)
-    locally_linear_hidden: tuple[PositiveInt, ...] = (8, 15, 23)
-    nonlinear_hidden: PositiveInt = 15
+    encoder_hidden: tuple[PositiveInt, ...]
+    locally_linear_hidden: tuple[PositiveInt, ...]
+    nonlinear_hidden: PositiveInt
 
 
 @dataclass(frozen=True)
@@ -104,18 +104,12 @@ class LatentModels:
         Raises:
             KeyError: an array is missing.
         """
-        networks = {}
-        for name in NETWORKS:
-            prefix = f"{name}."
-            found = {key[len(prefix) :]: values for key, values in arrays.items() if key.startswith(prefix)}
-            if not found:
-                raise KeyError(name)
-            networks[name] = StackedLayers.from_arrays(found)
+        encoder, decoder, *dynamics = (StackedLayers.from_arrays(arrays, f"{name}.") for name in NETWORKS)
         return cls(
             seeds=tuple(seeds),
-            autoencoders=StackedAutoencoders(networks["encoder"], networks["decoder"]),
-            locally_linear=LocallyLinearDynamics(networks["locally_linear"]),
-            nonlinear=NonLinearDynamics(networks["nonlinear"]),
+            autoencoders=StackedAutoencoders(encoder, decoder),
+            locally_linear=LocallyLinearDynamics(dynamics[0]),
+            nonlinear=NonLinearDynamics(dynamics[1]),
         )
 
     def to_arrays(self) -> dict[str, Tensor]:
@@ -126,11 +120,10 @@ class LatentModels:
             self.locally_linear.network,
             self.nonlinear.network,
         )
-        return {
-            f"{name}.{key}": values
-            for name, network in zip(NETWORKS, networks, strict=True)
-            for key, values in network.to_arrays().items()
-        }
+        arrays = {}
+        for name, network in zip(NETWORKS, networks, strict=True):
+            arrays |= network.to_arrays(f"{name}.")
+        return arrays
 
     def detached(self) -> Self:
         """The same models, no longer to be trained."""

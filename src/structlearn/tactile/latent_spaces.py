@@ -35,11 +35,11 @@ class LatentSpaceParameters(Parameters):
         evaluation_pairs: pairs on which map and geodesic distances are compared.
     """
 
-    seeds: PositiveInt = 3
-    networks: NetworkParameters = NetworkParameters()
-    training: LatentTrainingParameters = LatentTrainingParameters(steps=1500, batch_size=64)
-    pair_pool: int = Field(default=200_000, ge=1)
-    evaluation_pairs: int = Field(default=5000, ge=1)
+    seeds: PositiveInt
+    networks: NetworkParameters
+    training: LatentTrainingParameters
+    pair_pool: int = Field(ge=1)
+    evaluation_pairs: int = Field(ge=1)
 
 
 def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:

@@ -19,6 +19,7 @@ from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
+from structlearn.networks.rmsprop import RootMeanSquarePropagation
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.tactile.autoencoder import latent_losses
 from structlearn.tactile.forward_dynamics import chained
@@ -49,11 +50,11 @@ class LossWeights(Parameters):
         inverse: w_ID.
     """
 
-    reconstruction: float = Field(default=1.0, ge=0)
-    distances: float = Field(default=10.0, ge=0)
-    pressure: float = Field(default=2.0, ge=0)
-    forward: float = Field(default=100.0, ge=0)
-    inverse: float = Field(default=1.0, ge=0)
+    reconstruction: float = Field(ge=0)
+    distances: float = Field(ge=0)
+    pressure: float = Field(ge=0)
+    forward: float = Field(ge=0)
+    inverse: float = Field(ge=0)
 
 
 class LatentTrainingParameters(Parameters):
@@ -70,14 +71,14 @@ class LatentTrainingParameters(Parameters):
         seed: of initial weights and batches.
     """
 
-    steps: PositiveInt = 6000
-    batch_size: PositiveInt = 128
-    learning_rate: float = Field(default=5e-3, gt=0)
-    decay: float = Field(default=0.99, gt=0, lt=1)
-    weights: LossWeights = LossWeights()
-    action_penalty: float = Field(default=0.01, gt=0)
-    evaluate_every: PositiveInt = 500
-    seed: int = Field(default=0, ge=0)
+    steps: PositiveInt
+    batch_size: PositiveInt
+    learning_rate: float = Field(gt=0)
+    decay: float = Field(gt=0, lt=1)
+    weights: LossWeights
+    action_penalty: float = Field(gt=0)
+    evaluate_every: PositiveInt
+    seed: int = Field(ge=0)
 
 
 @dataclass(frozen=True)
@@ -173,7 +174,7 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
     rngs = [np.random.default_rng([parameters.seed, seed]) for seed in models.seeds]
     descents = [
         (
-            torch.optim.RMSprop(trained, parameters.learning_rate, parameters.decay, foreach=True),
+            RootMeanSquarePropagation(trained, parameters.learning_rate, parameters.decay),
             loss,
             _batches(len(drawn_from), parameters, rngs),
         )
@@ -186,7 +187,8 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
     for step in tqdm(range(parameters.steps), desc="latent spaces", leave=False, disable=None):
         rate = parameters.learning_rate * 0.5 * (1.0 + np.cos(np.pi * step / parameters.steps))
         for optimiser, loss, batches in descents:
-            _descend(optimiser, loss(models, data, next(batches), parameters), rate)
+            optimiser.rate = rate
+            optimiser.step(loss(models, data, next(batches), parameters))
         done = step + 1
         if done % parameters.evaluate_every == 0 or done == parameters.steps:
             yield done
@@ -282,12 +284,3 @@ def _batches(
     while True:
         shape = (DRAWN_AT_ONCE, parameters.batch_size)
         yield from torch.from_numpy(np.stack([rng.integers(0, count, shape) for rng in rngs], axis=1))
-
-
-def _descend(optimiser: torch.optim.Optimizer, loss: Tensor, rate: float) -> None:
-    """One step down the gradient of a loss."""
-    for group in optimiser.param_groups:
-        group["lr"] = rate
-    optimiser.zero_grad()
-    loss.backward()
-    optimiser.step()

@@ -125,7 +125,7 @@ class TactileServo:
         Args:
             latent: (S, T, 3) z_t.
             target: (S, T, 3) z_T.
-            memory: of the step before; if another action was done than the one given out, see `remembered`.
+            memory: of the step before.
 
         Returns:
             Actions (S, T, 6), m/s and rad/s in the frame of the finger, and the memory for the next step.
@@ -135,10 +135,6 @@ class TactileServo:
         length = np.linalg.norm(found, axis=-1, keepdims=True)
         bounded = found * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
         return bounded * self.units.action_scale, ServoMemory(latent, bounded)
-
-    def remembered(self, latent: np.ndarray, action: np.ndarray) -> ServoMemory:
-        """Memory of a step that was done otherwise: latent states (S, T, 3) and actions (S, T, 6) in SI."""
-        return ServoMemory(latent, action / self.units.action_scale)
 
     def _unbounded(self, step: LatentStep, target: Tensor) -> Tensor:
         chosen = self.parameters

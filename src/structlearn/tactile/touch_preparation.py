@@ -41,15 +41,15 @@ class TouchDataParameters(Parameters):
         seed: of the splits.
     """
 
-    rate_hz: float = Field(default=100.0, ge=10, le=1000)
-    cutoff_hz: float = Field(default=1.0, gt=0)
-    air_s: float = Field(default=0.3, gt=0)
-    touched_counts: float = Field(default=10.0, gt=0)
-    pressed_counts: float = Field(default=30.0, gt=0)
-    contact_s: float = Field(default=1.0, gt=0)
-    validation_share: float = Field(default=0.075, gt=0, lt=0.5)
-    test_share: float = Field(default=0.075, gt=0, lt=0.5)
-    seed: int = Field(default=0, ge=0)
+    rate_hz: float = Field(ge=10, le=1000)
+    cutoff_hz: float = Field(gt=0)
+    air_s: float = Field(gt=0)
+    touched_counts: float = Field(gt=0)
+    pressed_counts: float = Field(gt=0)
+    contact_s: float = Field(gt=0)
+    validation_share: float = Field(gt=0, lt=0.5)
+    test_share: float = Field(gt=0, lt=0.5)
+    seed: int = Field(ge=0)
 
     @model_validator(mode="after")
     def _thresholds_rise(self) -> "TouchDataParameters":

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import GREY
-from structlearn.viewer.rrd import rgba
+from structlearn.viewer.rrd import flat_view, rgba
 
 GRID = "#262b31"
 """Colour of the grid: just visible on the viewer's dark ground."""
@@ -99,10 +99,7 @@ def texts(places: Sequence[np.ndarray], labels: Sequence[str], colours: Sequence
 
 def diagram_view(name: str, path: str, diagram: Diagram) -> rrb.Spatial2DView:
     """View of a diagram and everything that is drawn in it below a path."""
-    bounds = rrb.VisualBounds2D(
-        x_range=[-LEFT, diagram.width + RIGHT], y_range=[-ABOVE, diagram.height + BELOW]
-    )
-    return rrb.Spatial2DView(name=name, origin="/", contents=[f"{path}/**"], visual_bounds=bounds)
+    return flat_view(name, path, [-LEFT, diagram.width + RIGHT], [-ABOVE, diagram.height + BELOW])
 
 
 def _ticks(low: float, high: float) -> np.ndarray:

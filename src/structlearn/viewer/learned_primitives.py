@@ -15,6 +15,8 @@ from structlearn.primitives import canonical
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
+from structlearn.viewer.recorded_demonstrations import Scenery
 from structlearn.viewer.rrd import (
     axis_length,
     entity,
@@ -81,6 +83,9 @@ def write_primitives(
     primitives: Sequence[PosePrimitive],
     paths: Mapping[str, pd.DataFrame],
     title: str = "Primitives",
+    note: str = "",
+    scenery: Scenery | None = None,
+    colours: Mapping[str, str] | None = None,
 ) -> None:
     """Write a learned sequence as a recording.
 
@@ -91,6 +96,9 @@ def write_primitives(
         paths: unrolled sequences by name, as `sequence.sequence_table` has them; the first one is that of the
             plotted forcing terms.
         title: heading, different for every recording.
+        note: what is shown, in Markdown; that demonstrations are recorded or simulated is added.
+        scenery: what stands around the paths.
+        colours: of the paths by name; default by primitive, and a colour each for their curves.
     """
     unrolled = {name: _path(table, primitives) for name, table in paths.items()}
     points = np.concatenate(
@@ -98,7 +106,11 @@ def write_primitives(
     )
     length = axis_length(points)
     with recording(path, title) as stream:
-        stream.send_blueprint(_blueprint(points, unrolled, f"{title}{origin_label(demonstrations)}"))
+        around = [] if scenery is None else scenery(stream)
+        heading = f"{title}{origin_label(demonstrations)}"
+        stream.send_blueprint(_blueprint(points, unrolled, heading, len(primitives), around))
+        origin = origin_sentence(demonstrations, "The demonstrations are")
+        send_notes(stream, f"{note}\n\n{origin}")
         for demonstration in demonstrations[:: len(demonstrations) // (CONTEXT + 1) + 1]:
             line = demonstration.position[:: thinning(demonstration.dt)]
             grey = rr.LineStrips3D([line], colors=rgba([GREY], CONTEXT_OPACITY), radii=-0.4)
@@ -106,8 +118,9 @@ def write_primitives(
         for primitive in primitives:
             _send_frame(stream, primitive, length)
         for number, (name, one) in enumerate(unrolled.items()):
-            colour = PATH_COLOURS[number % len(PATH_COLOURS)]
-            _send_path(stream, name, one, colour, length)
+            colour = colours[name] if colours else PATH_COLOURS[number % len(PATH_COLOURS)]
+            strips = [colour if colours else primitive_colour(place) for place in range(len(primitives))]
+            _send_path(stream, name, one, colour, strips, length)
             _send_lane(stream, name, one, primitives)
             _send_rates(stream, name, one, colour)
         _send_forcing(stream, next(iter(unrolled.values())), primitives)
@@ -160,20 +173,24 @@ def _send_frame(stream: rr.RecordingStream, primitive: PosePrimitive, length: fl
     stream.log(entity("goals", primitive.name), goal, static=True)
 
 
-def _send_path(stream: rr.RecordingStream, name: str, path: _Path, colour: str, length: float) -> None:
-    """The path coloured by primitive, where it switches, and the moving frame."""
+def _send_path(
+    stream: rr.RecordingStream,
+    name: str,
+    path: _Path,
+    colour: str,
+    strip_colours: Sequence[str],
+    length: float,
+) -> None:
+    """The path in its colours, where it switches, its name in the middle, and the moving frame."""
     ends = list(zip(path.switches[:-1], path.switches[1:], strict=True))
     strips = [path.position[first : last + 1] for first, last in ends]
-    colours = rgba([primitive_colour(index) for index in range(len(strips))])
-    stream.log(entity("paths", name), rr.LineStrips3D(strips, colors=colours, radii=-2.5), static=True)
-    switches = rr.Points3D(
-        path.position[path.switches],
-        colors=rgba([colour]),
-        radii=-4.0,
-        labels=[name] + [""] * (len(path.switches) - 1),
-        show_labels=True,
-    )
+    line = rr.LineStrips3D(strips, colors=rgba(strip_colours), radii=-2.5)
+    stream.log(entity("paths", name), line, static=True)
+    switches = rr.Points3D(path.position[path.switches], colors=rgba([colour]), radii=-4.0)
     stream.log(entity("switches", name), switches, static=True)
+    middle = path.position[[len(path.position) // 2]]  # paths often share their ends
+    label = rr.Points3D(middle, colors=rgba([colour]), radii=-1.0, labels=[name], show_labels=True)
+    stream.log(entity("switches", name, "label"), label, static=True)
     hand = entity("hands", name)
     send_moving_frame(stream, hand, path.indexes(), path.position, path.orientation, colour, length)
 
@@ -222,9 +239,11 @@ def _orientation_forcing(primitive: OrientationPrimitive, times: np.ndarray, dur
     return primitive.forcing(times, duration)
 
 
-def _blueprint(points: np.ndarray, paths: Mapping[str, _Path], heading: str) -> rrb.Blueprint:
+def _blueprint(
+    points: np.ndarray, paths: Mapping[str, _Path], heading: str, primitives: int, around: Sequence[str]
+) -> rrb.Blueprint:
     kinds = ("demonstrations", "paths", "switches", "goals", "frames", "hands")
-    scene = scene_view(heading, [f"/{kind}/**" for kind in kinds], points)
+    scene = scene_view(heading, [*(f"/{kind}/**" for kind in kinds), *around], points)
     first, rates = next(iter(paths)), next(iter(paths.values())).rates
     turns = next(iter(paths.values())).orientation is not None
     plots = [
@@ -237,8 +256,10 @@ def _blueprint(points: np.ndarray, paths: Mapping[str, _Path], heading: str) -> 
         ),
         *(plot(f"{name} ({UNITS[name]})", [f"/{name}/**"]) for name in rates),
     ]
-    left = rrb.Vertical(scene, lanes("Primitives", ["/primitive/**"]), row_shares=[4, 1])
+    running = [lanes("Primitives", ["/primitive/**"])] if primitives > 1 else []
+    left = rrb.Vertical(scene, *running, notes_view(), row_shares=[4, *(1 for _ in running), 1])
     return layout(
         rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 3]),
         steps_per_s=PHASE_STEPS / 3,
+        at_end=bool(around),
     )

@@ -1,9 +1,25 @@
 """Panels of text in recordings: what is shown, and which colour is what."""
 
+from collections.abc import Mapping, Sequence
+
 import rerun as rr
 import rerun.blueprint as rrb
 
+from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.recordings.demonstration import Demonstration
 from structlearn.viewer.rrd import entity
+
+COLOUR_NAMES = {
+    BLUE: "blue",
+    ORANGE: "orange",
+    GREEN: "green",
+    VERMILION: "red",
+    PURPLE: "pink",
+    SKY: "light blue",
+    GREY: "grey",
+    LIGHT_GREY: "white",
+}
+"""What a reader calls the palette's colours on the viewer's dark ground."""
 
 
 def send_notes(stream: rr.RecordingStream, text: str, *parts: str) -> None:
@@ -25,3 +41,16 @@ def notes_path(*parts: str) -> str:
 def colour_words(colours: dict[str, str]) -> str:
     """A legend in Markdown of what has which colour, by name of the colour."""
     return "\n".join(f"- {colour}: {meaning}" for colour, meaning in colours.items())
+
+
+def legend(colours: Mapping[str, str]) -> str:
+    """A legend in Markdown of names with their colours of the palette."""
+    return "\n".join(f"- {COLOUR_NAMES[colour]}: {name}" for name, colour in colours.items())
+
+
+def origin_sentence(runs: Sequence[Demonstration], subject: str = "Everything here is") -> str:
+    """Whether runs are simulated or recorded, for a panel's text."""
+    simulated = sum(run.simulated for run in runs)
+    if simulated in (0, len(runs)):
+        return f"{subject} {'simulated' if simulated else 'recorded'}."
+    return f"{simulated} of {len(runs)} runs are simulated, the others recorded."

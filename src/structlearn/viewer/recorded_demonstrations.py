@@ -1,6 +1,6 @@
 """Recording of demonstrations: paths and frames in 3-D, all signals over time, and where they were cut."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from structlearn.ground import quaternion
 from structlearn.palette import LIGHT_GREY, primitive_colour
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.result import Segmentation
+from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.rrd import (
     axis_length,
     entity,
@@ -37,12 +38,18 @@ DETAILED = 12
 ELECTRODES_PER_FINGER = 19
 """Of a BioTac; other numbers of channels are shown in one plot."""
 
+Scenery = Callable[[rr.RecordingStream], Sequence[str]]
+"""Logs what stands around the movements, and returns the query expressions of its entities."""
+
 
 def write_demonstrations(
     path: str | Path,
     demonstrations: Sequence[Demonstration],
     segmentation: Segmentation | None = None,
     title: str = "Demonstrations",
+    note: str = "",
+    scenery: Scenery | None = None,
+    colours: Sequence[str] | None = None,
 ) -> None:
     """Write demonstrations as a recording.
 
@@ -53,12 +60,18 @@ def write_demonstrations(
         demonstrations: complete ones; only the position is needed.
         segmentation: of these demonstrations; colours the paths by primitive. None: by demonstration.
         title: heading, different for every recording.
+        note: what is shown, in Markdown; that it is recorded or simulated is added.
+        scenery: what stands around them.
+        colours: of the demonstrations, where there is no segmentation; default those of primitives in turn.
     """
+    colours = colours or [primitive_colour(place) for place in range(len(demonstrations))]
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
     with recording(path, title) as stream:
-        stream.send_blueprint(_blueprint(demonstrations, segmentation, title))
-        for place, demonstration in enumerate(demonstrations):
-            parts = _parts(demonstration, segmentation, place)
+        around = [] if scenery is None else scenery(stream)
+        stream.send_blueprint(_blueprint(demonstrations, segmentation, title, around))
+        send_notes(stream, f"{note}\n\n{origin_sentence(demonstrations)}")
+        for demonstration, colour in zip(demonstrations, colours, strict=True):
+            parts = _parts(demonstration, segmentation, colour)
             _send_path(stream, demonstration, parts)
             _send_positions(stream, demonstration, parts)
             _send_signals(stream, demonstration, axis_length(points))
@@ -70,11 +83,11 @@ Part = tuple[int, int, str]
 """First and last sample of a stretch of a demonstration, and its colour."""
 
 
-def _parts(demonstration: Demonstration, segmentation: Segmentation | None, place: int) -> list[Part]:
+def _parts(demonstration: Demonstration, segmentation: Segmentation | None, colour: str) -> list[Part]:
     """The stretches of a demonstration in order, from its first to its last sample."""
     last = len(demonstration.time) - 1
     if segmentation is None:
-        return [(0, last, primitive_colour(place))]
+        return [(0, last, colour)]
     parts, reached = [], 0
     for index, ends_s in enumerate(_cuts(demonstration, segmentation)):
         start, end = np.clip(np.round(ends_s / demonstration.dt).astype(int), 0, last)
@@ -171,18 +184,24 @@ def _send_lanes(
 
 
 def _blueprint(
-    demonstrations: Sequence[Demonstration], segmentation: Segmentation | None, title: str
+    demonstrations: Sequence[Demonstration],
+    segmentation: Segmentation | None,
+    title: str,
+    around: Sequence[str],
 ) -> rrb.Blueprint:
     points = np.concatenate([demonstration.position for demonstration in demonstrations])
     heading = f"{title}{origin_label(demonstrations)}"
-    scene = scene_view(heading, ["/paths/**", "/hands/**"], points)
+    scene = scene_view(heading, ["/paths/**", "/hands/**", *around], points)
     plots = [plot(f"{axis} (mm)", [f"/position/{axis}/**", f"/cuts/{axis}/**"], False) for axis in AXES]
     if any(demonstration.orientation is not None for demonstration in demonstrations):
         plots.append(plot("turned (degrees)", ["/turned/**"], legend=False))
     cuts = [] if segmentation is None else [lanes("Primitives", ["/primitive/**"])]
     shares = [3] * len(cuts) + [2] * len(plots)
     overview = rrb.Horizontal(
-        scene, rrb.Vertical(*cuts, *plots, row_shares=shares), name="All", column_shares=[4, 3]
+        rrb.Vertical(scene, notes_view(), row_shares=[4, 1]),
+        rrb.Vertical(*cuts, *plots, row_shares=shares),
+        name="All",
+        column_shares=[4, 3],
     )
     only_positions = all(
         demonstration.orientation is None and demonstration.wrench is None and demonstration.tactile is None
@@ -190,14 +209,16 @@ def _blueprint(
     )
     if only_positions:
         return layout(overview)
-    details = [_detail(demonstration, segmentation) for demonstration in demonstrations[:DETAILED]]
-    return layout(rrb.Tabs(overview, *details, active_tab=0))
+    details = [_detail(demonstration, segmentation, around) for demonstration in demonstrations[:DETAILED]]
+    return layout(rrb.Tabs(overview, *details, active_tab=0), at_end=bool(around))
 
 
-def _detail(demonstration: Demonstration, segmentation: Segmentation | None) -> rrb.Horizontal:
+def _detail(
+    demonstration: Demonstration, segmentation: Segmentation | None, around: Sequence[str]
+) -> rrb.Horizontal:
     """Tab of one demonstration with every signal that it has."""
     name = demonstration.name
-    shown = [entity(kind, name) for kind in ("paths", "hands")]
+    shown = [*(entity(kind, name) for kind in ("paths", "hands")), *around]
     scene = scene_view(f"{name}{origin_label([demonstration])}", shown, demonstration.position)
     plots = [plot("moved (mm)", [entity("moved", name)])]
     if demonstration.orientation is not None:

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from rerun.error_utils import set_strict_mode, strict_mode
 
 from structlearn.ground import quaternion
-from structlearn.palette import AXIS_COLOURS
+from structlearn.palette import AXIS_COLOURS, primitive_colour
 from structlearn.recordings.demonstration import Demonstration
 
 TIME = "time"
@@ -39,6 +39,10 @@ ROOM = 1.15
 
 ELEVATION = np.radians(25.0)
 """Of the camera above the horizontal: paths on a board are seen from above, heights remain visible."""
+
+GROUND = (13, 13, 13)
+"""Colour behind drawings and plots, rgb: the palette's light colours are for a dark ground, also in browsers
+whose theme is light."""
 
 
 @contextmanager
@@ -181,14 +185,30 @@ def send_moving_frame(
     stream.send_columns(path, indexes, rr.Transform3D.columns(**pose))
 
 
+def solid_boxes(
+    sizes: Sequence[Sequence[float]],
+    centres: Sequence[Sequence[float]],
+    colours: Sequence[str],
+    opacity: float = 1.0,
+) -> rr.Boxes3D:
+    """N filled boxes of sizes and centres in m, with N colours or one for all."""
+    filled = rr.components.FillMode.Solid
+    return rr.Boxes3D(sizes=sizes, centers=centres, colors=rgba(colours, opacity), fill_mode=filled)
+
+
 def send_primitive_lane(
     stream: rr.RecordingStream,
     path: str,
     indexes: Sequence[rr.TimeColumn],
     states: Sequence[str],
-    colours: dict[str, str],
+    colours: dict[str, str] | None = None,
 ) -> None:
-    """Log which primitive runs from each of K times on, as a coloured lane; an empty name ends the lane."""
+    """Log which primitive runs from each of K times on, as a coloured lane; an empty name ends the lane.
+
+    Colours are by default those of primitives in the order of the states.
+    """
+    if colours is None:
+        colours = {name: primitive_colour(place) for place, name in enumerate(states) if name}
     configuration = rr.StateConfiguration(values=list(colours), colors=rgba(list(colours.values())))
     stream.log(path, configuration, static=True)
     stream.send_columns(path, indexes, rr.StateChange.columns(state=list(states)))
@@ -219,14 +239,34 @@ def scene_view(name: str, contents: Sequence[str], points: np.ndarray) -> rrb.Sp
     across = np.abs((points - centre) @ np.column_stack([right, np.cross(backward, right)]))  # (N, 2)
     needed = np.max(across / [NARROWEST, 1.0], axis=1) / np.tan(HALF_FIELD_OF_VIEW)
     distance = max(float(np.max(needed + (points - centre) @ backward)), NEAREST)
+    return eye_view(name, contents, centre, ROOM * distance * backward)
+
+
+def eye_view(
+    name: str, contents: Sequence[str], target: np.ndarray, from_target: np.ndarray
+) -> rrb.Spatial3DView:
+    """3-D view onto a target (3,) from a place (3,) relative to it, both in m; the camera turns about it."""
     eye = rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=centre + ROOM * distance * backward,
-        look_target=centre,
+        position=target + from_target,
+        look_target=target,
         eye_up=[0.0, 0.0, 1.0],
     )
     return rrb.Spatial3DView(
-        name=name, origin="/", contents=list(contents), eye_controls=eye, line_grid=False
+        name=name,
+        origin="/",
+        contents=list(contents),
+        background=GROUND,
+        eye_controls=eye,
+        line_grid=False,
+    )
+
+
+def flat_view(name: str, path: str, x_range: Sequence[float], y_range: Sequence[float]) -> rrb.Spatial2DView:
+    """View of a drawing below a path; y is downwards."""
+    bounds = rrb.VisualBounds2D(x_range=x_range, y_range=y_range)
+    return rrb.Spatial2DView(
+        name=name, origin="/", contents=[f"{path}/**"], background=GROUND, visual_bounds=bounds
     )
 
 
@@ -236,6 +276,7 @@ def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSer
         name=name,
         origin="/",
         contents=list(contents),
+        background=rrb.archetypes.PlotBackground(color=GROUND),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend),
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
     )

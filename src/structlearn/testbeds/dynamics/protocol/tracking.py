@@ -13,7 +13,6 @@ from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.rigid_body.compiled_dynamics import InverseDynamics, inverse_dynamics
 from structlearn.rigid_body.compiled_models import compiled_model
-from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_learning import Loss
 from structlearn.rigid_body.operational_space_velocity import tool_motion
@@ -51,11 +50,11 @@ class TrackingParameters(Parameters):
         reaching: the reaches.
     """
 
-    models: tuple[str, ...] = ("mlp", "delan", *STRUCTURES)
-    robot_models: tuple[str, ...] = ("cov_coulomb",)
-    loss: Loss = "raw"
-    seeds: int = Field(default=5, ge=1)
-    reaching: ReachingParameters = ReachingParameters()
+    models: tuple[str, ...]
+    robot_models: tuple[str, ...]
+    loss: Loss
+    seeds: int = Field(ge=1)
+    reaching: ReachingParameters
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import GREY
-from structlearn.testbeds.dynamics.recordings.shown_motions import Reaching, colour
+from structlearn.testbeds.dynamics.names import REFERENCE, colour
+from structlearn.testbeds.dynamics.protocol.tracked_reaches import TrackedReach
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, send_arm
-from structlearn.viewer.notes import notes_view, send_notes
+from structlearn.viewer.notes import COLOUR_NAMES, notes_view, send_notes
 from structlearn.viewer.rrd import (
     entity,
     layout,
@@ -26,7 +26,7 @@ WANTED = "wanted"
 
 
 def write_reaches(
-    path: str | Path, urdf: str | Path, joints: Sequence[str], shown: Sequence[Reaching], title: str
+    path: str | Path, urdf: str | Path, joints: Sequence[str], shown: Sequence[TrackedReach], title: str
 ) -> None:
     """Write the reaches of one arm with several models as a recording.
 
@@ -44,8 +44,8 @@ def write_reaches(
         stream.send_blueprint(_blueprint(shown, title))
         for reach in shown:
             times = time_column(reach.time)
-            name, its_colour = _arm(reach), colour(reach.model)
-            send_arm(stream, name, urdf, joints, times, reach.joints)
+            its_colour = colour(reach.model)
+            send_arm(stream, _arm(reach), urdf, joints, times, reach.joints)
             scene = entity("tools", reach.model)
             strips = rr.LineStrips3D([reach.tool], colors=rgba([its_colour]), radii=-2.0)
             stream.log(f"{scene}/path", strips, static=True)
@@ -58,21 +58,21 @@ def write_reaches(
         send_notes(stream, _notes(shown, title))
 
 
-def _arm(reach: Reaching) -> str:
+def _arm(reach: TrackedReach) -> str:
     return f"arm_{reach.model}"
 
 
-def _send_wanted(stream: rr.RecordingStream, reach: Reaching) -> None:
+def _send_wanted(stream: rr.RecordingStream, reach: TrackedReach) -> None:
     """Where all tools should be."""
     times = [time_column(reach.time)]
-    strips = rr.LineStrips3D([reach.wanted], colors=rgba([GREY]), radii=-1.0)
+    strips = rr.LineStrips3D([reach.wanted], colors=rgba([REFERENCE]), radii=-1.0)
     stream.log(f"{WANTED}/path", strips, static=True)
-    send_moving_frame(stream, f"{WANTED}/tool", times, reach.wanted, None, GREY, 0.0)
+    send_moving_frame(stream, f"{WANTED}/tool", times, reach.wanted, None, REFERENCE, 0.0)
     _, speed = reach.speeds
-    send_series(stream, entity("speed", WANTED), times, speed[:, None], [WANTED], [GREY], width=3.0)
+    send_series(stream, entity("speed", WANTED), times, speed[:, None], [WANTED], [REFERENCE], width=3.0)
 
 
-def _blueprint(shown: Sequence[Reaching], title: str) -> rrb.Blueprint:
+def _blueprint(shown: Sequence[TrackedReach], title: str) -> rrb.Blueprint:
     points = shown[0].wanted
     views = [
         arm_view(
@@ -83,10 +83,10 @@ def _blueprint(shown: Sequence[Reaching], title: str) -> rrb.Blueprint:
         for reach in shown
     ]
     arms = rrb.Grid(*views, grid_columns=2, name=title)
-    off = plot("tool off (mm)", ["/off/**"])
+    off = plot("tool off by (mm)", ["/off/**"], legend=False)
     # an arm that runs away would hide all others
     off.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, _range([reach.off_mm for reach in shown])))
-    speed = plot("speed of the tool (m/s)", ["/speed/**"])
+    speed = plot("speed of the tool (m/s)", ["/speed/**"], legend=False)
     highest = 2.0 * float(shown[0].speeds[1].max())
     speed.properties["ScalarAxis"] = rrb.ScalarAxis(range=(0.0, highest))
     right = rrb.Vertical(off, speed, notes_view(), row_shares=[3, 3, 3])
@@ -98,13 +98,16 @@ def _range(curves: Sequence[np.ndarray]) -> float:
     return 1.2 * max(float(np.quantile(curve, 0.95)) for curve in curves if len(curve) > 1)
 
 
-def _notes(shown: Sequence[Reaching], title: str) -> str:
+def _notes(shown: Sequence[TrackedReach], title: str) -> str:
     rows = [
-        f"| {reach.label} | {'' if reach.stopped else f'{reach.velocity_nmse:.4f}'} | {reach.stopped} |"
+        f"| {COLOUR_NAMES[colour(reach.model)]} | {reach.label} "
+        f"| {'' if reach.stopped else f'{reach.velocity_nmse:.2g}'} | {reach.stopped} |"
         for reach in shown
     ]
     return (
-        f"# {title}\n\nSimulated. The same reaches (grey) with one model of the dynamics after the other in "
-        "the controller; the first seed of each.\n\n| model | NMSE of the tool's velocity | stopped |\n"
-        "|---|---|---|\n" + "\n".join(rows) + "\n\nAn arm that was stopped stays where it was then.\n"
+        f"### {title}\n\nSimulated. The same reaches ({COLOUR_NAMES[REFERENCE]}: wanted) with one model "
+        "after the other in the controller; the first seed of each.\n\n"
+        "| colour | model | NMSE of the tool's velocity | stopped |\n|---|---|---|---|\n"
+        + "\n".join(rows)
+        + "\n\nAn arm that was stopped stays where it was then.\n"
     )

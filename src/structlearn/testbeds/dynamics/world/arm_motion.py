@@ -31,8 +31,8 @@ class FeedbackParameters(Parameters):
         damping_ratio: of each joint alone, with the URDF's inertia in the middle of its range.
     """
 
-    stiffness_n_m_rad: tuple[float, ...] = (100.0, 200.0, 40.0, 100.0, 10.0, 10.0, 2.0)
-    damping_ratio: float = Field(default=0.7, gt=0)
+    stiffness_n_m_rad: tuple[float, ...]
+    damping_ratio: float = Field(gt=0)
 
 
 class SineParameters(Parameters):
@@ -46,11 +46,11 @@ class SineParameters(Parameters):
         feedback: of the joints.
     """
 
-    duration_s: float = Field(default=240.0, gt=0, le=3600)
-    rate_hz: float = Field(default=250.0, ge=100, le=2000)
-    periods_s: tuple[float, ...] = (23.0, 19.0, 17.0, 13.0, 11.0, 7.0, 5.0)
-    amplitudes: tuple[float, ...] = (0.7, 0.5, 0.5, 0.5, 0.65, 0.65, 0.7)
-    feedback: FeedbackParameters = FeedbackParameters()
+    duration_s: float = Field(gt=0, le=3600)
+    rate_hz: float = Field(ge=100, le=2000)
+    periods_s: tuple[float, ...]
+    amplitudes: tuple[float, ...]
+    feedback: FeedbackParameters
 
 
 @dataclass(frozen=True)

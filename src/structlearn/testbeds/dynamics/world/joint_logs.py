@@ -11,7 +11,7 @@ import structlearn
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.recordings.checks import at_row
-from structlearn.recordings.joint_log import JOINT_STATES, JointLog, read_joint_log
+from structlearn.recordings.joint_log import JointLog, read_joint_log
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order
 from structlearn.simulation.arm import Arm, Mechanics, Payload, ideal
@@ -37,10 +37,10 @@ class PayloadParameters(Parameters):
         at_share: share of the motion after which it is picked up.
     """
 
-    mass_kg: float = Field(default=1.5, gt=0)
-    point_m: tuple[float, float, float] = (0.0, 0.0, 0.1)
-    radius_m: float = Field(default=0.05, gt=0)
-    at_share: float = Field(default=0.5, gt=0, lt=1)
+    mass_kg: float = Field(gt=0)
+    point_m: tuple[float, float, float]
+    radius_m: float = Field(gt=0)
+    at_share: float = Field(gt=0, lt=1)
 
     @property
     def body(self) -> Payload:
@@ -58,10 +58,10 @@ class MotionSourceParameters(Parameters):
         payload: picked up by the simulated arm in a log of its own.
     """
 
-    source: str = Field(default=SIMULATED, min_length=1)
-    topic: str = Field(default=JOINT_STATES, min_length=1)
-    max_gap_s: float = Field(default=0.1, gt=0)
-    payload: PayloadParameters = PayloadParameters()
+    source: str = Field(min_length=1)
+    topic: str = Field(min_length=1)
+    max_gap_s: float = Field(gt=0)
+    payload: PayloadParameters
 
 
 def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:

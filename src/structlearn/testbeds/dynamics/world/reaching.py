@@ -31,13 +31,13 @@ class ReachingParameters(Parameters):
         control: gains.
     """
 
-    goals: int = Field(default=5, ge=1)
-    move_s: float = Field(default=3.0, gt=0)
-    rest_s: float = Field(default=1.0, ge=0)
-    half_box_m: tuple[float, float, float] = (0.15, 0.3, 0.2)
-    posture: tuple[float, ...] = (0.0, 0.25, 0.0, -0.57, 0.0, 0.48, 0.0)
-    tool_m: tuple[float, float, float] = (0.0, 0.0, 0.1)
-    control: VelocityControlParameters = VelocityControlParameters()
+    goals: int = Field(ge=1)
+    move_s: float = Field(gt=0)
+    rest_s: float = Field(ge=0)
+    half_box_m: tuple[float, float, float]
+    posture: tuple[float, ...]
+    tool_m: tuple[float, float, float]
+    control: VelocityControlParameters
 
 
 @dataclass(frozen=True)

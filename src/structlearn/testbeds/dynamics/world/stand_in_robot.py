@@ -36,16 +36,16 @@ class StandInParameters(Parameters):
         latency_ticks: control ticks between command and torque.
     """
 
-    seed: int = Field(default=1, ge=0)
-    rated_n_m: tuple[float, ...] = (176.0, 176.0, 110.0, 110.0, 110.0, 40.0, 40.0)
-    viscous_share: float = Field(default=0.003, ge=0)
-    coulomb_share: float = Field(default=0.005, ge=0)
-    ripple_share: float = Field(default=0.001, ge=0)
-    noise_share: float = Field(default=0.0005, ge=0)
-    ripple_per_turn: float = Field(default=320.0, gt=0)
-    mass_spread: float = Field(default=0.15, ge=0)
-    centre_spread_m: float = Field(default=0.015, ge=0)
-    latency_ticks: int = Field(default=1, ge=0, le=20)
+    seed: int = Field(ge=0)
+    rated_n_m: tuple[float, ...]
+    viscous_share: float = Field(ge=0)
+    coulomb_share: float = Field(ge=0)
+    ripple_share: float = Field(ge=0)
+    noise_share: float = Field(ge=0)
+    ripple_per_turn: float = Field(gt=0)
+    mass_spread: float = Field(ge=0)
+    centre_spread_m: float = Field(ge=0)
+    latency_ticks: int = Field(ge=0, le=20)
 
 
 def stand_in(tree: KinematicTree, default: LinkInertias, parameters: StandInParameters) -> Mechanics:

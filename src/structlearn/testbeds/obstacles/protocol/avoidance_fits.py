@@ -43,12 +43,12 @@ class AvoidanceTrainingParameters(Parameters):
         phase_modulated_hidden: nodes of their regular hidden layers.
     """
 
-    split: SplitParameters = SplitParameters()
-    per_setting: NetworkParameters = NetworkParameters()
-    per_shape: NetworkParameters = NetworkParameters()
-    all_shapes: NetworkParameters = NetworkParameters()
-    phase_modulated: TrainingParameters = TrainingParameters()
-    phase_modulated_hidden: tuple[PositiveInt, ...] = (100,)
+    split: SplitParameters
+    per_setting: NetworkParameters
+    per_shape: NetworkParameters
+    all_shapes: NetworkParameters
+    phase_modulated: TrainingParameters
+    phase_modulated_hidden: tuple[PositiveInt, ...]
 
 
 @dataclass(frozen=True)

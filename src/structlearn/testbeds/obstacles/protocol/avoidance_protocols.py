@@ -34,7 +34,6 @@ from structlearn.testbeds.obstacles.world.scenarios import (
 )
 
 TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE = "trained", "unseen", "moving", "pair", "goal_change"
-PROTOCOLS = (TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE)
 
 NO_MODEL = "none"
 """The baseline without coupling term."""
@@ -60,14 +59,14 @@ class AvoidanceEvaluationParameters(Parameters):
         postprocessing: what acts of a model's coupling term.
     """
 
-    rate_hz: float = Field(default=100.0, ge=25, le=1000)
-    kept_every: PositiveInt = 4
-    speeds_m_s: tuple[float, ...] = (0.1, 0.2)
-    pairs: PositiveInt = 100
-    pair_seed: int = Field(default=0, ge=0)
-    goal_change_s: float = Field(default=0.4, gt=0)
-    goal_shift_m: tuple[float, float, float] = (0.0, 0.1, 0.05)
-    postprocessing: PostprocessingParameters = PostprocessingParameters()
+    rate_hz: float = Field(ge=25, le=1000)
+    kept_every: PositiveInt
+    speeds_m_s: tuple[float, ...]
+    pairs: PositiveInt
+    pair_seed: int = Field(ge=0)
+    goal_change_s: float = Field(gt=0)
+    goal_shift_m: tuple[float, float, float]
+    postprocessing: PostprocessingParameters
 
     @model_validator(mode="after")
     def _limited(self) -> Self:
@@ -83,7 +82,7 @@ class Situations:
     """A batch of reaches past obstacles.
 
     Attributes:
-        protocol: one of `PROTOCOLS`.
+        protocol: `TRAINED`, `UNSEEN`, `MOVING`, `PAIR` or `GOAL_CHANGE`.
         obstacle: shape of the obstacles.
         numbers: (B,) of the setting, sphere or pair, from 1.
         obstacles: one or two of each reach.

@@ -10,20 +10,19 @@ import rerun as rr
 from rerun.components import FillMode
 from scipy.spatial.transform import Rotation
 
+from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.shapes import Obstacle
-from structlearn.palette import GREY, LIGHT_GREY, SKY, VERMILION
-from structlearn.testbeds.obstacles.recordings.shown_reaches import Reach, ShownScenario, of_baseline
-from structlearn.testbeds.obstacles.world.scenarios import Scenario
+from structlearn.primitives.position import PositionPrimitive
+from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, FREE, HIT, SOURCES
+from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, without_avoidance
+from structlearn.testbeds.obstacles.recordings.shown_scenarios import ShownScenario
 from structlearn.viewer.rrd import entity, rgba, send_moving_frame, time_column
 
-HIT, FREE = VERMILION, GREY
-"""Colours of obstacles that the baseline hits and of others."""
+BARE = SOURCES[""]
+"""Look of the reach without avoidance."""
 
-PERSON, BASELINE = SKY, LIGHT_GREY
-"""Colours of demonstrations and of the baseline."""
-
-PALE = 0.4
-"""Opacity of demonstrations, of which there are many."""
+PALE = 0.5
+"""Opacity of demonstrations, of which there are many, and of paths before they come about."""
 
 SOLID_OPACITY = 0.35
 """Of obstacles: the cloud on the far side stays visible."""
@@ -32,10 +31,20 @@ ARROW_SCALE = 1.5e-3
 """Length of an arrow per coupling term, m per m: those of networks are up to 0.15 m long."""
 
 LONGEST_ARROW_M = 0.15
-"""Of longer ones the direction is drawn: the human-inspired model asks for up to 100 times as much."""
+"""Of longer ones the direction is drawn: the model of Rai et al. asks for up to 100 times as much."""
 
 ARROW_EVERY = 2
 """Every how many samples of a path an arrow is drawn."""
+
+
+def in_base_frame(points: np.ndarray, baseline: PositionPrimitive) -> np.ndarray:
+    """Points (..., 3) m of the baseline's local frame in the base frame."""
+    return baseline.start + points @ baseline_axes(baseline).T
+
+
+def obstacle_colour(bare: Reach) -> str:
+    """Colour of an obstacle, given the reach without avoidance past it."""
+    return (HIT if bare.hit else FREE).colour
 
 
 def send_obstacle(
@@ -85,20 +94,6 @@ def send_sphere(
     stream.send_columns(path, indexes, rr.Transform3D.columns(translation=centres))
     stream.send_columns(f"{path}/solid", indexes, pale)
     stream.send_columns(f"{path}/cloud", indexes, rr.Points3D.columns(colors=rgba(colours)))
-
-
-def send_places(
-    stream: rr.RecordingStream, path: str, places: Sequence[Scenario], colours: Sequence[str]
-) -> None:
-    """Log where the obstacles of scenarios stand, as small balls with the numbers of their settings."""
-    points = rr.Points3D(
-        [place.obstacle.centre for place in places],
-        colors=rgba(colours),
-        radii=0.012,
-        labels=[f"{place.setting:02d}" for place in places],
-        show_labels=True,
-    )
-    stream.log(path, points, static=True)
 
 
 def send_paths(
@@ -152,18 +147,17 @@ def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
     return vectors * np.minimum(1.0, LONGEST_ARROW_M / np.maximum(length, LONGEST_ARROW_M))
 
 
-def send_scenario(stream: rr.RecordingStream, one: ShownScenario, person_colour: str) -> None:
-    """The obstacle, demonstrated paths, and the baseline."""
-    name, solid, reach = one.scenario.name, one.scenario.obstacle, of_baseline(one.reaches)
-    colour = HIT if reach.hit else FREE
-    send_obstacle(stream, entity(name, "obstacle"), solid, one.cloud, colour)
+def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
+    """Log the obstacle, demonstrated paths, and the reach without avoidance.
+
+    Returns:
+        All points that a view of the scenario has to show, (N, 3) m.
+    """
+    name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]
-    send_paths(stream, entity(name, "demonstrated"), demonstrated, person_colour, PALE)
-    send_paths(stream, entity(name, "baseline", "path"), [reach.position], BASELINE, width=2.0)
-    send_hand(stream, entity(name, "baseline", "hand"), reach.time, reach.position, BASELINE)
-
-
-def scenario_points(one: ShownScenario) -> np.ndarray:
-    """All that a scene of a scenario has to show, (N, 3) m."""
-    paths = [person.position for person in one.demonstrations]
-    return np.concatenate([one.cloud, of_baseline(one.reaches).position, *paths])
+    colour = obstacle_colour(bare)
+    send_obstacle(stream, entity(name, "obstacle"), one.scenario.obstacle, one.cloud, colour)
+    send_paths(stream, entity(name, "demonstrated"), demonstrated, DEMONSTRATIONS.colour, PALE)
+    send_paths(stream, entity(name, BARE.name, "path"), [bare.position], BARE.colour, width=2.0)
+    send_hand(stream, entity(name, BARE.name, "hand"), bare.time, bare.position, BARE.colour)
+    return np.concatenate([one.cloud, bare.position, *demonstrated])

@@ -1,4 +1,4 @@
-"""Recording of what the dissertation left out: spheres that move, two at once, a goal that changes."""
+"""Recording of what the dissertation left out: spheres that move, two at once, a goal that moves."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,41 +11,28 @@ from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.learned_models import NETWORK
 from structlearn.palette import BLUE
 from structlearn.primitives.position import PositionPrimitive
+from structlearn.testbeds.obstacles.names import FREE, HIT, SITUATIONS, SOURCES
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import GOAL_CHANGE, MOVING, PAIR, Situations
+from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
+    Group,
+    SituationKey,
+    groups_of,
+    of_model,
+    without_avoidance,
+)
 from structlearn.testbeds.obstacles.recordings.avoidance_scene import (
-    BASELINE,
-    FREE,
-    HIT,
+    PALE,
+    in_base_frame,
     send_paths,
     send_sphere,
     send_trail,
 )
-from structlearn.testbeds.obstacles.recordings.shown_reaches import Reach, SituationKey, of_baseline, of_model
-from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
-    COLOUR_WORDS,
-    SHAPE_COLOURS,
-    in_base_frame,
-    situation_keys,
-)
-from structlearn.viewer.notes import colour_words, notes_view, send_notes
-from structlearn.viewer.rrd import (
-    entity,
-    layout,
-    plot,
-    recording,
-    rgba,
-    scene_view,
-    send_curve,
-    time_column,
-)
+from structlearn.testbeds.obstacles.recordings.unseen_avoidance import hits_table, network_legend
+from structlearn.viewer.notes import notes_view, send_notes
+from structlearn.viewer.rrd import entity, layout, plot, recording, rgba, scene_view, send_curve, time_column
 
 SHOWN = 3
-"""Reaches per situation, evenly spread over those in which the baseline hits."""
-
-PALE = 0.3
-"""Opacity of the paths before they come about."""
-
-NAMES = {MOVING: "moving sphere", PAIR: "two spheres", GOAL_CHANGE: "goal change"}
+"""Reaches per situation, evenly spread over those in which the reach without avoidance hits."""
 
 EXPLAINED = {
     MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
@@ -57,7 +44,7 @@ EXPLAINED = {
 def write_changing_avoidance(
     path: str | Path,
     situations: Sequence[Situations],
-    reaches: Mapping[SituationKey, Sequence[Reach]],
+    reaches: Mapping[SituationKey, Group],
     baseline: PositionPrimitive,
     title: str,
 ) -> None:
@@ -69,23 +56,28 @@ def write_changing_avoidance(
     Args:
         path: of the .rrd file.
         situations: of spheres.
-        reaches: by situation, of the baseline and of networks.
+        reaches: by situation.
         baseline: whose local frame the spheres are in.
         title: heading, different for every recording.
     """
     with recording(path, title) as stream:
-        tabs = [_tab(situation, reaches, baseline) for situation in situations]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        tabs = []
         for situation in situations:
-            groups = [reaches[key] for key in situation_keys(situation)]
-            send_notes(stream, _notes(title, situation, groups), situation.protocol)
-            for index in shown_reaches(groups):
+            protocol, groups = situation.protocol, groups_of(situation, reaches)
+            send_notes(stream, _notes(title, protocol, groups), protocol)
+            cells = [
                 _send_scene(stream, situation, index, groups[index], baseline)
+                for index in shown_reaches(groups)
+            ]
+            shares = [4] * len(cells) + [3]
+            views = (*cells, notes_view(protocol))
+            tabs.append(rrb.Horizontal(*views, column_shares=shares, name=SITUATIONS[protocol]))
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
-def shown_reaches(groups: Sequence[Sequence[Reach]], count: int = SHOWN) -> list[int]:
-    """Indices of at most `count` of the reaches, evenly spread over those in which the baseline hits."""
-    hit = [index for index, group in enumerate(groups) if of_baseline(group).hit]
+def shown_reaches(groups: Sequence[Group], count: int = SHOWN) -> list[int]:
+    """Indices of at most `count` of the reaches, evenly spread over those that hit without avoidance."""
+    hit = [index for index, group in enumerate(groups) if without_avoidance(group).hit]
     shown = min(count, len(hit))
     return [hit[(2 * place + 1) * len(hit) // (2 * shown)] for place in range(shown)]
 
@@ -112,29 +104,38 @@ def _send_scene(
     stream: rr.RecordingStream,
     situation: Situations,
     index: int,
-    group: Sequence[Reach],
+    group: Group,
     baseline: PositionPrimitive,
-) -> None:
-    parts = _parts(situation, index)
-    scene, unhindered = entity(*parts), of_baseline(group)
-    times = unhindered.time
-    centres = sphere_paths(situation, index, times, baseline)
+) -> rrb.Vertical:
+    """Log one reach past its spheres by every network; a scene and the distances below it."""
+    heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"
+    if situation.speed[index]:
+        heading += f", {situation.speed[index]:g} m/s"
+    parts = (situation.protocol, heading)
+    scene, bare = entity(*parts), without_avoidance(group)
+    centres = sphere_paths(situation, index, bare.time, baseline)
     radii = [float(obstacle.radius[index]) for obstacle in situation.obstacles]
-    nearest = surface_distances(unhindered.position, centres, radii).min(axis=1)
+    nearest = surface_distances(bare.position, centres, radii).min(axis=1)
     for number, (obstacle, path) in enumerate(zip(situation.obstacles, centres, strict=True)):
         cloud = (obstacle.points[index] - obstacle.centre[index]) @ baseline_axes(baseline).T
         # a hit between the samples that are kept is one of the nearest sphere
-        hit = unhindered.hit and nearest[number] <= max(0.0, nearest.min())
-        sphere, colours = f"{scene}/spheres/{number}", [HIT if hit else FREE] * len(times)
-        send_sphere(stream, sphere, cloud, radii[number], [time_column(times)], path, colours)
+        hit = bare.hit and nearest[number] <= max(0.0, nearest.min())
+        colours = [(HIT if hit else FREE).colour] * len(bare.time)
+        sphere = f"{scene}/spheres/{number}"
+        send_sphere(stream, sphere, cloud, radii[number], [time_column(bare.time)], path, colours)
     _send_goal(stream, f"{scene}/goal", situation, baseline)
-    for reach in _drawn(group):
-        colour = SHAPE_COLOURS.get(reach.learned_from, BASELINE)
-        send_paths(stream, entity(*parts, "ahead", reach.label), [reach.position], colour, PALE)
-        send_trail(stream, entity(*parts, "reaches", reach.label), reach, colour)
+    drawn = [bare, *of_model(group, NETWORK)]
+    for reach in drawn:
+        label, colour = SOURCES[reach.learned_from].name, SOURCES[reach.learned_from].colour
+        send_paths(stream, entity(*parts, "ahead", label), [reach.position], colour, PALE)
+        send_trail(stream, entity(*parts, "reaches", label), reach, colour)
         distance = 1e3 * surface_distances(reach.position, centres, radii).min(axis=0)
-        curve = entity(*parts, "distance", reach.label)
-        send_curve(stream, curve, reach.time, distance, reach.label, colour)
+        send_curve(stream, entity(*parts, "distance", label), reach.time, distance, label, colour)
+    points = np.concatenate([*(reach.position for reach in drawn), *centres])
+    contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal")]
+    distances = plot("distance to the nearest surface (mm)", [f"{scene}/distance/**"], legend=False)
+    view = scene_view(f"{heading} (simulated)", contents, points)
+    return rrb.Vertical(view, distances, row_shares=[3, 2])
 
 
 def _send_goal(
@@ -148,54 +149,11 @@ def _send_goal(
     stream.send_columns(path, [time_column(np.array(times))], rr.Points3D.columns(positions=goals))
 
 
-def _drawn(group: Sequence[Reach]) -> list[Reach]:
-    return [of_baseline(group), *of_model(group, NETWORK)]
-
-
-def _parts(situation: Situations, index: int) -> tuple[str, ...]:
-    return (situation.protocol, _heading(situation, index))
-
-
-def _heading(situation: Situations, index: int) -> str:
-    heading = f"{NAMES[situation.protocol]} {situation.numbers[index]}"
-    speed = situation.speed[index]
-    return f"{heading}, {speed:g} m/s" if speed else heading
-
-
-def _tab(
-    situation: Situations, reaches: Mapping[SituationKey, Sequence[Reach]], baseline: PositionPrimitive
-) -> rrb.Horizontal:
-    groups = [reaches[key] for key in situation_keys(situation)]
-    cells = []
-    for index in shown_reaches(groups):
-        scene, group = entity(*_parts(situation, index)), groups[index]
-        times = of_baseline(group).time
-        spheres = sphere_paths(situation, index, times, baseline)
-        points = np.concatenate([*(reach.position for reach in _drawn(group)), *spheres])
-        contents = [f"{scene}/{part}/**" for part in ("spheres", "reaches", "ahead", "goal")]
-        heading = f"{_heading(situation, index)} (simulated)"
-        distance = plot("distance to the nearest surface (mm)", [f"{scene}/distance/**"], legend=False)
-        cells.append(rrb.Vertical(scene_view(heading, contents, points), distance, row_shares=[3, 2]))
-    return rrb.Horizontal(
-        *cells,
-        notes_view(situation.protocol),
-        column_shares=[4] * len(cells) + [3],
-        name=NAMES[situation.protocol],
-    )
-
-
-def _notes(title: str, situation: Situations, groups: Sequence[Sequence[Reach]]) -> str:
-    sources = list(dict.fromkeys(reach.label for group in groups for reach in _drawn(group)))
-    rows = []
-    for label in sources:
-        its = [reach for group in groups for reach in _drawn(group) if reach.label == label]
-        rows.append(f"| {label} | {sum(reach.hit for reach in its)} |")
+def _notes(title: str, protocol: str, groups: Sequence[Group]) -> str:
     return (
-        f"# {title}\n\n{EXPLAINED[situation.protocol]} Play the time line. Everything is simulated: networks "
-        "that learned from simulated people with one sphere, cube or cylinder at rest are unrolled, without "
-        "a robot. Arrows are the coupling term; pale lines are the paths to come.\n\n"
-        f"{colour_words(COLOUR_WORDS)}\n\nShown are {len(shown_reaches(groups))} of {len(groups)} reaches; "
-        f"the baseline hits in each of them.\n\n| hits | of {len(groups)} |\n|---|---|\n"
-        + "\n".join(rows)
-        + "\n"
+        f"# {title}\n\n{EXPLAINED[protocol]} Play the time line. Everything is simulated: networks that "
+        "learned from simulated people with one sphere, cube or cylinder at rest are unrolled, without a "
+        "robot. Arrows are the coupling term; pale lines are the paths to come.\n\n"
+        f"{network_legend(groups)}\n\nShown are {len(shown_reaches(groups))} of {len(groups)} reaches; "
+        f"without avoidance each of them hits.\n\n{hits_table(groups)}"
     )

@@ -7,30 +7,26 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.avoidance.learned_models import ALL, SETTING
-from structlearn.palette import GREEN, GREY, ORANGE, SKY
+from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, SOURCES, model_name
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import NO_MODEL
+from structlearn.testbeds.obstacles.protocol.unrolled_reaches import of_model
 from structlearn.testbeds.obstacles.recordings.avoidance_scene import (
+    BARE,
     LONGEST_ARROW_M,
-    scenario_points,
     send_arrows,
     send_hand,
     send_paths,
     send_scenario,
 )
-from structlearn.testbeds.obstacles.recordings.shown_reaches import MODEL_NAMES, ShownScenario, of_model
-from structlearn.viewer.notes import colour_words, notes_view, send_notes
+from structlearn.testbeds.obstacles.recordings.shown_scenarios import ShownScenario
+from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import entity, layout, origin_label, plot, recording, scene_view, send_curve
 
 DIRECTIONS = {1: "to the left", 2: "upwards"}
 """Of coupling terms, by axis of the local frame; the one along the reach is always 0."""
 
-SOURCE_COLOURS = {SETTING: SKY, ALL: GREEN}
-"""Of reaches by what their model learned from; a shape is `SHAPE_COLOUR`."""
-
-SHAPE_COLOUR = ORANGE
-
 DIM = "#555c64"
-"""Colour of demonstrated coupling terms behind those of models."""
+"""Colour of demonstrated coupling terms behind those of models: a darker grey than that of demonstrations."""
 
 ROOM = 1.5
 """Range of plots of coupling terms over that of the demonstrated ones: some go far beyond for an instant."""
@@ -49,14 +45,19 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
     """
     origin = origin_label([one for group in shown for one in group.demonstrations])
     with recording(path, title) as stream:
-        tabs = [_tab(one, origin) for one in shown]
-        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
+        tabs = []
         for one in shown:
-            send_scenario(stream, one, GREY)
+            name, points = one.scenario.name, send_scenario(stream, one)
             _send_targets(stream, one)
-            for model in _models(one):
-                _send_model(stream, one, model)
-            send_notes(stream, _notes(title, origin, one), one.scenario.name)
+            send_notes(stream, _notes(title, origin, one), name)
+            kinds = [kind for kind in KINDS if kind != NO_MODEL and of_model(one.reaches, kind)]
+            columns = []
+            for kind in kinds:
+                _send_model(stream, one, kind)
+                columns.append(_column(one, kind, points, f"{KINDS[kind].name}{origin}"))
+            shares = [5] * len(columns) + [4]
+            tabs.append(rrb.Horizontal(*columns, notes_view(name), column_shares=shares, name=name))
+        stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
 
 
 def _send_targets(stream: rr.RecordingStream, one: ShownScenario) -> None:
@@ -65,85 +66,58 @@ def _send_targets(stream: rr.RecordingStream, one: ShownScenario) -> None:
         for axis, direction in DIRECTIONS.items():
             path = entity(one.scenario.name, "demonstrated terms", direction, str(number))
             values = rows[f"target_{'xyz'[axis]}"].to_numpy(float)
-            send_curve(stream, path, rows["time_s"].to_numpy(float), values, "demonstrated", DIM)
+            send_curve(stream, path, rows["time_s"].to_numpy(float), values, DEMONSTRATIONS.name, DIM)
 
 
-def _send_model(stream: rr.RecordingStream, one: ShownScenario, model: str) -> None:
+def _send_model(stream: rr.RecordingStream, one: ShownScenario, kind: str) -> None:
     """Paths of a model and its signals, by what it learned from."""
     name = one.scenario.name
-    for reach in of_model(one.reaches, model):
-        colour = SOURCE_COLOURS.get(reach.learned_from, SHAPE_COLOUR)
-        scene = entity(name, model, reach.label)
+    for reach in of_model(one.reaches, kind):
+        label, colour = SOURCES[reach.learned_from].name, SOURCES[reach.learned_from].colour
+        scene = entity(name, kind, label)
         send_paths(stream, f"{scene}/path", [reach.position], colour, width=1.5)
         send_arrows(stream, f"{scene}/coupling", reach, colour)
         send_hand(stream, f"{scene}/hand", reach.time, reach.position, colour)
         distance = 1e3 * one.scenario.obstacle.signed_distance(reach.position)
-        curve = entity(name, "distance", model, reach.label)
-        send_curve(stream, curve, reach.time, distance, reach.label, colour)
+        send_curve(stream, entity(name, "distance", kind, label), reach.time, distance, label, colour)
         for axis, direction in DIRECTIONS.items():
-            curve = entity(name, "terms", model, direction, reach.label)
-            send_curve(stream, curve, reach.time, reach.coupling[:, axis], reach.label, colour)
+            curve = entity(name, "terms", kind, direction, label)
+            send_curve(stream, curve, reach.time, reach.coupling[:, axis], label, colour)
 
 
-def _models(one: ShownScenario) -> list[str]:
-    """Kinds of models that were unrolled, in the order of their names for headings."""
-    return [model for model in MODEL_NAMES if of_model(one.reaches, model)]
-
-
-def _tab(one: ShownScenario, origin: str) -> rrb.Horizontal:
-    limits = _target_range(one)
-    columns = [_model_column(one, model, origin, limits) for model in _models(one)]
-    notes = notes_view(one.scenario.name)
-    return rrb.Horizontal(*columns, notes, column_shares=[5] * len(columns) + [4], name=one.scenario.name)
-
-
-def _model_column(one: ShownScenario, model: str, origin: str, limits: tuple[float, float]) -> rrb.Vertical:
+def _column(one: ShownScenario, kind: str, points: np.ndarray, heading: str) -> rrb.Vertical:
+    """Scene and plots of a kind of model."""
     name = one.scenario.name
-    scene = scene_view(
-        f"{MODEL_NAMES[model]}{origin}",
-        [f"{entity(name, part)}/**" for part in ("obstacle", "demonstrated", "baseline", model)],
-        scenario_points(one),
-    )
-    distance = plot("distance to the obstacle's surface (mm)", [f"{entity(name, 'distance', model)}/**"])
+    parts = ("obstacle", "demonstrated", BARE.name, kind)
+    scene = scene_view(heading, [f"{entity(name, part)}/**" for part in parts], points)
+    distance = plot("distance to the obstacle's surface (mm)", [f"{entity(name, 'distance', kind)}/**"])
+    limit = ROOM * float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
     terms = []
     for direction in DIRECTIONS.values():
-        kinds = (("demonstrated terms",), ("terms", model))
-        contents = [f"{entity(name, *kind, direction)}/**" for kind in kinds]
-        term = plot(f"coupling {direction} (grey: demonstrated)", contents, legend=False)
-        term.properties["ScalarAxis"] = rrb.ScalarAxis(range=limits)
+        curves = (("demonstrated terms", direction), ("terms", kind, direction))
+        contents = [f"{entity(name, *curve)}/**" for curve in curves]
+        term = plot(f"coupling {direction} (m; grey: demonstrated)", contents, legend=False)
+        term.properties["ScalarAxis"] = rrb.ScalarAxis(range=(-limit, limit))
         terms.append(term)
     return rrb.Vertical(scene, distance, *terms, row_shares=[5, 2, 2, 2])
 
 
-def _target_range(one: ShownScenario) -> tuple[float, float]:
-    largest = float(np.abs(one.targets[["target_y", "target_z"]].to_numpy()).max())
-    return (-ROOM * largest, ROOM * largest)
-
-
 def _notes(title: str, origin: str, one: ShownScenario) -> str:
-    colours = {
-        "light blue": "the model of this scenario alone",
-        "orange": f"the model of all {one.scenario.shape}s",
-        "green": "the model of all shapes",
-        "white": "the baseline, without coupling term",
-        "grey": "what people did",
-    }
+    surface = one.scenario.obstacle.signed_distance
     rows = [
-        f"| {_closest(one, reach.position):.0f} | {1e3 * reach.goal_distance_m:.0f} | "
-        f"{MODEL_NAMES.get(reach.model, '')} {reach.label} |"
+        f"| {1e3 * surface(reach.position).min():.0f} | {1e3 * reach.goal_distance_m:.0f} | "
+        f"{model_name(reach.model, reach.learned_from)} |"
         for reach in one.reaches
     ]
-    people = min(_closest(one, person.position) for person in one.demonstrations)
+    people = min(1e3 * surface(person.position).min() for person in one.demonstrations)
+    looks = [DEMONSTRATIONS, *(SOURCES[reach.learned_from] for reach in one.reaches)]
+    colours = legend({look.name: look.colour for look in looks})
     return (
         f"# {title}\n\nThe {one.scenario.shape} in setting {one.scenario.setting:02d}, and what models do "
-        f"that learned from it{origin}. The reaches are unrolled, without a robot.\n\n"
-        f"{colour_words(colours)}\n\n"
-        f"Arrows are the coupling term along the path; none is drawn longer than {LONGEST_ARROW_M:g} m.\n\n"
-        "| closest | goal off | model |\n|---|---|---|\n"
-        + "\n".join([*rows, f"| {people:.0f} | | people |"])
+        f"that learned from it{origin}: from this setting alone, from all {one.scenario.shape}s, or from all "
+        f"shapes. The reaches are unrolled, without a robot.\n\n{colours}\n\nArrows are the coupling term "
+        f"along the path; none is drawn longer than {LONGEST_ARROW_M:g} m."
+        "\n\n| closest | goal off | model |\n|---|---|---|\n"
+        + "\n".join([*rows, f"| {people:.0f} | | {DEMONSTRATIONS.name} |"])
         + "\n\nClosest: mm from the obstacle's surface, negative inside. Goal off: mm at the due time.\n"
     )
-
-
-def _closest(one: ShownScenario, position: np.ndarray) -> float:
-    return 1e3 * float(one.scenario.obstacle.signed_distance(position).min())

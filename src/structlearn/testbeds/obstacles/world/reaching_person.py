@@ -82,24 +82,24 @@ class AvoiderParameters(Parameters):
         marker_noise_m: std per axis of a reading of motion capture.
     """
 
-    baseline_count: int = Field(default=21, ge=1, le=1000)
-    count: int = Field(default=15, ge=1, le=1000)
-    seed: int = Field(default=1, ge=0)
-    rate_hz: float = Field(default=25.0, ge=10, le=1000)
-    movement_s: float = Field(default=1.2, ge=0.3, le=20)
-    movement_cv: float = Field(default=0.07, ge=0, le=0.4)
-    rest_s: tuple[Seconds, Seconds] = (0.05, 0.35)
-    lift_m: float = Field(default=0.03, ge=0, le=0.3)
-    bow_spread_m: tuple[Spread, Spread] = (0.005, 0.010)
-    end_spread_m: float = Field(default=0.005, ge=0, le=0.05)
-    clearance_m: float = Field(default=0.12, ge=0.01, le=0.3)
-    clearance_spread: float = Field(default=0.08, ge=0, le=0.3)
-    perception_m: float = Field(default=0.003, ge=0, le=0.02)
-    preferred_deg: float = Field(default=90.0, ge=-180, le=180)
-    preference_m: float = Field(default=0.2, ge=0, le=0.5)
-    indecision_m: float = Field(default=0.005, ge=0, le=0.1)
-    motor_noise_m: float = Field(default=0.002, ge=0, le=0.01)
-    marker_noise_m: float = Field(default=0.0003, ge=0, le=0.01)
+    baseline_count: int = Field(ge=1, le=1000)
+    count: int = Field(ge=1, le=1000)
+    seed: int = Field(ge=0)
+    rate_hz: float = Field(ge=10, le=1000)
+    movement_s: float = Field(ge=0.3, le=20)
+    movement_cv: float = Field(ge=0, le=0.4)
+    rest_s: tuple[Seconds, Seconds]
+    lift_m: float = Field(ge=0, le=0.3)
+    bow_spread_m: tuple[Spread, Spread]
+    end_spread_m: float = Field(ge=0, le=0.05)
+    clearance_m: float = Field(ge=0.01, le=0.3)
+    clearance_spread: float = Field(ge=0, le=0.3)
+    perception_m: float = Field(ge=0, le=0.02)
+    preferred_deg: float = Field(ge=-180, le=180)
+    preference_m: float = Field(ge=0, le=0.5)
+    indecision_m: float = Field(ge=0, le=0.1)
+    motor_noise_m: float = Field(ge=0, le=0.01)
+    marker_noise_m: float = Field(ge=0, le=0.01)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

@@ -55,11 +55,11 @@ class SceneParameters(Parameters):
         seed: of the positions.
     """
 
-    start_m: Metres = (-0.07, 0.35, 0.09)
-    goal_m: Metres = (0.5938, 0.335, 0.1)
-    settings: int = Field(default=40, ge=1, le=1000)
-    near_share: float = Field(default=0.45, ge=0, le=1)
-    seed: int = Field(default=6, ge=0)
+    start_m: Metres
+    goal_m: Metres
+    settings: int = Field(ge=1, le=1000)
+    near_share: float = Field(ge=0, le=1)
+    seed: int = Field(ge=0)
 
     @property
     def start(self) -> np.ndarray:

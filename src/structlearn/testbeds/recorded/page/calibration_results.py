@@ -1,12 +1,22 @@
-"""What the calibration page shows: tables of both worlds, and the metrics made of them."""
+"""What the page of simulated beside recorded touch shows: its tables, metrics, claims and document."""
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping
+from importlib.resources import files as package_files
 
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.testbeds.recorded.protocol.touch_calibration import REFERENCE, SIMULATED
+from structlearn.reporting.claims import Found, exact, judge, read_claims
+from structlearn.reporting.document import Document, Table, environment
+from structlearn.reporting.prose import listing, rounded
+from structlearn.testbeds.recorded import names
+from structlearn.testbeds.recorded.page.assembly import PACKAGE, source
+from structlearn.testbeds.recorded.page.tables import shown
+from structlearn.testbeds.recorded.protocol.touch_calibration import (
+    REFERENCE,
+    SIMULATED,
+    CalibrationParameters,
+)
 
 STATISTICS = {
     "contact_strongest": "contact, strongest electrode (counts)",
@@ -26,59 +36,104 @@ STATISTICS = {
     "power_middle": "2 to 10 Hz, strongest electrode (counts)",
     "power_fast": "10 to 50 Hz, strongest electrode (counts)",
 }
-"""What the statistics of `recorded.calibration.comparison` are called on the page."""
+"""What the statistics of `touch_calibration.comparison` are called."""
+
+CLAIMS = {
+    "contact": "contact",
+    "range": "range",
+    "noise": "noise",
+    "active": "active",
+    "dimensions": "pca",
+    "spectrum": "power",
+}
+"""Claims, and with what the names of their statistics begin."""
+
+HEADLINES = (
+    "agree",
+    "compared",
+    "contact_strongest_recorded",
+    "contact_strongest_simulated",
+    "noise_median_recorded",
+    "noise_median_simulated",
+    "pca_dimensions_recorded",
+    "pca_dimensions_simulated",
+)
 
 
-@dataclass(frozen=True)
-class CalibrationResults:
-    """All that the page shows; the attributes are tables of the functions in `recorded.calibration`."""
-
-    comparison: pd.DataFrame
-    electrodes: pd.DataFrame
-    fingers: pd.DataFrame
-    spectra: pd.DataFrame
-    components: pd.DataFrame
-    traces: pd.DataFrame
-
-    @cached_property
-    def groups(self) -> list[str]:
-        """The sets, the two of the same task first."""
-        rest = [
-            group for group in dict.fromkeys(self.fingers["group"]) if group not in (REFERENCE, SIMULATED)
-        ]
-        return [REFERENCE, SIMULATED, *rest]
-
-    @cached_property
-    def medians(self) -> pd.DataFrame:
-        """Median over runs and fingers of every statistic (rows) in every set (columns)."""
-        names = [name for name in STATISTICS if name in self.fingers]
-        table = self.fingers.groupby("group")[names].median().T[self.groups]
-        return table.rename_axis("statistic").reset_index()
-
-    def strongest(self, group: str) -> pd.DataFrame:
-        """The two electrodes of every finger that contact moves most, in the first run of a set."""
-        its = self.electrodes[self.electrodes["group"] == group]
-        its = its[its["run"] == its["run"].iloc[0]]
-        order = its["contact"].abs().sort_values(ascending=False, kind="stable").index
-        return its.loc[order].groupby("finger", sort=True).head(2)
+def evidence(comparison: pd.DataFrame) -> dict[str, Found]:
+    """Ratios of medians, simulated over recorded, by claim and statistic."""
+    ratios = comparison.set_index("statistic")["ratio"]
+    return {
+        claim: {_case(name): exact(ratio, 1) for name, ratio in ratios.items() if name.startswith(beginning)}
+        for claim, beginning in CLAIMS.items()
+    }
 
 
-def metrics(results: CalibrationResults) -> Metrics:
+def _case(name: str) -> str:
+    """`strongest electrode`, or the band of a spectrum."""
+    words = STATISTICS[name].removesuffix(" (counts)").split(", ")
+    return words[0] if name.startswith("power") else words[-1]
+
+
+def metrics(comparison: pd.DataFrame) -> Metrics:
     """The flat metrics of the comparison."""
     values: Metrics = {}
-    for row in results.comparison.itertuples():
-        values[f"{row.statistic}_recorded"] = row.recorded
-        values[f"{row.statistic}_simulated"] = row.simulated
-    values["agree"] = int(results.comparison["agrees"].sum())
-    values["compared"] = len(results.comparison)
-    return values
+    for row in comparison.itertuples():
+        values |= {f"{row.statistic}_recorded": row.recorded, f"{row.statistic}_simulated": row.simulated}
+    return values | {"agree": int(comparison["agrees"].sum()), "compared": len(comparison)}
 
 
-def tables(results: CalibrationResults) -> dict[str, pd.DataFrame]:
-    """Tables of the page by name."""
+def tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
+    """By name: the comparison, medians of all sets, and those behind the figures."""
+    fingers = stored["fingers"]
+    statistics = [name for name in STATISTICS if name in fingers]
+    medians = fingers.groupby("group")[statistics].median().T
+    medians = medians[[group for group in names.TOUCH_WORLDS if group in medians]]
+    medians.insert(0, "statistic", [STATISTICS[name] for name in statistics])
+    comparison = stored["comparison"].assign(statistic=stored["comparison"]["statistic"].map(STATISTICS))
     return {
-        "comparison": results.comparison,
-        "fingers": results.fingers,
-        "spectra": results.spectra,
-        "components": results.components,
+        "statistics": shown(comparison, ratio=".2f"),
+        "medians": shown(medians, **dict.fromkeys(names.TOUCH_WORLDS, ".4g")),
+        **{name: Table(stored[name]) for name in ("comparison", "fingers", "spectra", "components")},
     }
+
+
+def strongest(electrodes: pd.DataFrame, group: str) -> str:
+    """`16 (left, +100) and 1 (right, +300)`: what contact moves most of every finger, two each, first run."""
+    its = electrodes[electrodes["group"] == group]
+    its = its[its["run"] == its["run"].iloc[0]]
+    order = its["contact"].abs().sort_values(ascending=False, kind="stable").index
+    rows = its.loc[order].groupby("finger", sort=True).head(2)
+    return listing(
+        f"{row.electrode} ({row.finger}, {rounded(row.contact, '+.0f')})" for row in rows.itertuples()
+    )
+
+
+def calibration_document(
+    stored: Mapping[str, pd.DataFrame],
+    shown_tables: Mapping[str, Table],
+    parameters: Mapping[str, CalibrationParameters],
+) -> Document:
+    """The page; parameters by their key in `params.yaml`."""
+    comparison, electrodes = stored["comparison"], stored["electrodes"]
+    facts = metrics(comparison) | {
+        "compared_rows": comparison.set_index("statistic").to_dict("index"),
+        "factor": parameters["calibrate"].factor,
+        "active_counts": parameters["calibrate"].active_counts,
+        "variance_percent": 100 * parameters["calibrate"].variance,
+        "runs": stored["fingers"].query("group == @SIMULATED")["run"].nunique(),
+        "strongest_recorded": strongest(electrodes, REFERENCE),
+        "strongest_simulated": strongest(electrodes, SIMULATED),
+    }
+    claims = read_claims(package_files(PACKAGE) / "calibration_claims.yaml")
+    return Document(
+        template="calibration.html.jinja",
+        package=PACKAGE,
+        stage="stages/recorded/dvc.yaml:calibration_report",
+        facts=facts,
+        tables=shown_tables,
+        judged=judge(claims, evidence(comparison), environment(PACKAGE), facts),
+        sources={name: source("calibration/" + name, "calibrate") for name in stored},
+        parameters=parameters,
+        simulated=True,
+    )

@@ -19,7 +19,7 @@ from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.human_inspired import fit_human_inspired
-from structlearn.avoidance.levenberg_marquardt import VALIDATION, LevenbergMarquardtParameters
+from structlearn.avoidance.levenberg_marquardt import VALIDATION
 from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
 from structlearn.avoidance.phase_modulated import train_phase_modulated
 from structlearn.feedback.supervised_training import TrainingParameters
@@ -58,15 +58,11 @@ class RecordedAvoidanceParameters(Parameters):
         pmnn_hidden: its regular hidden layers.
     """
 
-    folds: int = Field(default=10, ge=2)
-    ridge_decay: float = Field(default=1.0, gt=0)
-    network: NetworkParameters = NetworkParameters(
-        members=4, training=LevenbergMarquardtParameters(iterations=20)
-    )
-    pmnn: TrainingParameters = TrainingParameters(
-        steps=3000, learning_rate=3e-3, dropout=0.3, evaluate_every=250
-    )
-    pmnn_hidden: tuple[int, ...] = (100,)
+    folds: int = Field(ge=2)
+    ridge_decay: float = Field(gt=0)
+    network: NetworkParameters
+    pmnn: TrainingParameters
+    pmnn_hidden: tuple[int, ...]
 
 
 @dataclass(frozen=True)

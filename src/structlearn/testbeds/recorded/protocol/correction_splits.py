@@ -17,7 +17,7 @@ from structlearn.ground import signals
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.params import Parameters
-from structlearn.primitives import canonical, kernels
+from structlearn.primitives import canonical
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.testbeds.recorded.protocol.corrected_reaches import (
@@ -49,7 +49,7 @@ class CorrectionParameters(Parameters):
     """
 
     smoothing_hz: float = Field(gt=0)
-    kernel_count: int = Field(default=kernels.KERNEL_COUNT, ge=2, le=200)
+    kernel_count: int = Field(ge=2, le=200)
     learned_from: int = Field(ge=1)
     splits: int = Field(ge=1)
     seed: int = Field(ge=0)

@@ -60,11 +60,11 @@ class LatentTouchParameters(Parameters):
         spaces: how the autoencoders are trained.
     """
 
-    faulty: tuple[str, ...] = ("mat9_3",)
-    folds: int = Field(default=3, ge=2)
-    simulated_repeats: int = Field(default=2, ge=1)
-    geodesics: GeodesicParameters = GeodesicParameters(bin_size=1200, bins=3)
-    spaces: LatentSpaceParameters = LatentSpaceParameters()
+    faulty: tuple[str, ...]
+    folds: int = Field(ge=2)
+    simulated_repeats: int = Field(ge=1)
+    geodesics: GeodesicParameters
+    spaces: LatentSpaceParameters
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,9 @@ NETWORKS: dict[Kind, tuple[str, ...]] = {
 
 LEARNED_FRICTIONS = ("viscous", "coulomb", "offset")
 
+TRACE_STRIDE = 20
+"""Every so manieth sample of the test part is kept for figures: 50 Hz."""
+
 
 class RecordedDynamicsParameters(Parameters):
     """Parameters of identification from the recorded motion.
@@ -44,32 +47,22 @@ class RecordedDynamicsParameters(Parameters):
     Attributes:
         urdf: of the recorded arm (`simulation.arm.ArmParameters`).
         locked_joints: of its gripper.
-        slide_urdf: of the arm that the recorded slides were made with.
         rate_hz: of the clock.
         cutoff_hz: of the low-pass on all signals.
         train_share: the first part of the motion, which is learned from.
         iterations: of L-BFGS for a structure.
         seeds: networks of each kind.
         epochs: of the networks; there is no threshold, all are run.
-        learning: of the networks.
-        trace_stride: every so manieth sample of the test part is kept for figures.
-        slide_rate_hz: of the clock of the slides.
-        slide_cutoff_hz: of the low-pass on their signals.
     """
 
-    urdf: str = "franka_panda/panda.urdf"
-    locked_joints: tuple[str, ...] = ("panda_finger_joint1", "panda_finger_joint2")
-    slide_urdf: str = "kuka_iiwa/model.urdf"
-    rate_hz: float = Field(default=1000.0, gt=0)
-    cutoff_hz: float = Field(default=10.0, gt=0)
-    train_share: float = Field(default=0.6, gt=0, lt=1)
-    iterations: int = Field(default=300, ge=1)
-    seeds: int = Field(default=5, ge=1)
-    epochs: int = Field(default=150, ge=1)
-    learning: LearningParameters = LearningParameters()
-    trace_stride: int = Field(default=20, ge=1)
-    slide_rate_hz: float = Field(default=10.0, gt=0)
-    slide_cutoff_hz: float = Field(default=4.0, gt=0)
+    urdf: str
+    locked_joints: tuple[str, ...]
+    rate_hz: float = Field(gt=0)
+    cutoff_hz: float = Field(gt=0)
+    train_share: float = Field(gt=0, lt=1)
+    iterations: int = Field(ge=1)
+    seeds: int = Field(ge=1)
+    epochs: int = Field(ge=1)
 
 
 @dataclass(frozen=True)
@@ -105,7 +98,7 @@ def panda_motion(log: JointLog, parameters: RecordedDynamicsParameters) -> Motio
 
 
 def identify(
-    robot: Robot, motion: Motion, parameters: RecordedDynamicsParameters
+    robot: Robot, motion: Motion, parameters: RecordedDynamicsParameters, learning: LearningParameters
 ) -> tuple[dict[str, DynamicsModels], RecordedDynamicsResults]:
     """Every model on the first part of a motion, and its errors on both parts.
 
@@ -113,6 +106,7 @@ def identify(
         robot: with the inertias of its URDF, where identification starts.
         motion: of the robot.
         parameters: see there.
+        learning: of the networks, with their optimiser.
 
     Returns:
         Models by `KIND` or `KIND_FRICTION`, and the tables.
@@ -121,7 +115,7 @@ def identify(
     work: list[tuple[Kind, str]] = [(kind, name) for kind, names in NETWORKS.items() for name in names]
     work = sorted(work, key=lambda item: item[0] != "delan")  # the longest first
     work += [(kind, friction) for friction in LEARNED_FRICTIONS for kind in STRUCTURES]
-    learn = partial(_learned, robot=robot, motion=parts["train"], parameters=parameters)
+    learn = partial(_learned, robot=robot, motion=parts["train"], parameters=parameters, learning=learning)
     models = dict(zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True))
 
     predictions = {(URDF, "none"): {name: _urdf_torques(robot, part)[None] for name, part in parts.items()}}
@@ -159,7 +153,11 @@ def identify(
 
 
 def _learned(
-    item: tuple[Kind, str], robot: Robot, motion: Motion, parameters: RecordedDynamicsParameters
+    item: tuple[Kind, str],
+    robot: Robot,
+    motion: Motion,
+    parameters: RecordedDynamicsParameters,
+    learning: LearningParameters,
 ) -> DynamicsModels:
     kind, friction = item
     terms = FRICTIONS[friction]
@@ -170,7 +168,7 @@ def _learned(
             free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, parameters.iterations)
             state = {"inertia": free.numpy(), "friction": rubbing.numpy()}
             return DynamicsModels(kind, robot.tree.names, terms, (), state)
-        seeds, learning = range(parameters.seeds), parameters.learning
+        seeds = range(parameters.seeds)
         models = learner(kind, robot.tree, motion, terms, "normalised", seeds, learning)
         state = learn_in_epochs(models, 0.0, parameters.epochs).state
     return DynamicsModels(kind, robot.tree.names, terms, learning.hidden, state)
@@ -221,7 +219,7 @@ def _friction(coefficients: dict[tuple[str, str], np.ndarray]) -> pd.DataFrame:
 
 def _traces(predictions: dict, test: Motion, parameters: RecordedDynamicsParameters) -> pd.DataFrame:
     """The first seed's torques, thinned."""
-    kept = slice(None, None, parameters.trace_stride)
+    kept = slice(None, None, TRACE_STRIDE)
     time = np.arange(len(test))[kept] / parameters.rate_hz
     columns = {
         "time_s": np.tile(time, test.joints),

@@ -11,6 +11,15 @@ from structlearn.rigid_body.motion import measured_motion
 from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
 from structlearn.rigid_body.tree import Robot
 
+ARM = "kuka_iiwa/model.urdf"
+"""The arm that the slides were recorded with, a file of pybullet_data."""
+
+RATE_HZ = 10.0
+"""Of the clock: the robot's streams drop out too often for more, and the motion is slow."""
+
+CUTOFF_HZ = 4.0
+"""Of the low-pass on all signals, below half that rate."""
+
 PAYLOAD_COLUMNS = 4
 """Mass and first moment of the last link; the slides are too slow for rotational inertia."""
 

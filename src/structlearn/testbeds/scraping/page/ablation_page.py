@@ -1,14 +1,14 @@
 """The page of the ablations: refinement with one parameter changed at a time, from experiments of DVC."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.policy_search.rollouts import FEEDBACK
-from structlearn.reporting.page import MISSING, Link, Page, Prose, Section, Table
-from structlearn.reporting.prose import counted
+from structlearn.reporting.document import MISSING, Document, Table
+from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
 
 
@@ -44,21 +44,8 @@ class Experiment:
     scores: pd.DataFrame
 
 
-@dataclass(frozen=True)
-class Protocol:
-    """What all experiments share.
-
-    Attributes:
-        refined_deg: setting that is refined on.
-        seen_deg: settings that the models before are learned from.
-    """
-
-    refined_deg: float
-    seen_deg: Sequence[float]
-
-
-def outcomes(experiments: Sequence[Experiment], protocol: Protocol) -> pd.DataFrame:
-    """One row per experiment.
+def outcomes(experiments: Sequence[Experiment], parameters: BoardRefinementParameters) -> pd.DataFrame:
+    """One row per experiment; all share the settings learned from and refined on.
 
     Returns:
         `variant`, `seed`; `rollouts` of the whole refinement, and `executed`, those of policies alone;
@@ -76,10 +63,10 @@ def outcomes(experiments: Sequence[Experiment], protocol: Protocol) -> pd.DataFr
             own = one.history[one.history["primitive"] == name]
             row[f"{name}_iterations"] = int(own["iteration"].max()) if len(own) else 0
             row[f"{name}_ratio"] = (
-                means[AFTER, protocol.refined_deg, name] / means[BEFORE, protocol.refined_deg, name]
+                means[AFTER, parameters.setting_deg, name] / means[BEFORE, parameters.setting_deg, name]
             )
         sums = means.groupby(level=["model", "setting_deg"]).sum()
-        row["seen_ratio"] = max(sums[AFTER, deg] / sums[BEFORE, deg] for deg in protocol.seen_deg)
+        row["seen_ratio"] = max(sums[AFTER, deg] / sums[BEFORE, deg] for deg in parameters.settings_deg)
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -98,88 +85,32 @@ def metrics(table: pd.DataFrame) -> Metrics:
     return values
 
 
-def tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Tables by name."""
-    return {"refinement": summary(table), "refinement_seeds": table}
-
-
-def ablation_page(table: pd.DataFrame, protocol: Protocol, variants: Sequence[Variant]) -> Page:
-    """The page; the tables are expected as `tables/refinement.csv` and `tables/refinement_seeds.csv`.
-
-    Args:
-        table: of `outcomes`.
-        protocol: what all experiments share.
-        variants: that the rows are of.
-    """
-    names = [column.removesuffix("_iterations") for column in table if column.endswith("_iterations")]
-    shown = _described(table, names, {one.name: one for one in variants})
-    headings = {"variant": "", "option": "-S"} | {
-        f"{name}_{what}": f"{name}: {words}"
-        for name in names
-        for what, words in (("iterations", "iter."), ("ratio", "cost"))
-    }
-    headings["seen_ratio"] = "seen: cost"
-    counts = ["rollouts", "failed", *(f"{name}_iterations" for name in names)]
-    return Page(
-        title="Ablations: refinement of the feedback models by trial",
-        lead=(
-            "One parameter of the refinement is changed at a time. Every row is an experiment of DVC, "
-            "run by `make ablations`."
-        ),
-        sections=(
-            Section(
-                "PI2 refinement",
-                (
-                    Prose(
-                        f"The models are refined on a board of {protocol.refined_deg:g}° and executed on all "
-                        f"settings. Cost: mean accumulated cost at {protocol.refined_deg:g}° after "
-                        "refinement over that before, of executions that are not part of it. Seen: the "
-                        "largest such ratio over the settings that the models were learned from, both "
-                        f"primitives summed. {_spread(table)}"
-                    ),
-                    Table(
-                        shown,
-                        "Refinement with one parameter changed. Rollouts: all executions of the refinement, "
-                        "those that only judge the network included.",
-                        formats=dict.fromkeys(counts, "g"),
-                        headings=headings,
-                        source="tables/refinement.csv",
-                    ),
-                    Table(
-                        table,
-                        "The single experiments.",
-                        formats={column: ".3f" for column in table if column.endswith("_ratio")},
-                        source="tables/refinement_seeds.csv",
-                        folded=True,
-                    ),
-                ),
-                simulated=True,
-            ),
-        ),
-        simulated=True,
-        back=Link("../scraping/index.html", "Scraping"),
-    )
-
-
-def _spread(table: pd.DataFrame) -> str:
-    seeds = int(table["seed"].nunique())
-    if seeds == 1:
-        return "One seed of the exploration: small differences between variants mean nothing."
-    return (
-        f"Means over {counted(seeds, 'seed')} of the exploration, in brackets the lowest and the highest: "
-        "what seeds differ by is the yardstick for what variants differ by."
-    )
-
-
-def _described(table: pd.DataFrame, names: Sequence[str], variants: Mapping[str, Variant]) -> pd.DataFrame:
-    """The summary in words, with the range over the seeds."""
-    shown = summary(table)
-    for name in (*names, "seen"):
-        column = f"{name}_ratio"
-        grouped = table.groupby("variant", sort=False)[column]
-        shown[column] = [
-            f"{mean:.2f}" + (f" ({least:.2f} to {most:.2f})" if least < most else "")
-            for mean, least, most in zip(shown[column], grouped.min(), grouped.max(), strict=True)
+def tables(table: pd.DataFrame, variants: Sequence[Variant]) -> dict[str, Table]:
+    """The summary, the single experiments, and the summary in words with the range over the seeds."""
+    named = {one.name: one for one in variants}
+    words = summary(table).drop(columns=["variant", "executed"])
+    words.insert(0, "-S", [named[name].option or MISSING for name in summary(table)["variant"]])
+    words.insert(0, "changed", [named[name].words for name in summary(table)["variant"]])
+    grouped = table.groupby("variant", sort=False)
+    for name in (column for column in words if column.endswith("_ratio")):
+        ends = zip(words[name], grouped[name].min(), grouped[name].max(), strict=True)
+        words[name] = [
+            f"{mean:.2f}" + (f" ({low:.2f} to {high:.2f})" if low < high else "") for mean, low, high in ends
         ]
-    shown.insert(1, "option", [variants[name].option or MISSING for name in shown["variant"]])
-    return shown.assign(variant=[variants[name].words for name in shown["variant"]]).drop(columns="executed")
+    headings = {name: name.replace("_ratio", ": cost").replace("_", " ") for name in table}
+    return {
+        "refinement": Table(summary(table)),
+        "refinement_seeds": Table(table, dict.fromkeys(table.filter(like="_ratio"), ".3f"), headings),
+        "refinement_in_words": Table(words, dict.fromkeys(words, "g"), headings),
+    }
+
+
+def ablation_page(
+    table: pd.DataFrame, parameters: BoardRefinementParameters, variants: Sequence[Variant]
+) -> tuple[Document, dict[str, Table]]:
+    """The page and all its tables, of the rows of `outcomes`."""
+    made = tables(table, variants)
+    facts = {"refined_deg": parameters.setting_deg, "seeds": int(table["seed"].nunique())}
+    package = "structlearn.testbeds.scraping.page"
+    page = Document("ablations.html.jinja", package, "evaluate_refinement", facts, made, simulated=True)
+    return page, made

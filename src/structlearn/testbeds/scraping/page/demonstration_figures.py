@@ -1,30 +1,37 @@
-"""Figures of what was recorded."""
+"""Figures of demonstrations, primitives and their sequences; a figure is a list of panels."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
-from structlearn.ground import signals
+from structlearn.ground import quaternion, signals
 from structlearn.palette import (
     AXIS_COLOURS,
     BLACK,
     CATEGORICAL_COLOURS,
     DEMONSTRATION_COLOUR,
+    GREY,
     REFERENCE_COLOUR,
     primitive_colour,
 )
+from structlearn.primitives import canonical
+from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting.figures import canvas, finish_space, legend_above, space_panels, styled
+from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, finish_space, styled
+from structlearn.reporting.prose import capitalised
 from structlearn.segmentation.result import Segmentation
+from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 
 SPEED_CUTOFF_HZ = 5.0
 """Low-pass of the speeds that are drawn; differences of raw positions are mostly noise."""
 
 ELECTRODES_SHOWN = 4
+FORCING_SAMPLES = 300
+LINES = ("-", (0, (4, 1.5)))
+"""Line styles of the sequences in one figure."""
 
 
 def speed(demonstration: Demonstration) -> np.ndarray:
@@ -33,124 +40,259 @@ def speed(demonstration: Demonstration) -> np.ndarray:
     return np.linalg.norm(signals.derivative(smooth, demonstration.dt), axis=1)
 
 
-@styled
-def demonstrations_figure(demonstrations: Sequence[Demonstration], reference: str) -> Figure:
-    """Position per axis and speed of all demonstrations over time; the reference in front."""
-    figure = canvas(4.6)
-    panels = figure.subplots(2, 2, sharex=True).ravel()
-    for demonstration in sorted(demonstrations, key=lambda one: one.name == reference):
-        first = demonstration.name == reference
-        colour = REFERENCE_COLOUR if first else DEMONSTRATION_COLOUR
-        look = {"color": colour, "linewidth": 1.5 if first else 0.9, "alpha": 1.0 if first else 0.75}
-        for axis, panel in enumerate(panels[:3]):
-            panel.plot(demonstration.time, 1e3 * demonstration.position[:, axis], **look)
-        panels[3].plot(demonstration.time, 1e3 * speed(demonstration), **look)
-    for axis, panel in zip("xyz", panels[:3], strict=True):
-        panel.set(title=f"Position {axis}", ylabel=f"{axis} (mm)")
-    panels[3].set(title="Speed", ylabel="speed (mm/s)")
-    panels[3].set_ylim(bottom=0.0)
-    for panel in panels[2:]:
-        panel.set_xlabel("time (s)")
-    figure.legend(
-        handles=[
-            Line2D([], [], color=REFERENCE_COLOUR, label=f"reference ({reference})"),
-            Line2D([], [], color=DEMONSTRATION_COLOUR, label="other demonstrations"),
-        ],
-        loc="outside upper left",
-        ncols=2,
-    )
-    return figure
-
-
-@styled
-def one_demonstration_figure(demonstration: Demonstration, segmentation: Segmentation) -> Figure:
-    """Position, speed and, where recorded, force and touch of one demonstration with its cut points."""
-    rows = [_draw_position, _draw_speed]
-    rows += [_draw_force] if demonstration.wrench is not None else []
-    rows += [_draw_electrodes] if demonstration.tactile is not None else []
-    figure = canvas(0.7 + 1.35 * len(rows))
-    panels = figure.subplots(len(rows), 1, sharex=True)
-    for panel, draw in zip(panels, rows, strict=True):
-        draw(panel, demonstration)
-        _draw_cuts(panel, demonstration, segmentation)
-        if panel.get_legend_handles_labels()[0]:
-            panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
-    panels[-1].set_xlabel("time (s)")
-    panels[-1].set_xlim(demonstration.time[0], demonstration.time[-1])
-    figure.align_ylabels(panels)
-    names = segmentation.primitives
-    handles = [
-        Patch(color=primitive_colour(i), alpha=0.22, linewidth=0, label=n) for i, n in enumerate(names)
-    ]
-    handles.append(Line2D([], [], color=BLACK, linewidth=1.0, label="cut points found"))
-    if demonstration.true_segments is not None:
-        handles.append(Line2D([], [], color=BLACK, linewidth=1.2, linestyle=":", label="true cut points"))
-    figure.legend(handles=handles, loc="outside upper left", ncols=len(handles))
-    return figure
-
-
-def _draw_position(panel: Axes, demonstration: Demonstration) -> None:
-    for axis, colour in enumerate(AXIS_COLOURS):
-        moved = demonstration.position[:, axis] - demonstration.position[0, axis]
-        panel.plot(demonstration.time, 1e3 * moved, color=colour, label="xyz"[axis])
-    panel.set_ylabel("way from\nstart (mm)")
-
-
-def _draw_speed(panel: Axes, demonstration: Demonstration) -> None:
-    panel.plot(demonstration.time, 1e3 * speed(demonstration), color=BLACK)
-    panel.set_ylabel("speed\n(mm/s)")
-
-
-def _draw_force(panel: Axes, demonstration: Demonstration) -> None:
-    for axis, colour in enumerate(AXIS_COLOURS):
-        panel.plot(
-            demonstration.time,
-            demonstration.wrench[:, axis],
-            color=colour,
-            linewidth=1.0,
-            label=f"$F_{'xyz'[axis]}$",
-        )
-    panel.set_ylabel("force (N)")
-
-
-def _draw_electrodes(panel: Axes, demonstration: Demonstration) -> None:
-    counts = demonstration.tactile - demonstration.tactile[0]
-    busiest = np.sort(np.argsort(-np.ptp(counts, axis=0), kind="stable")[:ELECTRODES_SHOWN])
-    for colour, electrode in zip(CATEGORICAL_COLOURS, busiest, strict=False):
-        label = f"channel {electrode + 1}"
-        panel.plot(demonstration.time, counts[:, electrode], color=colour, linewidth=1.0, label=label)
-    panel.set_ylabel("touch\n(counts)")
-
-
-def _draw_cuts(panel: Axes, demonstration: Demonstration, segmentation: Segmentation) -> None:
-    for place, name in enumerate(segmentation.primitives):
-        start, end = segmentation.result(name).loc[demonstration.name, ["start_s", "end_s"]]
+def shade_primitives(panel: Axes, segments: Sequence[tuple[float, float]], names: Sequence[str] = ()) -> None:
+    """Colour the time of every primitive; write their names at the top."""
+    for place, (start, end) in enumerate(segments):
         panel.axvspan(start, end, color=primitive_colour(place), alpha=0.13, linewidth=0)
-        for cut in (start, end):
-            panel.axvline(cut, color=BLACK, linewidth=0.9)
+        if names:
+            where = {"transform": panel.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+            panel.text(0.5 * (start + end), 1.02, names[place], **where, fontsize=8.0)
+
+
+def busiest_electrodes(runs: Sequence[Demonstration], count: int = ELECTRODES_SHOWN) -> np.ndarray:
+    """Channels whose counts change most in any of the runs, rising."""
+    moved = np.max([np.ptp(run.tactile, axis=0) for run in runs], axis=0)
+    return np.sort(np.argsort(-moved, kind="stable")[:count])
+
+
+def draw_electrodes(panel: Axes, run: Demonstration, channels: Sequence[int]) -> None:
+    """Counts of channels relative to their first reading."""
+    for colour, channel in zip(CATEGORICAL_COLOURS, channels, strict=False):
+        counts = run.tactile[:, channel] - run.tactile[0, channel]
+        panel.plot(run.time, counts, color=colour, linewidth=1.0, label=f"{channel + 1}")
+    headroom(panel)
+    panel.legend(title="channel", ncols=4, loc="upper left")
+
+
+def headroom(panel: Axes, share: float = 0.5) -> None:
+    """Room for a legend above what is drawn."""
+    low, high = panel.get_ylim()
+    panel.set_ylim(low, high + share * (high - low))
+
+
+@styled
+def demonstrations_figure(results: SegmentationResults) -> list[Figure]:
+    """Position per axis and speed of all demonstrations over time; the reference in front."""
+    figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
+    panels = [panel for figure in figures for panel in figure.subplots(2, 1, sharex=True)]
+    for one in sorted(results.demonstrations, key=lambda one: one.name == results.reference.name):
+        first = one.name == results.reference.name
+        look = {
+            "color": REFERENCE_COLOUR if first else DEMONSTRATION_COLOUR,
+            "linewidth": 1.4 if first else 0.8,
+        }
+        label = {"label": f"reference ({one.name})" if first else None}
+        for panel, values in zip(panels, (*one.position.T, speed(one)), strict=True):
+            panel.plot(one.time, 1e3 * values, **look, **label)
+    for panel, label in zip(panels, ("x (mm)", "y (mm)", "z (mm)", "speed (mm/s)"), strict=True):
+        panel.set_ylabel(label)
+    for panel in panels[1::2]:
+        panel.set_xlabel("time (s)")
+    panels[0].legend()
+    return figures
+
+
+@styled
+def one_demonstration_figure(demonstration: Demonstration, segmentation: Segmentation) -> list[Figure]:
+    """Position, speed and, where recorded, force and touch of one demonstration with its cut points."""
+    time, names = demonstration.time, segmentation.primitives
+    draws: list[Callable[[Axes], None]] = [
+        lambda panel: _draw_axes(panel, time, 1e3 * (demonstration.position - demonstration.position[0])),
+        lambda panel: panel.plot(time, 1e3 * speed(demonstration), color=BLACK),
+    ]
+    labels = ["way from start (mm)", "speed (mm/s)"]
+    if demonstration.wrench is not None:
+        draws.append(lambda panel: _draw_axes(panel, time, demonstration.wrench[:, :3]))
+        labels.append("force (N)")
+    if demonstration.tactile is not None:
+        channels = busiest_electrodes([demonstration])
+        draws.append(lambda panel: draw_electrodes(panel, demonstration, channels))
+        labels.append("touch (counts)")
+    cuts = [segmentation.result(name).loc[demonstration.name, ["start_s", "end_s"]] for name in names]
+    figures = []
+    for first in range(0, len(draws), 2):
+        part = draws[first : first + 2]
+        figures.append(canvas(0.5 + 1.7 * len(part), PANEL_WIDTH))
+        panels = figures[-1].subplots(len(part), 1, sharex=True, squeeze=False)[:, 0]
+        for place, (panel, draw) in enumerate(zip(panels, part, strict=True)):
+            draw(panel)
+            panel.set_ylabel(labels[first + place])
+            shade_primitives(panel, cuts, names if place == 0 else ())
+            _draw_cuts(panel, cuts, demonstration)
+        panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
+    return figures
+
+
+def _draw_axes(panel: Axes, time: np.ndarray, values: np.ndarray) -> None:
+    """Three columns in the colours of the axes."""
+    for name, column, colour in zip("xyz", values.T, AXIS_COLOURS, strict=True):
+        panel.plot(time, column, color=colour, linewidth=1.0, label=name)
+    headroom(panel, 0.25)
+    panel.legend(loc="upper left", ncols=3)
+
+
+def _draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: Demonstration) -> None:
+    """Lines at the cut points found, dotted ones at the true cut points."""
+    for cut in np.ravel(cuts):
+        panel.axvline(cut, color=BLACK, linewidth=0.9)
     if demonstration.true_segments is not None:
         for cut in np.unique(demonstration.true_segments):
             panel.axvline(cut, color=BLACK, linewidth=1.2, linestyle=":")
 
 
 @styled
-def space_figure(demonstrations: Sequence[Demonstration], segmentation: Segmentation) -> Figure:
+def space_figure(results: SegmentationResults) -> list[Figure]:
     """Figure IV.15c: the segments of all demonstrations in space, coloured by primitive."""
-    figure = canvas(4.5)
-    space, above = space_panels(figure)
-    points = []
-    for demonstration in demonstrations:
-        for place, name in enumerate(segmentation.primitives):
-            cuts = segmentation.result(name)
-            if demonstration.name not in cuts.index:
-                continue
-            start, end = cuts.loc[demonstration.name, ["start_s", "end_s"]]
-            inside = (demonstration.time >= start) & (demonstration.time <= end)
-            part = 1e3 * demonstration.position[inside]
-            label = name if demonstration.name == segmentation.reference else None
-            space.plot(*part.T, color=primitive_colour(place), linewidth=1.0, label=label)
-            above.plot(part[:, 1], part[:, 0], color=primitive_colour(place), linewidth=1.0)
-            points.append(part)
-    finish_space(space, above, np.concatenate(points))
-    legend_above(figure, space)
+    paths = []
+    for one in results.was_cut:
+        for place, name in enumerate(results.segmentation.primitives):
+            cuts = results.segmentation.result(name)
+            if one.name in cuts.index:
+                start, end = cuts.loc[one.name, ["start_s", "end_s"]]
+                part = one.position[(one.time >= start) & (one.time <= end)]
+                label = name if one.name == results.reference.name else None
+                look = {"color": primitive_colour(place), "linewidth": 1.0, "label": label}
+                paths.append((part, look))
+    return _space(paths)
+
+
+@styled
+def sequence_space_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
+    """Unrolled sequences in space, coloured by primitive; one line style each."""
+    paths = []
+    for number, (line, (title, table)) in enumerate(zip(LINES, sequences.items(), strict=False)):
+        for place, (name, part) in enumerate(table.groupby("primitive", sort=False)):
+            label = f"{name}, {title}" if number == 0 or place == 0 else None
+            look = {"color": primitive_colour(place), "linestyle": line, "linewidth": 2.0, "label": label}
+            paths.append((part[["x", "y", "z"]].to_numpy(), look))
+    return _space(paths)
+
+
+def _space(paths: Sequence[tuple[np.ndarray, Mapping[str, object]]]) -> list[Figure]:
+    """Paths (T, 3) in m: a panel in 3-D, and one from above."""
+    figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
+    figures[0].set_layout_engine("none")
+    space = figures[0].add_axes((0.1, 0.14, 0.8, 0.84), projection="3d")  # with room for its labels
+    above = figures[1].add_subplot()
+    for path, look in paths:
+        space.plot(*(1e3 * path.T), **look)
+        above.plot(1e3 * path[:, 1], 1e3 * path[:, 0], **look)
+    finish_space(space, above, 1e3 * np.concatenate([path for path, _ in paths]))
+    above.legend()
+    return figures
+
+
+@styled
+def position_fit_figure(results: SegmentationResults) -> list[Figure]:
+    """Segments of all demonstrations relative to their goal, and the primitives unrolled, per primitive."""
+    dt = results.reference.dt
+    return [
+        _fit_panel(
+            one.name,
+            place,
+            [1e3 * (path.position - path.position[-1]) for path, _ in results.segments[one.name]],
+            1e3 * (one.position.unroll(dt).position - one.position.goal),
+            [f"{axis} (mm)" for axis in "xyz"],
+        )
+        for place, one in enumerate(results.primitives)
+    ]
+
+
+@styled
+def orientation_fit_figure(results: SegmentationResults) -> list[Figure]:
+    """The same for orientations, as rotation vectors from the goal in the base frame."""
+    dt = results.reference.dt
+    return [
+        _fit_panel(
+            one.name,
+            place,
+            [_from_goal(turn.orientation, turn.orientation[-1]) for _, turn in results.segments[one.name]],
+            _from_goal(one.orientation.unroll(dt).orientation, one.orientation.goal),
+            [f"about {axis} (°)" for axis in "xyz"],
+        )
+        for place, one in enumerate(results.primitives)
+    ]
+
+
+def _from_goal(orientation: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Rotation vectors (T, 3) in degrees that turn the goal into the orientations (T, 4)."""
+    return np.degrees(quaternion.difference(orientation, goal))
+
+
+def _fit_panel(
+    name: str, place: int, demonstrated: Sequence[np.ndarray], unrolled: np.ndarray, labels: Sequence[str]
+) -> Figure:
+    """One primitive, one row per axis, over normalised time."""
+    figure = canvas(4.2, PANEL_WIDTH)
+    panels = figure.subplots(3, 1, sharex=True)
+    for axis, panel in enumerate(panels):
+        for segment in demonstrated:
+            time = np.linspace(0.0, 1.0, len(segment))
+            panel.plot(time, segment[:, axis], color=DEMONSTRATION_COLOUR, linewidth=0.8, alpha=0.7)
+        time = np.linspace(0.0, 1.0, len(unrolled))
+        panel.plot(time, unrolled[:, axis], color=primitive_colour(place), linewidth=2.2)
+        panel.set_ylabel(labels[axis])
+    panels[0].set_title(capitalised(name))
+    panels[-1].set_xlabel("time / duration")
+    figure.align_ylabels(panels)
     return figure
+
+
+@styled
+def forcing_figure(results: SegmentationResults) -> list[Figure]:
+    """Forcing terms of the primitives in their local frames, and the phase that fades them out."""
+    fraction = np.linspace(0.0, 1.0, FORCING_SAMPLES)
+    figures = []
+    for one in results.primitives:
+        local, times = one.position.local, fraction * one.duration
+        rows = {"position, local\nframe (m)": local.forcing(times, local.start, local.goal, one.duration)}
+        if isinstance(one.orientation, QuaternionPrimitive):
+            rows["orientation, base\nframe (rad)"] = one.orientation.forcing(times, one.duration)
+        figures.append(_rows(f"Forcing terms: {one.name}", rows, fraction))
+    p, u = canonical.phase(fraction, canonical.time_constant(1.0))
+    figures.append(_rows("Canonical system", {"phase p": p, "phase velocity u": u}, fraction))
+    return figures
+
+
+def _rows(title: str, rows: Mapping[str, np.ndarray], fraction: np.ndarray) -> Figure:
+    """Curves (T,) or (T, 3) below each other over normalised time."""
+    figure = canvas(3.4, PANEL_WIDTH)
+    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, (label, values) in zip(panels, rows.items(), strict=True):
+        if values.ndim == 1:
+            panel.plot(fraction, values, color=GREY)
+        else:
+            _draw_axes(panel, fraction, values)
+        panel.set_ylabel(label)
+    panels[0].set_title(title)
+    panels[-1].set_xlabel("time / duration")
+    return figure
+
+
+@styled
+def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
+    """Position, speed and acceleration of unrolled sequences over time, with the switches; a panel each.
+
+    Args:
+        sequences: by title, of `primitives.sequence.sequence_table`.
+    """
+    figures = []
+    for title, table in sequences.items():
+        figures.append(canvas(4.6, PANEL_WIDTH))
+        panels = figures[-1].subplots(3, 1, sharex=True)
+        time = table["time_s"].to_numpy()
+        position = 1e3 * table[["x", "y", "z"]].to_numpy()
+        _draw_axes(panels[0], time, position - position[0])
+        speeds = 1e3 * np.linalg.norm(table[["vx", "vy", "vz"]].to_numpy(), axis=1)
+        panels[1].plot(time, speeds, color=BLACK)
+        _draw_axes(panels[2], time, table[["ax", "ay", "az"]].to_numpy())
+        parts = table.groupby("primitive", sort=False)["time_s"].agg(["first", "last"])
+        for panel in panels:
+            segments = parts.itertuples(index=False, name=None)
+            shade_primitives(panel, list(segments), list(parts.index) if panel is panels[0] else ())
+        for panel, label in zip(panels, ("from start (mm)", "speed (mm/s)", "accel. (m/s²)"), strict=True):
+            panel.set_ylabel(label)
+        panels[0].set_title(capitalised(title), pad=18)
+        panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
+        figures[-1].align_ylabels(panels)
+    return figures

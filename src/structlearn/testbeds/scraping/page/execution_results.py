@@ -1,16 +1,18 @@
 """Executions of several models on the board in pairs: what the evaluations before and after trial share."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from structlearn.ground import quaternion
-from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE, verdict
+from structlearn.ground.metrics import verdict
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.reporting.claims import Evidence
 from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
 from structlearn.testbeds.scraping.protocol.execution_scores import cost_ratios
 from structlearn.testbeds.scraping.world.layout import FLAT_ORIENTATION
@@ -24,7 +26,7 @@ class ExecutionResults:
     """Executions of models in all settings; runs of equal name met equal conditions.
 
     Attributes:
-        scores: of `closed_loop.scores`.
+        scores: of `executed_sets.scores`.
         examples: all executions in the setting `example_deg`, by model.
         example_deg: setting that is shown in detail.
         axis: (3,) roll axis.
@@ -71,7 +73,7 @@ class ExecutionResults:
         """Accumulated cost of each model relative to each of those before it, in pairs.
 
         One row per `primitive` ("all" is their sum), `model`, `baseline` and `setting_deg`: `ratio`,
-        `lower_rad`, `half_width` of `evaluation.cost_ratios`, and the `verdict` on the model.
+        `lower_rad`, `half_width` of `execution_scores.cost_ratios`, and the `verdict` on the model.
         """
         tables = []
         for name in (*self.primitives, ALL):
@@ -79,9 +81,8 @@ class ExecutionResults:
             for baseline, model in combinations(self.models, 2):
                 table = cost_ratios(chosen, model, baseline)
                 low, high = table["lower_rad"] - table["half_width"], table["lower_rad"] + table["half_width"]
-                found = verdict(low, high)
                 keys = {"primitive": name, "model": model, "baseline": baseline}
-                tables.append(table.assign(**keys, verdict=found))
+                tables.append(table.assign(**keys, verdict=verdict(low, high)))
         return pd.concat(tables, ignore_index=True)
 
     def ratio(self, model: str, baseline: str = NOMINAL, primitive: str = ALL) -> pd.DataFrame:
@@ -89,6 +90,23 @@ class ExecutionResults:
         table = self.ratios
         chosen = (table["model"] == model) & (table["baseline"] == baseline)
         return table[chosen & (table["primitive"] == primitive)].set_index("setting_deg")
+
+    def lower(
+        self, model: str, baseline: str, primitive: str, settings_deg: Sequence[float]
+    ) -> list[Evidence]:
+        """By how many rad the cost is lower than a baseline's, in pairs, per setting."""
+        rows = self.ratio(model, baseline, primitive)
+        rows = rows.loc[[setting for setting in settings_deg if setting in rows.index]]
+        return [
+            Evidence(lower, lower - half, lower + half, self.runs)
+            for lower, half in zip(rows["lower_rad"], rows["half_width"], strict=True)
+        ]
+
+    def run_costs(self, model: str, setting_deg: float, primitive: str) -> np.ndarray:
+        """(R,) accumulated cost in rad of every run, in the order of their names."""
+        keys = {"model": model, "setting_deg": setting_deg, "primitive": primitive}
+        chosen = (self.scores[list(keys)] == pd.Series(keys)).all(axis=1)
+        return self.scores[chosen].sort_values("run")["cost_rad"].to_numpy()
 
     @cached_property
     def hand_roll(self) -> pd.DataFrame:
@@ -122,7 +140,10 @@ def moments(run: Demonstration) -> list[int]:
     return [0, *(min(round(end / run.dt), last) for end in run.true_segments[:, 1])]
 
 
-def weakest(verdicts: Iterable[str]) -> str:
-    """Verdict on a statement of several parts: worse if one is, undecided if one is, otherwise better."""
-    each = set(verdicts)
-    return WORSE if WORSE in each else UNDECIDED if UNDECIDED in each else BETTER
+def welch(first: np.ndarray, second: np.ndarray) -> Evidence:
+    """Mean of first minus second of independent runs, with Welch's interval; none of a single run."""
+    value, count = float(np.mean(first) - np.mean(second)), min(len(first), len(second))
+    if count < 2:
+        return Evidence(value, np.nan, np.nan, count)
+    found = stats.ttest_ind(first, second, equal_var=False).confidence_interval()
+    return Evidence(value, float(found.low), float(found.high), count)

@@ -1,171 +1,278 @@
-"""Figures of what feedback is learned from, and of the models compared (figure IV.16)."""
+"""Figures of what feedback is learned from, of the models compared, and of executions on the board."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.model_comparison import dominant_features
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import signals
-from structlearn.palette import BLACK, BLUE, GREY, ORANGE, PURPLE, SKY, VERMILION
-from structlearn.reporting.figures import canvas, legend_above, styled
-from structlearn.testbeds.scraping.page.feedback_results import SAMPLES, FeedbackResults, unroll_traces
+from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, VERMILION
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
+from structlearn.reporting.prose import capitalised
+from structlearn.testbeds.scraping.names import CORRECTED, REPRESENTATIONS, RUNS, primitive_title
+from structlearn.testbeds.scraping.page.demonstration_figures import (
+    busiest_electrodes,
+    draw_electrodes,
+    headroom,
+    shade_primitives,
+)
+from structlearn.testbeds.scraping.page.execution_results import (
+    ExecutionResults,
+    hand_roll_deg,
+    tool_roll_deg,
+)
+from structlearn.testbeds.scraping.page.feedback_results import (
+    SAMPLES,
+    BoardResults,
+    FeedbackResults,
+    unroll_traces,
+)
+from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
 
-REPRESENTATION_NAMES = {
-    "pmnn_100": "PMNN\n100 nodes",
-    "pmnn_6": "PMNN\n6 nodes",
-    "pmnn_0": "PMNN\nno hidden layer",
-    "ffnn_phase": "FFNN\nwith phase",
-    "ffnn": "FFNN",
-    "pca": "PCA, then\nphase kernels",
-    "autoencoder": "autoencoder, then\nphase kernels",
-}
-REPRESENTATION_COLOURS = {
-    "pmnn_100": BLUE,
-    "pmnn_6": SKY,
-    "pmnn_0": SKY,
-    "ffnn_phase": ORANGE,
-    "ffnn": ORANGE,
-    "pca": PURPLE,
-    "autoencoder": PURPLE,
-}
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
 EMBEDDINGS = ("pmnn_100", "pmnn_6", "pca", "autoencoder")
-CHANNELS_SHOWN = 3
+CHANNELS_SHOWN = 2
 
 
-def mean_band(panel: Axes, curves: np.ndarray, colour: str, label: str | None = None) -> None:
+def panel(title: str, height: float = 3.0) -> tuple[Figure, Axes]:
+    """One figure with one panel."""
+    figure = canvas(height, PANEL_WIDTH)
+    axes = figure.subplots()
+    axes.set_title(capitalised(title))
+    return figure, axes
+
+
+def mean_band(axes: Axes, curves: np.ndarray, colour: str, label: str | None = None) -> None:
     """Mean of curves (R, T) over normalised time, and one std on either side."""
     time, mean = np.linspace(0.0, 1.0, curves.shape[1]), curves.mean(axis=0)
     spread = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
-    panel.fill_between(time, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
-    panel.plot(time, mean, color=colour, label=label)
+    axes.fill_between(time, mean - spread, mean + spread, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(time, mean, color=colour, label=label)
 
 
 def demonstrated_curves(dataset: CouplingDataset, setting: float, values: np.ndarray) -> np.ndarray:
     """Values (S,) of every demonstration in a setting over normalised time, (L, `SAMPLES`)."""
     inside = dataset.setting == setting
-    return np.stack(
-        [
-            signals.time_normalised(values[inside & (dataset.demonstration == number)], SAMPLES)
-            for number in np.unique(dataset.demonstration[inside])
-        ]
-    )
-
-
-def setting_colours(settings: Sequence[float]) -> dict[float, str]:
-    """One colour per setting, darker where the board is tilted more."""
-    places = np.linspace(0.85, 0.0, len(settings))
-    return {
-        setting: to_hex(colormaps["viridis"](place)) for setting, place in zip(settings, places, strict=True)
-    }
+    numbers = np.unique(dataset.demonstration[inside])
+    each = (values[inside & (dataset.demonstration == number)] for number in numbers)
+    return np.stack([signals.time_normalised(one, SAMPLES) for one in each])
 
 
 @styled
-def expected_figure(results: FeedbackResults) -> Figure:
+def expected_figure(results: FeedbackResults) -> list[Figure]:
     """Mean and std of a few electrodes in the executions, with the learned expected traces."""
     traces = {name: unroll_traces(results, name) for name in results.primitives}
     moved = np.max([np.ptp(learned, axis=0) for _, learned in traces.values()], axis=0)
     shown = np.sort(np.argsort(-moved, kind="stable")[:CHANNELS_SHOWN])
-    figure = canvas(0.8 + 1.5 * len(shown))
-    panels = figure.subplots(len(shown), len(traces), sharex=True, sharey="row", squeeze=False)
-    time = np.linspace(0.0, 1.0, SAMPLES)
-    for column, (name, (runs, learned)) in enumerate(traces.items()):
-        panels[0, column].set_title(f"{results.number(name)}. {name}")
-        panels[-1, column].set_xlabel("time / duration")
-        for panel, channel in zip(panels[:, column], shown, strict=True):
-            mean_band(panel, runs[:, :, channel], BLUE, f"{len(runs)} executions, mean ± std")
+    time, figures = np.linspace(0.0, 1.0, SAMPLES), []
+    for name, (runs, learned) in traces.items():
+        figures.append(canvas(3.4, PANEL_WIDTH))
+        rows = figures[-1].subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, channel in zip(rows, shown, strict=True):
+            mean_band(axes, runs[:, :, channel], BLUE, f"{len(runs)} executions")
             look = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 1.2}
-            panel.plot(time, learned[:, channel], **look, label="expected trace, learned")
-    for panel, channel in zip(panels[:, 0], shown, strict=True):
-        panel.set_ylabel(f"channel {channel + 1}\n(counts)")
-    legend_above(figure, panels[0, 0])
-    return figure
+            axes.plot(time, learned[:, channel], **look, label="expected trace")
+            axes.set_ylabel(f"channel {channel + 1} (counts)")
+        rows[0].set_title(capitalised(name))
+        rows[0].legend()
+        rows[-1].set_xlabel("time / duration")
+    return figures
 
 
 @styled
-def targets_figure(results: FeedbackResults) -> Figure:
+def targets_figure(results: FeedbackResults) -> list[Figure]:
     """Coupling targets and the deviation of the most telling channel per setting, mean and std."""
-    figure = canvas(4.8)
-    panels = figure.subplots(2, len(results.adapted), sharex=True, squeeze=False)
-    colours = setting_colours(results.settings_deg)
-    for column, name in enumerate(results.adapted):
+    places = np.linspace(0.85, 0.0, len(results.settings_deg))
+    colours = [to_hex(colormaps["viridis"](place)) for place in places]  # darker where tilted more
+    figures = []
+    for name in results.adapted:
         dataset, channel = results.datasets[name], results.channels[name][0]
-        target, deviation = panels[:, column]
-        for setting, colour in colours.items():
+        figures.append(canvas(4.2, PANEL_WIDTH))
+        target, deviation = figures[-1].subplots(2, 1, sharex=True)
+        for setting, colour in zip(results.settings_deg, colours, strict=True):
             mean_band(target, demonstrated_curves(dataset, setting, dataset.target), colour, f"{setting:g}°")
-            curves = demonstrated_curves(dataset, setting, dataset.deviation[:, channel])
-            mean_band(deviation, curves, colour)
-        target.set(title=f"{results.number(name)}. {name}", ylabel="coupling target (rad)")
-        deviation.set(xlabel="time / duration", ylabel=f"deviation, channel {channel + 1}\n(counts)")
-    legend_above(figure, panels[0, 0])
-    return figure
+            mean_band(deviation, demonstrated_curves(dataset, setting, dataset.deviation[:, channel]), colour)
+        target.set(title=capitalised(name), ylabel="coupling target (rad)")
+        headroom(target)
+        target.legend(ncols=3, loc="upper right")
+        deviation.set(xlabel="time / duration", ylabel=f"channel {channel + 1} (counts)")
+    return figures
 
 
 @styled
-def models_figure(results: FeedbackResults) -> Figure:
+def models_figure(results: FeedbackResults) -> list[Figure]:
     """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds."""
-    figure = canvas(5.6)
-    panels = figure.subplots(2, len(results.adapted), squeeze=False)
-    honest, optimistic = (
-        results.model_errors[results.model_errors["stopping"] == stopping].set_index(
-            ["primitive", "representation"]
-        )
-        for stopping in ("validation", "generalization")
-    )
-    for column, name in enumerate(results.adapted):
-        for panel, representations in zip(panels[:, column], (STRUCTURES, EMBEDDINGS), strict=True):
-            for place, representation in enumerate(representations):
-                if (name, representation) not in honest.index:
-                    continue
-                row = honest.loc[(name, representation)]
+    errors = results.model_errors.set_index(["primitive", "representation", "stopping"])
+    figures = []
+    for what, chosen in (("structures", STRUCTURES), ("features inside or apart", EMBEDDINGS)):
+        for name in results.adapted:
+            shown = [one for one in chosen if (name, one, "validation") in errors.index]
+            figure, axes = panel(f"{name}: {what}", 2.6)
+            for place, one in enumerate(reversed(shown)):
+                row = errors.loc[(name, one, "validation")]
                 mean, std = row["generalization_mean"], np.nan_to_num(row["generalization_std"])
-                colour = REPRESENTATION_COLOURS[representation]
-                panel.bar(place, mean, 0.62, color=colour)
-                panel.errorbar(place, mean, std, color=BLACK, linewidth=1.0, capsize=4.0)
-                best = optimistic.loc[(name, representation), "generalization_mean"]
-                look = {"color": BLACK, "markerfacecolor": "white", "markersize": 5, "linestyle": "none"}
-                panel.plot(place + 0.22, best, marker="D", **look)
-            names = [REPRESENTATION_NAMES[representation] for representation in representations]
-            panel.set_xticks(range(len(names)), names, fontsize=8.0)
-            panel.grid(axis="x", visible=False)
-            panel.set_ylabel("generalisation NMSE")
-            panel.set_ylim(bottom=0.0)
-        panels[0, column].set_title(f"{results.number(name)}. {name}: network structures")
-        panels[1, column].set_title(f"{results.number(name)}. {name}: features learned inside or apart")
-    look = {"color": BLACK, "markerfacecolor": "white", "markersize": 5, "linestyle": "none"}
-    handles = [
-        Line2D([], [], color=GREY, linewidth=7, label="stopped by validation, mean ± std over folds"),
-        Line2D([], [], marker="D", **look, label="best step for the demonstration left out (optimistic)"),
-    ]
-    figure.legend(handles=handles, loc="outside upper left", ncols=2)
+                axes.barh(place, mean, 0.62, color=REPRESENTATIONS[one].colour)
+                axes.errorbar(mean, place, xerr=std, color=BLACK, linewidth=1.0, capsize=4.0)
+                best = errors.loc[(name, one, "generalization"), "generalization_mean"]
+                axes.plot(best, place, "D", color=BLACK, markerfacecolor="white", markersize=5)
+            names = [REPRESENTATIONS[one].name.replace(", then ", ",\nthen ") for one in reversed(shown)]
+            axes.set_yticks(range(len(names)), names)
+            axes.grid(axis="y", visible=False)
+            axes.set(xlabel="generalisation NMSE", xlim=(0.0, None))
+            figures.append(figure)
+    return figures
+
+
+@styled
+def weights_figure(results: FeedbackResults) -> list[Figure]:
+    """Figure IV.16, bottom: the hidden nodes that weigh most for each phase kernel."""
+    figures, colours = [], ListedColormap([BLUE, "#f5d76e"])
+    for name in results.adapted:
+        figure, axes = panel(f"{name}: largest weights of every kernel", 2.6)
+        axes.imshow(results.dominant(name)[0], cmap=colours, aspect="auto", interpolation="nearest")
+        axes.set(xlabel="node of the hidden layer", ylabel="phase kernel")
+        axes.grid(visible=False)
+        figures.append(figure)
+    return figures
+
+
+@styled
+def executions_figure(board: BoardResults, names: Sequence[str]) -> list[Figure]:
+    """One execution without feedback and one corrected by a person: roll, force, torque, electrodes."""
+    runs = {NOMINAL: board.examples[NOMINAL][0]}
+    if board.corrected:
+        runs[CORRECTED] = board.corrected[0]
+    channels = busiest_electrodes(list(runs.values()))
+    return [_execution_panel(board, RUNS[kind].name, run, channels, names) for kind, run in runs.items()]
+
+
+def _execution_panel(
+    board: BoardResults, title: str, run: Demonstration, channels: Sequence[int], names: Sequence[str]
+) -> Figure:
+    figure = canvas(5.6, PANEL_WIDTH)
+    roll, force, torque, touch = rows = figure.subplots(4, 1, sharex=True)
+    tool = board.example_deg + tool_roll_deg(run, board.axis)
+    roll.plot(run.time, tool, color=VERMILION, linewidth=1.0, label="tool")
+    roll.plot(run.time, hand_roll_deg(run, board.axis), color=BLUE, label="hand")
+    roll.axhline(board.example_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
+    roll.legend(ncols=3)
+    roll.set_title(f"{capitalised(title)}, board at {board.example_deg:g}°", pad=18)
+    force.plot(run.time, -run.wrench[:, 2], color=AXIS_COLOURS[2], linewidth=1.0)
+    force.axhline(board.force_n, color=BLACK, linestyle=":", linewidth=1.2)
+    torque.plot(run.time, -1e3 * run.wrench[:, 3:] @ board.axis, color=GREY, linewidth=0.9)
+    draw_electrodes(touch, run, channels)
+    labels = ("roll (°)", "force (N)", "torque (mN m)", "touch (counts)")
+    for axes, label in zip(rows, labels, strict=True):
+        shade_primitives(axes, run.true_segments, names if axes is roll else ())
+        axes.set_ylabel(label)
+    touch.set(xlabel="time (s)", xlim=(run.time[0], run.time[-1]))
+    figure.align_ylabels(rows)
     return figure
 
 
 @styled
-def weights_figure(results: FeedbackResults, primitive: str) -> Figure:
-    """Figure IV.16, bottom: the hidden nodes that weigh most for each phase kernel."""
-    dominant = dominant_features(results.networks[primitive])
-    figure = canvas(2.9)
-    panel = figure.subplots()
-    panel.imshow(dominant, cmap=ListedColormap([BLUE, "#f5d76e"]), aspect="auto", interpolation="nearest")
-    panel.set(xlabel="node of the hidden layer", ylabel="phase kernel")
-    panel.set_title(f"The ten largest weights of every kernel, “{primitive}”")
-    panel.grid(visible=False)
-    return figure
+def closed_loop_figure(results: FeedbackResults, primitive: str) -> list[Figure]:
+    """Figure IV.18: coupling term and one electrode's deviation over time, a panel per setting."""
+    board, dataset = results.board, results.datasets[primitive]
+    channel = results.channels[primitive][0]
+    traces = board.traces[board.traces["primitive"] == primitive]
+    columns = {"coupling": dataset.target, f"channel_{channel:02d}": dataset.deviation[:, channel]}
+    labels = ("coupling term (rad)", f"channel {channel + 1} (counts)")
+    limits = {}
+    for name, values in columns.items():
+        shown = np.concatenate([values, traces[name]])
+        limits[name] = (shown.min(), shown.max())
+    figures = []
+    for setting in [one for one in board.tilted_deg if one in results.settings_deg]:
+        figures.append(canvas(3.6, PANEL_WIDTH))
+        rows = figures[-1].subplots(2, 1, sharex=True)
+        here = traces[traces["setting_deg"] == setting]
+        for axes, label, (name, values) in zip(rows, labels, columns.items(), strict=True):
+            _demonstrated_band(axes, demonstrated_curves(dataset, setting, values))
+            for model in (NOMINAL, POINTWISE):
+                runs = here[here["model"] == model].groupby("run")[name]
+                for place, (_, run) in enumerate(runs):
+                    look = {"color": RUNS[model].colour, "linewidth": 0.7}
+                    curve = signals.time_normalised(run.to_numpy(), SAMPLES)
+                    axes.plot(*_over_time(curve), **look, label=RUNS[model].name if place == 0 else None)
+            axes.set(ylabel=label, ylim=limits[name])
+        seen = "" if setting in results.seen_deg else ", never learned from"
+        rows[0].set_title(f"Board at {setting:g}°{seen}")
+        rows[1].set_xlabel("time / duration")
+        if len(figures) == 1:
+            rows[0].legend()
+    return figures
 
 
-def shared_features(dominant: np.ndarray) -> tuple[float, float]:
-    """Dominant features (N, H) that two kernels share on average: neighbouring kernels, and any two."""
-    common = dominant.astype(int) @ dominant.T.astype(int)
-    return float(np.diag(common, 1).mean()), float(common[np.triu_indices(len(common), 1)].mean())
+def _over_time(curve: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.linspace(0.0, 1.0, len(curve)), curve
 
 
-def plain_name(representation: str) -> str:
-    """A representation's name in running text."""
-    return REPRESENTATION_NAMES[representation].replace("\n", " ").split(",")[0]
+def _demonstrated_band(axes: Axes, curves: np.ndarray) -> None:
+    """Every demonstration, and their mean with one std on either side."""
+    label = RUNS[CORRECTED].name
+    axes.plot(_over_time(curves.T)[0], curves.T, color=RUNS[CORRECTED].colour, linewidth=0.4, alpha=0.6)
+    axes.plot([], [], color=RUNS[CORRECTED].colour, label=f"{label} (black: mean ± std)")
+    mean, spread = curves.mean(axis=0), curves.std(axis=0)
+    axes.plot(*_over_time(mean), color=BLACK, linestyle=(0, (4, 2)), linewidth=1.1)
+    for edge in (mean + spread, mean - spread):
+        axes.plot(*_over_time(edge), color=BLACK, linewidth=0.8)
+
+
+@styled
+def roll_figure(results: FeedbackResults) -> list[Figure]:
+    """Roll of the tool against roll of the board at the end of each primitive; a point per execution."""
+    board, figures = results.board, []
+    largest = max(board.settings_deg)
+    for primitive in board.primitives:
+        figure, axes = panel(f"end of {primitive_title(results.primitives, primitive)}")
+        axes.plot([0, largest], [0, largest], color=BLACK, linewidth=1.0, linestyle=":", label="flat on it")
+        rows = board.scores[board.scores["primitive"] == primitive]
+        for place, model in enumerate(board.models):
+            own = rows[rows["model"] == model]
+            beside = 0.16 * (place - 0.5 * (len(board.models) - 1))  # so that points can be told apart
+            look = {"color": RUNS[model].colour, "linestyle": "none", "marker": "o", "markersize": 3.2}
+            roll = own["setting_deg"] + own["end_roll_deg"]
+            axes.plot(own["setting_deg"] + beside, roll, **look, alpha=0.7, label=RUNS[model].name)
+        axes.set_xticks(board.settings_deg, [f"{setting:g}" for setting in board.settings_deg])
+        axes.set(xlabel="roll of the board (°)", ylabel="roll of the tool (°)")
+        axes.legend()
+        figures.append(figure)
+    return figures
+
+
+@styled
+def cost_figure(
+    executed: ExecutionResults, names: Sequence[str], note: Callable[[float], str]
+) -> list[Figure]:
+    """Figure IV.20: accumulated cost per setting and model, mean and std over the executions.
+
+    Args:
+        executed: the executions.
+        names: of all primitives, in order.
+        note: what is written below a setting.
+    """
+    figures = []
+    width = 0.8 / len(executed.models)
+    costs: Mapping = executed.costs.set_index(["primitive", "model"])
+    for primitive in executed.primitives:
+        figure, axes = panel(primitive_title(names, primitive))
+        for place, model in enumerate(executed.models):
+            rows = costs.loc[[(primitive, model)]].sort_values("setting_deg")
+            x = np.arange(len(rows)) + width * (place - 0.5 * (len(executed.models) - 1))
+            axes.bar(x, rows["mean"], 0.92 * width, color=RUNS[model].colour, label=RUNS[model].name)
+            look = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
+            axes.errorbar(x, rows["mean"], np.nan_to_num(rows["std"]), **look)
+        ticks = [f"{setting:g}\n{note(setting)}" for setting in executed.settings_deg]
+        axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)
+        axes.grid(axis="x", visible=False)
+        axes.set(xlabel="roll of the board (°)", ylabel="accumulated cost (rad)", ylim=(0.0, None))
+        axes.legend()
+        figures.append(figure)
+    return figures

@@ -1,4 +1,4 @@
-"""What the feedback stages of the scraping testbed wrote, and what follows from it."""
+"""Feedback models (IV.6, IV.9.3): what the stages wrote, and the numbers that follow."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,75 +8,125 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.feedback_models import POINTWISE, UNROLLED
 from structlearn.feedback.folds import PARTS
-from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS
+from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS, dominant_features
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervision import Cuts
 from structlearn.ground import signals
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.metrics import UNDECIDED
+from structlearn.ground.metrics import mean_interval, verdict
 from structlearn.primitives import sensor_traces
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.reporting.prose import level_name
 from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.tactile.electrodes import ELECTRODES_MM
-from structlearn.testbeds.scraping.page import board_results, refinement_results
-from structlearn.testbeds.scraping.page.board_results import BoardResults
-from structlearn.testbeds.scraping.page.execution_results import weakest
-from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
+from structlearn.testbeds.scraping.page.execution_results import ExecutionResults, welch
+from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
 from structlearn.testbeds.scraping.protocol.execution_scores import execution_scores
 from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 from structlearn.testbeds.scraping.world.recorder import FINGERS
 
-PUBLISHED_NMSE: Mapping[int, Mapping[str, tuple[float, float]]] = {
-    2: {
-        "train": (0.15, 0.05),
-        "validation": (0.15, 0.05),
-        "test": (0.16, 0.06),
-        "generalization": (0.36, 0.19),
-    },
-    3: {
-        "train": (0.22, 0.05),
-        "validation": (0.22, 0.05),
-        "test": (0.22, 0.05),
-        "generalization": (0.32, 0.13),
-    },
-}
-"""Mean and std of table IV.5 by the primitive's number."""
-
-PUBLISHED_DIMENSIONS = {2: 7, 3: 6}
-"""Principal components that hold 99 % of the variance (IV.9.3.3), by the primitive's number."""
-
-MODEL_CLAIMS = {
-    "PMNN with one hidden layer of 100 nodes is the best of the network structures": (
-        "Fig. IV.16 top",
-        (("pmnn_100", "pmnn_0"), ("pmnn_100", "ffnn_phase"), ("pmnn_100", "ffnn")),
-    ),
-    "Order: PMNN-100, PMNN without hidden layer, FFNN with phase, FFNN": (
-        "Fig. IV.16 top",
-        (("pmnn_100", "pmnn_0"), ("pmnn_0", "ffnn_phase"), ("ffnn_phase", "ffnn")),
-    ),
-    "FFNN that is told the phase is better than without": ("IV.9.3.2", (("ffnn_phase", "ffnn"),)),
-    "Features learned inside the PMNN (100 and 6 nodes) are better than learned apart from it (PCA, "
-    "autoencoder)": (
-        "Fig. IV.16 middle",
-        (
-            ("pmnn_100", "pca"),
-            ("pmnn_100", "autoencoder"),
-            ("pmnn_6", "pca"),
-            ("pmnn_6", "autoencoder"),
-        ),
-    ),
-    "Of the two PMNNs the one with 100 nodes is better than the one with 6": (
-        "IV.9.3.3",
-        (("pmnn_100", "pmnn_6"),),
-    ),
-}
-"""Statement, its source and the pairs (better, worse) that it is made of."""
-
-
 SAMPLES = 101
 """Points over normalised time on which curves are compared."""
+
+
+@dataclass(frozen=True)
+class BoardResults(ExecutionResults):
+    """Executions without feedback and with each model; `example_deg` is the largest setting.
+
+    Attributes:
+        traces: of `executed_sets.traces`.
+        path_errors: of `feedback_models.path_errors`.
+        corrected: corrected demonstrations in the setting `example_deg`.
+        force_n: that the robot was asked to hold.
+    """
+
+    traces: pd.DataFrame
+    path_errors: pd.DataFrame
+    corrected: Sequence[Demonstration]
+    force_n: float
+
+    @cached_property
+    def nominal(self) -> pd.DataFrame:
+        """Executions without feedback: means over runs per `setting_deg` and `primitive`."""
+        rows = self.scores[self.scores["model"] == NOMINAL].drop(columns=["run", "model"])
+        return rows.groupby(["setting_deg", "primitive"], sort=True).mean()
+
+    @cached_property
+    def force_error_percent(self) -> float:
+        """Largest error of the mean force of any execution, with or without feedback."""
+        return float(100.0 * (self.scores["force_n"] / self.force_n - 1.0).abs().max())
+
+    @cached_property
+    def torque_steps(self) -> dict[str, float]:
+        """By primitive, smallest step of the roll torque without feedback from tilt to tilt, mN m.
+
+        Positive where the torque changes one way with the tilt.
+        """
+        steps = {}
+        for name in self.primitives:
+            own = np.diff(self.nominal.xs(name, level="primitive")["roll_torque_mn_m"])
+            steps[name] = float((np.sign(own.sum()) * own).min())
+        return steps
+
+    @cached_property
+    def coupling(self) -> pd.DataFrame:
+        """Mean coupling term of the pointwise model over a primitive, and its step from setting to setting.
+
+        One row per `primitive` and `setting_deg`: `mean`, `std` over the runs; `step` from the setting below
+        with its 95 % interval `low`, `high` (Welch, runs are independent).
+        """
+        rows = []
+        fed = self.traces[self.traces["model"] == POINTWISE]
+        each = fed.groupby(["primitive", "setting_deg", "run"])["coupling"].mean()
+        for name in self.primitives:
+            before = None
+            for setting in self.settings_deg:
+                values = each[name, setting].to_numpy()
+                row = {"primitive": name, "setting_deg": setting, "mean": values.mean()}
+                row |= {"std": np.std(values, ddof=1) if len(values) > 1 else np.nan}
+                if before is not None:
+                    step = welch(values, before)
+                    row |= {"step": step.value, "low": step.low, "high": step.high}
+                rows.append(row)
+                before = values
+        return pd.DataFrame(rows, columns=["primitive", "setting_deg", "mean", "std", "step", "low", "high"])
+
+    def path_comparison(self, seen_deg: Sequence[float]) -> pd.DataFrame:
+        """Errors of the unrolled path, pointwise beside unrolled, in settings learned from and others.
+
+        Returns:
+            One row per `primitive` and `seen`: `count` of demonstrations, mean and std of both models, the
+            mean paired difference `lower_deg` (pointwise minus unrolled) with its `half_width`, and the
+            `verdict` on the unrolled model.
+        """
+        keys = ["primitive", "setting_deg", "demonstration"]
+        wide = self.path_errors.pivot_table("error_deg", keys, "model").reset_index()
+        wide["seen"] = wide["setting_deg"].isin(list(seen_deg))
+        rows = []
+        for name in self.primitives:
+            for seen in (True, False):
+                part = wide[(wide["primitive"] == name) & (wide["seen"] == seen)]
+                if len(part):
+                    row = {"primitive": name, "seen": seen, "count": len(part)}
+                    for model in (POINTWISE, UNROLLED):
+                        row |= {f"{model}_deg": part[model].mean(), f"{model}_std": part[model].std()}
+                    lower, half_width = mean_interval((part[POINTWISE] - part[UNROLLED]).to_numpy())
+                    row |= {"lower_deg": lower, "half_width": half_width}
+                    rows.append(row | {"verdict": str(verdict(lower - half_width, lower + half_width))})
+        return pd.DataFrame(rows)
+
+    def metrics(self) -> Metrics:
+        """Cost ratios by setting, force and torque."""
+        values: Metrics = {}
+        for model, name in ((POINTWISE, "feedback"), (UNROLLED, "unrolled")):
+            for setting, ratio in self.ratio(model)["ratio"].items():
+                values[f"cost_ratio_{name}_over_nominal_{level_name(setting)}"] = float(ratio)
+        values["force_largest_error_percent"] = self.force_error_percent
+        values["roll_torque_monotone"] = all(step > 0.0 for step in self.torque_steps.values())
+        return values
 
 
 @dataclass(frozen=True)
@@ -91,11 +141,10 @@ class FeedbackResults:
         datasets: by primitive, of all settings; empty where nothing was corrected.
         checks: of `supervision.coupling_dataset`, by primitive.
         networks: the pointwise models by primitive.
-        comparison: of `comparison.compare_representations`, with `primitive`; empty where not made.
-        orderings: of `comparison.paired_orderings`, with `primitive`.
+        comparison: of `model_comparison.compare_representations`, with `primitive`; empty where not made.
+        orderings: of `model_comparison.paired_orderings`, with `primitive`.
         seen_deg: settings that are learned from.
         board: what was executed with the models; None where there is no simulation.
-        refinement: what came of refining the models by trial; None where nothing was refined.
     """
 
     primitives: Sequence[str]
@@ -109,7 +158,6 @@ class FeedbackResults:
     orderings: pd.DataFrame
     seen_deg: Sequence[float]
     board: BoardResults | None
-    refinement: RefinementResults | None
 
     @cached_property
     def simulated(self) -> bool:
@@ -120,10 +168,6 @@ class FeedbackResults:
     def adapted(self) -> list[str]:
         """Primitives with feedback, in order of time."""
         return [name for name in self.primitives if name in self.datasets]
-
-    def number(self, primitive: str) -> int:
-        """Place of a primitive in the sequence, from 1, as the dissertation counts."""
-        return list(self.primitives).index(primitive) + 1
 
     @cached_property
     def settings_deg(self) -> list[float]:
@@ -158,10 +202,17 @@ class FeedbackResults:
             spread.append(np.mean(runs.var(axis=0, ddof=1)) if len(runs) > 1 else np.nan)
         return float(np.sqrt(np.mean(off))), float(np.sqrt(np.mean(spread)))
 
-    @cached_property
+    @property
     def folds(self) -> int:
         """Folds of the comparison."""
         return self.comparison["fold"].nunique()
+
+    @cached_property
+    def coupling_checks(self) -> pd.DataFrame:
+        """`checks` of all primitives."""
+        return pd.concat(
+            [self.checks[name].assign(primitive=name) for name in self.adapted], ignore_index=True
+        )
 
     @cached_property
     def model_errors(self) -> pd.DataFrame:
@@ -172,15 +223,13 @@ class FeedbackResults:
         """
         rows = []
         grouped = self.comparison.groupby(["primitive", "representation", "stopping"])
-        for name in self.adapted:
-            for representation in REPRESENTATIONS:
-                for stopping in STOPPINGS:
-                    if (name, representation, stopping) in grouped.groups:
-                        group = grouped.get_group((name, representation, stopping))
-                        row = {"primitive": name, "representation": representation, "stopping": stopping}
-                        for part in PARTS:
-                            row |= {f"{part}_mean": group[part].mean(), f"{part}_std": group[part].std()}
-                        rows.append(row | {"dimensions": group["dimensions"].mean()})
+        for key in ((p, r, s) for p in self.adapted for r in REPRESENTATIONS for s in STOPPINGS):
+            if key in grouped.groups:
+                group = grouped.get_group(key)
+                row = dict(zip(("primitive", "representation", "stopping"), key, strict=True))
+                for part in PARTS:
+                    row |= {f"{part}_mean": group[part].mean(), f"{part}_std": group[part].std()}
+                rows.append(row | {"dimensions": group["dimensions"].mean()})
         return pd.DataFrame(rows)
 
     def model_error(self, primitive: str, representation: str, stopping: str = "validation") -> pd.Series:
@@ -190,20 +239,41 @@ class FeedbackResults:
 
     @cached_property
     def demonstrated_costs(self) -> pd.DataFrame:
-        """Scores of the corrected demonstrations that `board` holds, as `evaluation.execution_scores`."""
+        """Scores of the corrected demonstrations that `board` holds, as `execution_scores`."""
         board = self.board
         cuts = commanded_cuts(board.corrected, self.primitives)
         scored = {name: cuts[name] for name in board.primitives}
         return execution_scores(board.corrected, scored, nominal_orientation(self.unrolls), board.axis)
 
-    def claim_verdicts(self, pairs: Sequence[tuple[str, str]]) -> dict[str, str]:
-        """By primitive: better if every pair is as claimed, worse if one is the other way round."""
-        found = self.orderings[self.orderings["stopping"] == "validation"]
-        found = found.set_index(["primitive", "better", "worse"])["verdict"]
-        verdicts = {}
-        for name in self.adapted:
-            verdicts[name] = weakest(found.get((name, *pair), UNDECIDED) for pair in pairs)
-        return verdicts
+    def dominant(self, primitive: str) -> tuple[np.ndarray, float, float]:
+        """Figure IV.16 bottom.
+
+        Returns:
+            (N, H) whether a node is among those that weigh most for a phase kernel, and how many of them
+            neighbouring kernels and any two kernels share on average.
+        """
+        dominant = dominant_features(self.networks[primitive])
+        common = dominant.astype(int) @ dominant.T.astype(int)
+        any_two = common[np.triu_indices(len(common), 1)]
+        return dominant, float(np.diag(common, 1).mean()), float(any_two.mean())
+
+    def metrics(self) -> Metrics:
+        """Key figures.
+
+        `<model>_prim<number>_generalization_nmse` is the mean over folds at the step that validation chose,
+        with the suffix `_best_step` at the best step for the demonstration that was left out, as in the
+        dissertation. `cost_ratio_<model>_over_nominal_<degrees>` is the accumulated cost of both primitives
+        with feedback relative to without, `feedback` being the pointwise model. `force_largest_error_percent`
+        is of the mean force of any execution; `roll_torque_monotone` is of executions without feedback.
+        """
+        values: Metrics = {}
+        for name in self.adapted if len(self.comparison) else ():
+            number = list(self.primitives).index(name) + 1
+            for representation, key in (("pmnn_100", "pmnn"), ("ffnn_phase", "ffnn_phase"), ("ffnn", "ffnn")):
+                for stopping, suffix in (("validation", ""), ("generalization", "_best_step")):
+                    error = self.model_error(name, representation, stopping)["generalization_mean"]
+                    values[f"{key}_prim{number}_generalization_nmse{suffix}"] = float(error)
+        return values | (self.board.metrics() if self.board is not None else {})
 
 
 def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
@@ -227,51 +297,9 @@ def unroll_traces(results: FeedbackResults, primitive: str) -> tuple[np.ndarray,
     """
     runs = []
     for run in results.unrolls:
-        first, last = (
-            round(float(results.unroll_cuts[primitive].loc[run.name, end]) / run.dt)
-            for end in ("start_s", "end_s")
-        )
+        ends = results.unroll_cuts[primitive].loc[run.name, ["start_s", "end_s"]]
+        first, last = (round(float(end) / run.dt) for end in ends)
         part = sensor_traces.without_offset(run.tactile)[first : last + 1]
         runs.append(signals.time_normalised(part, SAMPLES))
     learned = results.expected[primitive]
     return np.stack(runs), sensor_traces.expected(learned, SAMPLES, learned.duration / (SAMPLES - 1))
-
-
-def tables(results: FeedbackResults) -> dict[str, pd.DataFrame]:
-    """Tables of the feedback sections by name."""
-    found: dict[str, pd.DataFrame] = {}
-    if results.datasets:
-        found["coupling_checks"] = pd.concat(
-            [results.checks[name].assign(primitive=name) for name in results.adapted], ignore_index=True
-        )
-    if len(results.comparison):
-        found["model_errors"] = results.model_errors
-        found["model_orderings"] = results.orderings
-    if results.board is not None:
-        found |= board_results.tables(results.board, results.seen_deg)
-    if results.refinement is not None:
-        found |= refinement_results.tables(results.refinement)
-    return found
-
-
-def metrics(results: FeedbackResults) -> Metrics:
-    """Key figures of feedback.
-
-    `<model>_prim<number>_generalization_nmse` is the mean over folds at the step that validation chose, with
-    the suffix `_best_step` at the best step for the demonstration that was left out, as in the dissertation.
-    `cost_ratio_<model>_over_nominal_<degrees>` is the accumulated cost of both primitives with feedback
-    relative to without, `feedback` being the pointwise model. `force_largest_error_percent` is of the mean
-    force of any execution; `roll_torque_monotone` is of executions without feedback. Those of the refinement
-    are described in `refinement_results.metrics`.
-    """
-    values: Metrics = {}
-    for name in results.adapted if len(results.comparison) else ():
-        for representation, key in (("pmnn_100", "pmnn"), ("ffnn_phase", "ffnn_phase"), ("ffnn", "ffnn")):
-            for stopping, suffix in (("validation", ""), ("generalization", "_best_step")):
-                error = results.model_error(name, representation, stopping)["generalization_mean"]
-                values[f"{key}_prim{results.number(name)}_generalization_nmse{suffix}"] = float(error)
-    if results.board is not None:
-        values |= board_results.metrics(results.board)
-    if results.refinement is not None:
-        values |= refinement_results.metrics(results.refinement, results.number)
-    return values

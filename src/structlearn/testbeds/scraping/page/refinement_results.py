@@ -1,4 +1,4 @@
-"""What came of refining the feedback models by trial on a new tilt (IV.9.4)."""
+"""Refinement by trial (IV.7, IV.9.4): what the stages wrote, and the numbers that follow."""
 
 import re
 from collections.abc import Callable
@@ -7,22 +7,19 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE, mean_interval, verdict
 from structlearn.policy_search.rollouts import FEEDBACK
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.testbeds.scraping.page.execution_results import ALL, ExecutionResults, weakest
+from structlearn.reporting.claims import Evidence
+from structlearn.testbeds.scraping.page.execution_results import ALL, ExecutionResults, welch
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
 
 PUBLISHED_ITERATIONS = 2
-"""After which both primitives had converged (IV.9.4.1)."""
-
-AIMED_RATIO = 0.7
-"""This project's aim: at the refined tilt at most this share of the cost before."""
+"""After which both primitives had converged (IV.9.4.1); also in `published.yaml`, for sentences."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class RefinementResults(ExecutionResults):
 
     Attributes:
         history: of `rollouts.history_rows`, with `primitive`.
-        search: of `comparison.compare`, with `primitive`; empty where not made.
+        search: of `sample_efficiency.compare`, with `primitive`; empty where not made.
         parameters: of the refinement.
     """
 
@@ -54,6 +51,14 @@ class RefinementResults(ExecutionResults):
         """Executed tilts that were neither learned from nor refined on."""
         known = (*self.parameters.settings_deg, self.example_deg)
         return [setting for setting in self.tilted_deg if setting not in known]
+
+    def role(self, setting: float) -> str:
+        """What a setting was to the models, in one word."""
+        if setting == self.example_deg:
+            return "refined"
+        if setting in self.seen_deg:
+            return "learned"
+        return "default" if setting == 0.0 else "unseen"
 
     @cached_property
     def evaluated(self) -> bool:
@@ -82,17 +87,15 @@ class RefinementResults(ExecutionResults):
             rows.append(row | {"failed": int((group["fault"] != "").sum())})
         return pd.DataFrame(rows)
 
-    @cached_property
-    def network_costs(self) -> dict[str, np.ndarray]:
-        """By primitive, mean accumulated cost with the network after every iteration in rad, from the 0th."""
-        fed = self.curves[self.curves["kind"] == FEEDBACK]
-        return {name: fed.loc[fed["primitive"] == name, "mean"].to_numpy() for name in self.refined}
+    def curve(self, primitive: str, kind: str = FEEDBACK) -> pd.DataFrame:
+        """Rows of `curves` by iteration; with the network they begin before the refinement."""
+        chosen = (self.curves["primitive"] == primitive) & (self.curves["kind"] == kind)
+        return self.curves[chosen].set_index("iteration")
 
-    @cached_property
-    def norms(self) -> dict[str, float]:
-        """By primitive, mean norm of the cost vector of the last executions with the network, rad."""
-        last = self.curves[self.curves["kind"] == FEEDBACK].groupby("primitive")["norm_rad"].last()
-        return {name: float(last[name]) for name in self.refined}
+    def met(self, primitive: str) -> bool:
+        """Whether the norm of the cost of the last executions met the threshold that ends a refinement."""
+        norm = self.curve(primitive)["norm_rad"].iloc[-1]
+        return bool(norm <= self.parameters.scales[primitive].threshold_rad)
 
     @cached_property
     def progress(self) -> pd.DataFrame:
@@ -115,71 +118,43 @@ class RefinementResults(ExecutionResults):
         columns = [f"{prefix}{part}" for prefix in ("", "since_") for part in GAIN]
         return pd.DataFrame(rows, columns=["primitive", "iteration", *columns])
 
-    @cached_property
-    def convergence(self) -> dict[str, str]:
-        """By primitive, whether it converged within `PUBLISHED_ITERATIONS`.
-
-        Worse if a later iteration is proven to be lower; undecided if there was no later one though the
-        threshold was not met, or a difference is not known.
-        """
-        verdicts = {}
-        for name in self.refined:
-            later = self.progress[
-                (self.progress["primitive"] == name) & (self.progress["iteration"] > PUBLISHED_ITERATIONS)
-            ]
-            if later.empty:
-                met = self.norms[name] <= self.parameters.scales[name].threshold_rad
-                verdicts[name] = BETTER if met else UNDECIDED
-            elif (later["since_verdict"] == BETTER).any():
-                verdicts[name] = WORSE
-            else:
-                verdicts[name] = BETTER if later["since_half_width"].notna().all() else UNDECIDED
-        return verdicts
-
-    def kept(self, primitive: str = ALL) -> pd.DataFrame:
-        """Rows of `ratios`, after against before, in the settings that the models were learned from."""
-        return self.ratio(AFTER, BEFORE, primitive).loc[self.seen_deg]
-
-    def not_worse(self, primitive: str = ALL) -> str:
-        """Verdict on: no setting learned from is worse after; undecided where an interval is not known."""
-        rows = self.kept(primitive)
-        if (rows["verdict"] == WORSE).any():
-            return WORSE
-        return BETTER if rows["half_width"].notna().all() else UNDECIDED
-
-    def nominal_is_worst(self, primitive: str) -> str:
-        """Verdict on: without feedback a primitive costs most at every tilt, before and after."""
-        tables = (self.ratio(model, NOMINAL, primitive).loc[self.tilted_deg] for model in (BEFORE, AFTER))
-        return weakest(one for table in tables for one in table["verdict"])
+    def later(self, primitive: str) -> pd.DataFrame:
+        """Rows of `progress` after iteration `PUBLISHED_ITERATIONS`."""
+        rows = self.progress[self.progress["primitive"] == primitive]
+        return rows[rows["iteration"] > PUBLISHED_ITERATIONS]
 
     @cached_property
     def between(self) -> pd.DataFrame:
         """Whether a tilt that was never seen costs between its neighbours.
 
         One row per `primitive`, `model` (before, after) and `setting_deg`: `below_deg`, `above_deg`, the
-        nearest tilts; `mean`, `mean_below`, `mean_above` in rad; the `verdict` of Welch's intervals over the
-        runs, which at different tilts are no pairs.
+        nearest tilts; `mean`, `mean_below`, `mean_above` in rad; the `verdict` of `margins`.
         """
-        cost = self.scores.groupby(["primitive", "model", "setting_deg"])["cost_rad"].apply(np.array)
         rows = []
         for setting in self.unseen_deg:
             place = self.tilted_deg.index(setting)
             if 0 < place < len(self.tilted_deg) - 1:
-                below, above = self.tilted_deg[place - 1], self.tilted_deg[place + 1]
+                near = (self.tilted_deg[place - 1], setting, self.tilted_deg[place + 1])
                 for name in self.primitives:
                     for model in (BEFORE, AFTER):
-                        near = [cost[name, model, one] for one in (below, setting, above)]
-                        means = [values.mean() for values in near]
+                        means = [self.run_costs(model, one, name).mean() for one in near]
                         row = {"primitive": name, "model": model, "setting_deg": setting}
-                        row |= {"below_deg": below, "above_deg": above}
+                        row |= {"below_deg": near[0], "above_deg": near[2]}
                         row |= dict(zip(("mean_below", "mean", "mean_above"), means, strict=True))
-                        rows.append(row | {"verdict": _in_between(*near)})
+                        found = [verdict(one.low, one.high) for one in self.margins(name, model, near)]
+                        rows.append(row | {"verdict": _worst(found)})
         return pd.DataFrame(rows)
 
-    @property
-    def between_deg(self) -> list[float]:
-        """Tilts never seen that have a tilt on either side."""
-        return list(self.between["setting_deg"].unique()) if len(self.between) else []
+    def margins(
+        self, primitive: str, model: str, near: tuple[float, float, float]
+    ) -> tuple[Evidence, Evidence]:
+        """By how many rad the middle one of three tilts costs more than the cheaper and less than the dearer.
+
+        Intervals are Welch's over the runs, which at different tilts are no pairs.
+        """
+        below, own, above = (self.run_costs(model, setting, primitive) for setting in near)
+        low, high = sorted((below, above), key=np.mean)
+        return welch(own, low), welch(high, own)
 
     @cached_property
     def faults(self) -> pd.DataFrame:
@@ -216,17 +191,13 @@ class RefinementResults(ExecutionResults):
         keys = ["primitive", "method"]
         begun = self.search[self.search["update"] == 0].groupby(keys)
         ended = self.search.groupby([*keys, "seed"]).tail(1).groupby(keys)
-        return (
-            self.searches.groupby(keys)
-            .tail(1)
-            .set_index(keys)
-            .assign(
-                seeds=ended.size(),
-                updates=ended["update"].max(),
-                failed=ended["failed"].sum(),
-                start_rad=begun["cost_rad"].mean(),
-                best_rad=ended["best_rad"].min(),
-            )
+        last = self.searches.groupby(keys).tail(1).set_index(keys)
+        return last.assign(
+            seeds=ended.size(),
+            updates=ended["update"].max(),
+            failed=ended["failed"].sum(),
+            start_rad=begun["cost_rad"].mean(),
+            best_rad=ended["best_rad"].min(),
         )
 
     @cached_property
@@ -238,6 +209,37 @@ class RefinementResults(ExecutionResults):
         name = (gain - gain.mean()).abs().idxmin()
         before, after = ({run.name: run for run in self.examples[model]} for model in (BEFORE, AFTER))
         return before[name], after[name]
+
+    def metrics(self, number: Callable[[str], int]) -> Metrics:
+        """Key figures; what was not executed is left out.
+
+        `rl_cost_before_prim<number>` and `rl_cost_after_prim<number>` are the mean accumulated cost in rad at
+        the tilt refined on; `rl_iterations` counts until the end, the largest of all primitives;
+        `rl_rollouts` are all, `rl_failed_rollouts` those that failed. `seen_cost_ratio_after_over_before_max`
+        is the largest ratio of mean costs, summed over the primitives, over the settings learned from.
+        `search_cost_<method>_prim<number>` is the mean cost of what the searches ended with.
+
+        Args:
+            number: of a primitive, from 1.
+        """
+        values: Metrics = {}
+        for name in self.refined if self.evaluated else ():
+            for model in (BEFORE, AFTER):
+                cost = self.run_costs(model, self.example_deg, name).mean()
+                values[f"rl_cost_{model}_prim{number(name)}"] = float(cost)
+        values["rl_iterations"] = max(self.iterations.values())
+        values |= {f"rl_iterations_prim{number(name)}": count for name, count in self.iterations.items()}
+        values["rl_rollouts"] = len(self.history)
+        values["rl_failed_rollouts"] = int(self.faults["rollouts"].sum())
+        if self.seen_deg:
+            seen = self.ratio(AFTER, BEFORE, ALL).loc[self.seen_deg, "ratio"]
+            values["seen_cost_ratio_after_over_before_max"] = float(seen.max())
+        for method in (PI2, CMA_ES) if len(self.search) else ():
+            for name in self.searched_primitives:
+                cost = self.searched["mean"].get((name, method), np.nan)
+                if np.isfinite(cost):
+                    values[f"search_cost_{method}_prim{number(name)}"] = float(cost)
+        return values
 
     def _rows(self, primitive: str) -> pd.DataFrame:
         return self.history[self.history["primitive"] == primitive]
@@ -254,62 +256,5 @@ def _gain(difference: pd.Series, prefix: str) -> dict[str, object]:
     return dict(zip((f"{prefix}{part}" for part in GAIN), values, strict=True))
 
 
-def _in_between(below: np.ndarray, own: np.ndarray, above: np.ndarray) -> str:
-    """Whether costs (R,) lie between those of two other settings, whichever of these is higher."""
-    low, high = sorted((below, above), key=np.mean)
-    return weakest((_higher(own, low), _higher(high, own)))
-
-
-def _higher(costs: np.ndarray, than: np.ndarray) -> str:
-    if min(len(costs), len(than)) < 2:
-        return UNDECIDED
-    interval = stats.ttest_ind(costs, than, equal_var=False).confidence_interval()
-    return str(verdict(interval.low, interval.high))
-
-
-def tables(results: RefinementResults) -> dict[str, pd.DataFrame]:
-    """Tables by name; those without content are left out further on."""
-    return {
-        "refinement_curves": results.curves,
-        "refinement_progress": results.progress,
-        "refinement_costs": results.costs,
-        "refinement_cost_ratios": results.ratios,
-        "refinement_between": results.between,
-        "refinement_hand_roll": results.hand_roll,
-        "refinement_faults": results.faults,
-        "search_efficiency": results.searches if len(results.search) else results.search,
-    }
-
-
-def metrics(results: RefinementResults, number: Callable[[str], int]) -> Metrics:
-    """Key figures of the refinement; what was not executed is left out.
-
-    `rl_cost_before_prim<number>` and `rl_cost_after_prim<number>` are the mean accumulated cost in rad at the
-    tilt refined on; `rl_iterations` counts until the end, the largest of all primitives; `rl_rollouts` are
-    all, `rl_failed_rollouts` those that failed. `seen_cost_ratio_after_over_before_max` is the largest ratio
-    of mean costs, summed over the primitives, over the settings learned from.
-    `search_cost_<method>_prim<number>` is the mean cost of what the searches ended with.
-
-    Args:
-        results: of the refinement.
-        number: of a primitive, from 1.
-    """
-    values: Metrics = {}
-    if results.evaluated:
-        costs = results.costs.set_index(["primitive", "model", "setting_deg"])["mean"]
-        for name in results.refined:
-            for model in (BEFORE, AFTER):
-                cost = float(costs[name, model, results.example_deg])
-                values[f"rl_cost_{model}_prim{number(name)}"] = cost
-    values["rl_iterations"] = max(results.iterations.values())
-    values |= {f"rl_iterations_prim{number(name)}": count for name, count in results.iterations.items()}
-    values["rl_rollouts"] = len(results.history)
-    values["rl_failed_rollouts"] = int(results.faults["rollouts"].sum())
-    if results.seen_deg:
-        values["seen_cost_ratio_after_over_before_max"] = float(results.kept()["ratio"].max())
-    for method in (PI2, CMA_ES) if len(results.search) else ():
-        for name in results.searched_primitives:
-            cost = results.searched["mean"].get((name, method), np.nan)
-            if np.isfinite(cost):
-                values[f"search_cost_{method}_prim{number(name)}"] = float(cost)
-    return values
+def _worst(verdicts: list[str]) -> str:
+    return next((word for word in (WORSE, UNDECIDED) if word in verdicts), BETTER)

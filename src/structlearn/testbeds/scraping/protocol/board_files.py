@@ -1,4 +1,4 @@
-"""The simulated board with the skill that was learned for it, read from the files of the stages."""
+"""The simulated board with the skill that was learned for it, put together from what the stages wrote."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,10 +6,8 @@ from pathlib import Path
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.runtime import Limits, largest_coupling
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.files import read_datasets, read_expected
+from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
@@ -39,19 +37,17 @@ def read_board(
     Raises:
         InputError: a file is missing or not readable, or a setting was not recorded.
     """
-    data = Path(data)
-    feedback = data / "feedback" / "scraping"
-    datasets = read_datasets(feedback / "dataset", settings_deg)
+    files = ScrapingFiles(clock, Path(data))
+    datasets = files.datasets(settings_deg)
     if not datasets:
         return None
-    unrolls = read_demonstrations(data / "raw" / "scraping" / "unrolls", **clock.model_dump())
     board = Board(
-        primitives=read_primitives(data / "primitives" / "scraping" / "primitives.safetensors"),
-        expected=read_expected(feedback / "expected"),
+        primitives=files.primitives(),
+        expected=files.expected(),
         preceding={},
         name=supervision.primitives[0],
         setting_deg=setting_deg,
-        nominal=nominal_orientation(unrolls),
+        nominal=nominal_orientation(files.unrolls()),
         supervision=supervision,
         testbed=testbed,
         limits=Limits(largest_coupling=largest_coupling([one.target for one in datasets.values()])),

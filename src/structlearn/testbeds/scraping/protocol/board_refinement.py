@@ -36,8 +36,8 @@ class BoardRefinementParameters(RefinementParameters):
     settings_deg: tuple[float, ...] = Field(min_length=1)
     setting_deg: float
     scales: dict[str, ScaleParameters]
-    hidden: tuple[int, ...] = (100,)
-    seed: int = Field(default=0, ge=0)
+    hidden: tuple[int, ...]
+    seed: int = Field(ge=0)
 
 
 @dataclass(frozen=True)

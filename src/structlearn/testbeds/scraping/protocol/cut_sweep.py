@@ -12,7 +12,11 @@ from structlearn.recordings.clock import synchronise
 from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters, simulate_demonstrations
+from structlearn.testbeds.scraping.world.demonstrator import (
+    RATE_HZ,
+    DemonstratorParameters,
+    simulate_demonstrations,
+)
 
 
 class SweepParameters(Parameters):
@@ -27,7 +31,7 @@ class SweepParameters(Parameters):
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
     seeds: int = Field(ge=1, le=1000)
-    first_seed: int = Field(default=0, ge=0)
+    first_seed: int = Field(ge=0)
     downsampling: tuple[int, ...] = Field(min_length=1)
 
 
@@ -78,7 +82,7 @@ def _one_set(
     noise, seed = level
     settings = simulation.model_copy(update={"noise_mm": noise, "seed": seed})
     recordings = simulate_demonstrations(settings)
-    demonstrations = [synchronise(recording, settings.rate_hz) for recording in recordings]
+    demonstrations = [synchronise(recording, RATE_HZ) for recording in recordings]
     try:
         cuts = cut(demonstrations, segmentation)
         found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]

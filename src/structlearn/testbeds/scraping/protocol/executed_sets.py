@@ -30,7 +30,7 @@ class EvaluationParameters(Parameters):
     """
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
-    runs: int = Field(default=8, ge=1)
+    runs: int = Field(ge=1)
 
 
 @dataclass(frozen=True)

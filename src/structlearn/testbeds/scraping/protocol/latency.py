@@ -28,9 +28,9 @@ class TimingParameters(Parameters):
         runs: simulated runs.
     """
 
-    controller_hz: float = Field(default=1000.0, gt=0)
-    ticks: int = Field(default=100_000, ge=100)
-    runs: int = Field(default=3, ge=1)
+    controller_hz: float = Field(gt=0)
+    ticks: int = Field(ge=100)
+    runs: int = Field(ge=1)
 
 
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:

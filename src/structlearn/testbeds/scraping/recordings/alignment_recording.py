@@ -10,11 +10,24 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.ground import signals
-from structlearn.palette import GREY, LIGHT_GREY, METHOD_COLOURS, ORANGE, SKY
+from structlearn.palette import GREY, LIGHT_GREY, ORANGE, SKY
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.parameters import AXES, SegmentParameters
 from structlearn.segmentation.result import RESULT, Segmentation
-from structlearn.viewer.rrd import entity, layout, origin_label, recording, rgba, thinning
+from structlearn.testbeds.scraping.names import CUT_METHODS
+from structlearn.viewer.diagram import texts
+from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
+from structlearn.viewer.rrd import blended, entity, flat_view, layout, origin_label, recording, rgba, thinning
+
+NOTE = """### Where the demonstrations correspond
+
+Above, the reference; below, another demonstration: its position along the movement's axis, with some time
+before and after. Lines join the samples that time warping puts together, the brighter the more their pair
+counts; orange are the eight that count most. Pairs at rest do not count (dissertation IV.5).
+
+Bars are the cuts: above a curve by its own velocity alone, below it as they are used. A step of the time
+line `demonstration` is another demonstration.
+"""
 
 DEMONSTRATION = "demonstration"
 """Time line on which each step is another demonstration."""
@@ -42,8 +55,10 @@ DROPPED = "#30353b"
 class _Curve:
     """Position along a primitive's axis over one extended segment, and where it is drawn."""
 
+    name: str  # of the demonstration
     time: np.ndarray  # (T,) s since the start of the demonstration
     height: np.ndarray  # (T,) in the drawing, downwards
+    top: float  # of the drawing
     scale: float  # drawing units per s
 
     def points(self, times: np.ndarray) -> np.ndarray:
@@ -72,32 +87,33 @@ def write_alignment(
         title: heading, different for every recording.
     """
     by_name = {demonstration.name: demonstration for demonstration in demonstrations}
-    axes = {
-        primitive.name: primitive.axis for primitive in parameters.primitives if primitive.axis != "between"
-    }
-    aligned = set(segmentation.pairs["demonstration"]) & set(segmentation.cuts["demonstration"])
+    pairs = segmentation.pairs
+    aligned = set(pairs["demonstration"]) & set(segmentation.cuts["demonstration"])
     guesses = [name for name in by_name if name in aligned]
+    views = []
     with recording(path, title) as stream:
-        stream.send_blueprint(_blueprint(axes, f"{title}{origin_label(demonstrations)}"))
-        for primitive, axis in axes.items():
-            zvc = segmentation.result(primitive, "zvc")
-            shown = [by_name[name] for name in (segmentation.reference, *guesses)]
-            longest_s = float((zvc["end_s"] - zvc["start_s"]).max()) + 2.0 * parameters.extension_s
+        send_notes(stream, f"{NOTE}\n**{origin_sentence(demonstrations)}**")
+        for one in parameters.primitives:
+            if one.axis == "between":
+                continue
+            zvc = segmentation.result(one.name, "zvc")
+            scale = WIDTH / (float((zvc["end_s"] - zvc["start_s"]).max()) + 2.0 * parameters.extension_s)
             reference, *others = [
-                _curve(one, zvc.loc[one.name], axis, parameters, WIDTH / longest_s, float(below))
-                for below, one in zip([0.0] + [HEIGHT + GAP] * len(guesses), shown, strict=True)
+                _curve(by_name[name], zvc.loc[name], one.axis, parameters, top, scale)
+                for name, top in [(segmentation.reference, 0.0), *((name, HEIGHT + GAP) for name in guesses)]
             ]
             stream.reset_time()
-            _send_curve(stream, primitive, "reference", reference, f"reference {segmentation.reference}", 0.0)
-            _send_cuts(stream, primitive, "reference", reference, segmentation, segmentation.reference)
-            for number, (name, curve) in enumerate(zip(guesses, others, strict=True), start=1):
+            _send_curve(stream, one.name, reference, segmentation, is_reference=True)
+            for number, curve in enumerate(others, start=1):
                 stream.set_time(DEMONSTRATION, sequence=number)
-                _send_curve(stream, primitive, "guess", curve, f"demonstration {name}", HEIGHT + GAP)
-                _send_cuts(stream, primitive, "guess", curve, segmentation, name)
-                of_this = (segmentation.pairs["demonstration"] == name) & (
-                    segmentation.pairs["primitive"] == primitive
-                )
-                _send_pairs(stream, primitive, reference, curve, segmentation.pairs[of_this])
+                _send_curve(stream, one.name, curve, segmentation)
+                own = (pairs["demonstration"] == curve.name) & (pairs["primitive"] == one.name)
+                _send_pairs(stream, one.name, reference, curve, pairs[own])
+            bounds = ([-LEFT, WIDTH], [-MARGIN, 2 * HEIGHT + GAP + MARGIN])
+            heading = f"{one.name}: position along {one.axis}{origin_label(demonstrations)}"
+            views.append(flat_view(heading, entity(one.name), *bounds))
+        shown = rrb.Horizontal(rrb.Vertical(*views), notes_view(), column_shares=[5, 1])
+        stream.send_blueprint(layout(shown, DEMONSTRATION, steps_per_s=1.0))
 
 
 def _curve(
@@ -105,10 +121,10 @@ def _curve(
     cut: pd.Series,
     axis: str,
     parameters: SegmentParameters,
+    top: float,
     scale: float,
-    below: float,
 ) -> _Curve:
-    """The extended segment that was aligned, filtered as it was then; `below` is where its top is drawn.
+    """The extended segment that was aligned, filtered as it was then.
 
     Of several axes the one with the largest movement is drawn.
     """
@@ -118,55 +134,43 @@ def _curve(
     columns = smooth[inside][:, AXES[axis]]
     position = columns[:, np.argmax(np.ptp(columns, axis=0))]
     share = (position.max() - position) / max(np.ptp(position), np.finfo(float).tiny)
-    return _Curve(demonstration.time[inside], below + HEIGHT * share, scale)
+    return _Curve(demonstration.name, demonstration.time[inside], top + HEIGHT * share, top, scale)
 
 
 def _send_curve(
-    stream: rr.RecordingStream, primitive: str, role: str, curve: _Curve, label: str, below: float
-) -> None:
-    """A curve with its name and a scale of its demonstration's own time; `below` is where its top is."""
-    static = role == "reference"
-    thinned = curve.time[:: thinning(float(curve.time[1] - curve.time[0]))]
-    line = rr.LineStrips2D([curve.points(thinned)], colors=rgba([LIGHT_GREY]), radii=-1.5)
-    stream.log(entity(primitive, role, "curve"), line, static=static)
-
-    outside = below - 3 * BAR if static else below + HEIGHT + 2 * BAR  # of the space between the curves
-    seconds = np.arange(np.ceil(2 * curve.time[0]), 2 * curve.time[-1]) / 2
-    ticks = np.column_stack([curve.points(seconds)[:, 0], np.full(len(seconds), outside)])
-    texts = rr.Points2D(
-        np.concatenate([ticks, [[-0.5 * LEFT, below + 0.4 * HEIGHT]]]),
-        labels=[*(f"{second:g} s" for second in seconds), label],
-        colors=rgba([GREY]),
-        radii=0.0,
-        show_labels=True,
-    )
-    stream.log(entity(primitive, role, "scale"), texts, static=static)
-
-
-def _send_cuts(
     stream: rr.RecordingStream,
     primitive: str,
-    role: str,
     curve: _Curve,
     segmentation: Segmentation,
-    demonstration: str,
+    is_reference: bool = False,
 ) -> None:
-    """Bars at the start and end of a curve: above it by crossing alone, below it as they result.
+    """A curve with its name, a scale of its demonstration's own time, and bars at its start and end.
 
-    The reference is cut by crossing; its result is the same.
+    Bars stand above it by crossing alone, below it as they result; the reference's result is its crossing.
     """
-    static = role == "reference"
-    for method, name, tip in (("zvc", "crossing", -BAR), (RESULT, "result", BAR)):
-        if static and method == RESULT:
-            continue
-        cut = segmentation.result(primitive, method).loc[demonstration]
+    path = entity(primitive, "reference" if is_reference else "guess")
+    thinned = curve.time[:: thinning(float(curve.time[1] - curve.time[0]))]
+    line = rr.LineStrips2D([curve.points(thinned)], colors=rgba([LIGHT_GREY]), radii=-1.5)
+    stream.log(f"{path}/curve", line, static=is_reference)
+
+    outside = -3 * BAR if is_reference else HEIGHT + 2 * BAR  # of the space between the curves
+    seconds = np.arange(np.ceil(2 * curve.time[0]), 2 * curve.time[-1]) / 2
+    ticks = np.column_stack([curve.points(seconds)[:, 0], np.full(len(seconds), curve.top + outside)])
+    places = [*ticks, [-0.5 * LEFT, curve.top + 0.4 * HEIGHT]]
+    name = f"{'reference' if is_reference else 'demonstration'} {curve.name}"
+    labels = texts(places, [*(f"{second:g} s" for second in seconds), name], [GREY])
+    stream.log(f"{path}/scale", labels, static=is_reference)
+
+    tips = {"zvc": -BAR} if is_reference else {"zvc": -BAR, RESULT: BAR}
+    for method, tip in tips.items():
+        cut, look = segmentation.result(primitive, method).loc[curve.name], CUT_METHODS[method]
         ends = curve.points(np.array([cut["start_s"], cut["end_s"]], dtype=float))
         bars = ends[:, None, :] + np.array([[0.0, 0.0], [0.0, tip]])
-        path, colour = entity(primitive, role, name), rgba([METHOD_COLOURS[method]])
-        stream.log(path, rr.LineStrips2D(bars, colors=colour, radii=-2.0), static=static)
+        strips = rr.LineStrips2D(bars, colors=rgba([look.colour]), radii=-2.0)
+        stream.log(f"{path}/{method}", strips, static=is_reference)
         label_at = ends + np.array([0.0, tip if tip > 0 else 2 * tip])  # a label hangs below its point
-        texts = rr.Points2D(label_at, labels=[name] * 2, colors=colour, radii=0.0, show_labels=True)
-        stream.log(f"{path}/name", texts, static=static)
+        labels = texts(label_at, [look.name] * 2, [look.colour])
+        stream.log(f"{path}/{method}/name", labels, static=is_reference)
 
 
 def _send_pairs(
@@ -177,29 +181,8 @@ def _send_pairs(
     lines = np.stack([reference.points(times[:, 0]), guess.points(times[:, 1])], axis=1)  # (K, 2, 2)
     shown = np.unique(np.linspace(0, len(lines) - 1, SHOWN_PAIRS).astype(int))
     bold = np.argsort(weights)[::-1][:HIGHLIGHTED]
-    thin = rr.LineStrips2D(lines[shown], colors=_brightness(weights[shown]), radii=-0.7, draw_order=-2.0)
+    share = weights[shown] ** 3  # most weights lie close to 1, where differences are to be seen
+    thin = rr.LineStrips2D(lines[shown], colors=blended(share, (DROPPED, SKY)), radii=-0.7, draw_order=-2.0)
     stream.log(entity(primitive, "pairs"), thin)
     thick = rr.LineStrips2D(lines[bold], colors=rgba([ORANGE]), radii=-1.5, draw_order=-1.0)
     stream.log(entity(primitive, "best pairs"), thick)
-
-
-def _brightness(weights: np.ndarray) -> np.ndarray:
-    """Colours (K, 3) of weights (K,) in [0, 1]: from nearly the ground's to full."""
-    share = weights[:, None] ** 3  # most weights lie close to 1, where differences are to be seen
-    dim, full = (np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) for colour in (DROPPED, SKY))
-    return (dim + share * (full - dim)).astype(np.uint8)
-
-
-def _blueprint(axes: dict[str, str], heading: str) -> rrb.Blueprint:
-    views = [
-        rrb.Spatial2DView(
-            name=f"{heading}: {primitive}, {axis}",
-            origin="/",
-            contents=[f"{entity(primitive)}/**"],
-            visual_bounds=rrb.VisualBounds2D(
-                x_range=[-LEFT, WIDTH], y_range=[-MARGIN, 2 * HEIGHT + GAP + MARGIN]
-            ),
-        )
-        for primitive, axis in axes.items()
-    ]
-    return layout(rrb.Vertical(*views), DEMONSTRATION, steps_per_s=1.0)

@@ -11,6 +11,7 @@ force enters as joint torques through the transposed Jacobian, which is what the
 import numba
 import numpy as np
 
+from structlearn.ground.compiled_vectors import cross
 from structlearn.testbeds.scraping.world.layout import EDGE_WIDTH_M
 
 EDGE_POINTS = 11
@@ -93,7 +94,7 @@ def step_forces(
         if prismatic[j]:
             linear += v[j] * axes[j]
         else:
-            linear += v[j] * _cross(axes[j], middle - origins[j])
+            linear += v[j] * np.array(cross(axes[j], middle - origins[j]))
             angular += v[j] * axes[j]
     stiffness, sticking, sticking_damping = (
         board[0] / EDGE_POINTS,
@@ -106,7 +107,7 @@ def step_forces(
         if depth <= 0.0:
             stuck[i] = 0.0
             continue
-        velocity = linear + _cross(angular, arm)
+        velocity = linear + np.array(cross(angular, arm))
         approach = velocity @ normal
         push = max(stiffness * depth * (1.0 - board[1] * approach), 0.0)
         slip = velocity - approach * normal
@@ -120,17 +121,12 @@ def step_forces(
         stuck[i] = deflection
         force = push * normal - drag
         wrench[:3] += force
-        wrench[3:] += _cross(arm, force)
+        wrench[3:] += np.array(cross(arm, force))
     for j in range(joints):
         if prismatic[j]:
             torques[j] = axes[j] @ wrench[:3]
         else:
-            torques[j] = axes[j] @ (wrench[3:] + _cross(middle - origins[j], wrench[:3]))
-
-
-@numba.njit(cache=True)
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
+            torques[j] = axes[j] @ (wrench[3:] + np.array(cross(middle - origins[j], wrench[:3])))
 
 
 # Written out: for matrices this small a call of the linear algebra library costs more than the products.

@@ -53,21 +53,21 @@ class CorrectorParameters(Parameters):
             within 0.02 degrees (std over 2 s) once it is corrected.
     """
 
-    reaction_s: float = Field(default=0.45, ge=0)
-    reaction_spread_s: float = Field(default=0.10, ge=0)
-    visual_delay_s: float = Field(default=0.15, ge=0)
-    refractory_s: float = Field(default=0.30, ge=0.05)
-    refractory_spread_s: float = Field(default=0.10, ge=0)
-    threshold_deg: float = Field(default=0.8, ge=0)
-    bias_deg: float = Field(default=0.45, ge=0)
-    gain: float = Field(default=0.90, gt=0)
-    gain_spread: float = Field(default=0.10, ge=0)
-    noise: float = Field(default=0.07, ge=0)
-    movement_s: float = Field(default=0.80, gt=0)
-    movement_spread_s: float = Field(default=0.12, ge=0)
-    stiffness_n_m_rad: float = Field(default=1.0, gt=0)
-    damping_n_m_s_rad: float = Field(default=0.1, ge=0)
-    noise_mm: float = Field(default=0.03, ge=0)
+    reaction_s: float = Field(ge=0)
+    reaction_spread_s: float = Field(ge=0)
+    visual_delay_s: float = Field(ge=0)
+    refractory_s: float = Field(ge=0.05)
+    refractory_spread_s: float = Field(ge=0)
+    threshold_deg: float = Field(ge=0)
+    bias_deg: float = Field(ge=0)
+    gain: float = Field(gt=0)
+    gain_spread: float = Field(ge=0)
+    noise: float = Field(ge=0)
+    movement_s: float = Field(gt=0)
+    movement_spread_s: float = Field(ge=0)
+    stiffness_n_m_rad: float = Field(gt=0)
+    damping_n_m_s_rad: float = Field(ge=0)
+    noise_mm: float = Field(ge=0)
 
 
 @dataclass

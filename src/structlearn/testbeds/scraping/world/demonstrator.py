@@ -61,6 +61,7 @@ BOARD_TAKES_OVER_S = 0.25  # from the first touch until the board holds the hand
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 60_000_000_000
 GRID_HZ = 1000.0  # on which time warps are integrated
+RATE_HZ = 300.0  # of a movement as it is meant, without arm: that of the recorded robot
 
 Seconds = Annotated[float, Field(ge=0, le=10)]
 MovementSeconds = Annotated[float, Field(ge=0.5, le=20)]
@@ -69,27 +70,20 @@ MovementSeconds = Annotated[float, Field(ge=0.5, le=20)]
 class DemonstratorParameters(Parameters):
     """What a user may turn; units are in the names."""
 
-    count: int = Field(11, ge=1, le=1000, description="demonstrations; the first one is no different")
-    seed: int = Field(0, ge=0)
-    rate_hz: float = Field(300.0, ge=50, le=2000, description="of the pose")
+    count: int = Field(ge=1, le=1000, description="demonstrations; the first one is no different")
+    seed: int = Field(ge=0)
     durations_s: tuple[MovementSeconds, MovementSeconds, MovementSeconds] = Field(
-        (1.7, 2.6, 2.6),
         description="median of the movements down, turn, scrape, as in the recorded task, whose segments of "
-        "2.6, 3.7 and 3.6 s hold rests of half a second at both ends",
+        "2.6, 3.7 and 3.6 s hold rests of half a second at both ends"
     )
-    duration_cv: float = Field(0.12, ge=0, le=0.4, description="std / mean of a movement's duration")
-    rest_s: tuple[Seconds, Seconds] = Field(
-        (0.5, 1.2), description="range of the rests before and after the task"
-    )
-    pause_s: tuple[Seconds, Seconds] = Field(
-        (0.2, 0.8), description="range of the dwells at the two switches"
-    )
-    hesitation_probability: float = Field(0.3, ge=0, le=1, description="of a speed dip, per movement")
-    hesitation_depth: float = Field(0.8, ge=0, le=0.95, description="largest fraction of speed lost in a dip")
-    start_spread_mm: float = Field(3.0, ge=0, le=20, description="std of the start position, per axis")
-    start_spread_deg: float = Field(1.0, ge=0, le=10, description="std of the start orientation, per axis")
+    duration_cv: float = Field(ge=0, le=0.4, description="std / mean of a movement's duration")
+    rest_s: tuple[Seconds, Seconds] = Field(description="range of the rests before and after the task")
+    pause_s: tuple[Seconds, Seconds] = Field(description="range of the dwells at the two switches")
+    hesitation_probability: float = Field(ge=0, le=1, description="of a speed dip, per movement")
+    hesitation_depth: float = Field(ge=0, le=0.95, description="largest fraction of speed lost in a dip")
+    start_spread_mm: float = Field(ge=0, le=20, description="std of the start position, per axis")
+    start_spread_deg: float = Field(ge=0, le=10, description="std of the start orientation, per axis")
     noise_mm: float = Field(
-        0.3,
         ge=0,
         le=20,
         description="std per axis, in the air, of the position noise, band-limited: sway 0.1-1 Hz, motor "
@@ -136,18 +130,19 @@ class Intention:
         return float(self.segments[0, 1])
 
 
-def intended_movements(parameters: DemonstratorParameters) -> list[Intention]:
+def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE_HZ) -> list[Intention]:
     """The movements of one simulated person.
 
     Args:
         parameters: how many, how noisy, how irregular.
+        rate_hz: of the movements' samples.
 
     Returns:
         Movements "01", "02", ... in order.
     """
     person, *seeds = np.random.SeedSequence(parameters.seed).spawn(parameters.count + 1)
     habits = _draw_shapes(np.random.default_rng(person), (3, 2))
-    return [_intention(index, seed, parameters, habits) for index, seed in enumerate(seeds)]
+    return [_intention(index, seed, parameters, habits, rate_hz) for index, seed in enumerate(seeds)]
 
 
 def simulate_demonstrations(parameters: DemonstratorParameters) -> list[Recording]:
@@ -173,17 +168,21 @@ def orientation_of(tilt: np.ndarray) -> np.ndarray:
 
 
 def _intention(
-    index: int, seed: np.random.SeedSequence, parameters: DemonstratorParameters, habits: np.ndarray
+    index: int,
+    seed: np.random.SeedSequence,
+    parameters: DemonstratorParameters,
+    habits: np.ndarray,
+    rate_hz: float,
 ) -> Intention:
     movement, noise, run = seed.spawn(3)
     plan = _draw_plan(parameters, habits, np.random.default_rng(movement))
-    time = np.arange(int(plan.end * parameters.rate_hz) + 1) / parameters.rate_hz
+    time = np.arange(int(plan.end * rate_hz) + 1) / rate_hz
     edge, tilt = _follow(plan, time)
     onset = plan.segments[0, 1] + np.array([0.0, BOARD_TAKES_OVER_S])
     contact = np.interp(time, onset, [0.0, 1.0])
-    velocity = np.gradient(edge, 1 / parameters.rate_hz, axis=0)
+    velocity = np.gradient(edge, 1 / rate_hz, axis=0)
     rng = np.random.default_rng(noise)
-    edge_noise, tilt_noise = hand_noise(velocity, contact, parameters.noise_mm, parameters.rate_hz, rng)
+    edge_noise, tilt_noise = hand_noise(velocity, contact, parameters.noise_mm, rate_hz, rng)
     name = f"{index + 1:02d}"
     return Intention(name, time, edge, tilt, edge_noise, tilt_noise, plan.segments, run)
 

@@ -41,15 +41,15 @@ class ControlParameters(Parameters):
         torque_noise_n_m: the same of its torques.
     """
 
-    stiffness: float = Field(default=900.0, gt=0)
-    force_n: float = Field(default=1.0, gt=0)
-    force_p_m_n: float = Field(default=3e-4, ge=0)
-    force_i_m_n_s: float = Field(default=8e-3, ge=0)
-    roll_p_rad_n_m: float = Field(default=0.9, ge=0)
-    roll_i_rad_n_m_s: float = Field(default=9.0, ge=0)
-    wrench_cutoff_hz: float = Field(default=7.8, gt=0)
-    force_noise_n: float = Field(default=0.02, ge=0)
-    torque_noise_n_m: float = Field(default=2e-4, ge=0)
+    stiffness: float = Field(gt=0)
+    force_n: float = Field(gt=0)
+    force_p_m_n: float = Field(ge=0)
+    force_i_m_n_s: float = Field(ge=0)
+    roll_p_rad_n_m: float = Field(ge=0)
+    roll_i_rad_n_m_s: float = Field(ge=0)
+    wrench_cutoff_hz: float = Field(gt=0)
+    force_noise_n: float = Field(ge=0)
+    torque_noise_n_m: float = Field(ge=0)
 
 
 class Motion(Protocol):

@@ -28,12 +28,12 @@ class GuidanceParameters(Parameters):
         force_i_m_n_s: how fast the hand gives in to a wrong force; with the board about 0.25 s.
     """
 
-    frequency_hz: float = Field(default=2.5, gt=0)
-    force_n: float = Field(default=1.0, gt=0)
-    force_spread: float = Field(default=0.15, ge=0)
-    force_cv: float = Field(default=0.06, ge=0)
-    force_fluctuation_s: float = Field(default=0.15, gt=0)
-    force_i_m_n_s: float = Field(default=4e-3, ge=0)
+    frequency_hz: float = Field(gt=0)
+    force_n: float = Field(gt=0)
+    force_spread: float = Field(ge=0)
+    force_cv: float = Field(ge=0)
+    force_fluctuation_s: float = Field(gt=0)
+    force_i_m_n_s: float = Field(ge=0)
 
 
 class GuidedMotion:

@@ -28,14 +28,13 @@ def guided_demonstrations(
     """Nominal demonstrations by a person who guides the arm on the flat board.
 
     Args:
-        demonstrator: how many, how noisy, how irregular; its `rate_hz` is the controller's.
+        demonstrator: how many, how noisy, how irregular.
         testbed: see there.
 
     Returns:
         Recordings "01", "02", ... with `true_segments` (3, 2) of the intended movement.
     """
-    rate_hz = testbed.world.control_rate_hz
-    movements = intended_movements(demonstrator.model_copy(update={"rate_hz": rate_hz}))
+    movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
     guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)
     return parallel_map(guide, movements, "guided demonstrations")
 

@@ -23,8 +23,8 @@ class RecorderParameters(Parameters):
         stamp_jitter_s: std of the stamps of devices with clocks of their own.
     """
 
-    motion_capture_deg: float = Field(default=0.1, ge=0)
-    stamp_jitter_s: float = Field(default=2e-4, ge=0)
+    motion_capture_deg: float = Field(ge=0)
+    stamp_jitter_s: float = Field(ge=0)
 
 
 def recorded(

@@ -44,16 +44,16 @@ class WorldParameters(Parameters):
         sticking_damping: damping ratio of that spring with the tool.
     """
 
-    control_rate_hz: float = Field(default=300.0, ge=100, le=2000)
-    substeps: int = Field(default=3, ge=1, le=20)
-    grasp_n_m: float = Field(default=3000.0, gt=0)
-    grasp_n_m_rad: tuple[float, float, float] = (1.0, 1.0, 0.15)
-    grasp_damping: float = Field(default=0.7, ge=0)
-    board_n_m: float = Field(default=2000.0, gt=0)
-    board_damping_s_m: float = Field(default=2.0, ge=0)
-    friction: float = Field(default=0.2, ge=0)
-    sticking_n_m: float = Field(default=1500.0, gt=0)
-    sticking_damping: float = Field(default=0.7, ge=0)
+    control_rate_hz: float = Field(ge=100, le=2000)
+    substeps: int = Field(ge=1, le=20)
+    grasp_n_m: float = Field(gt=0)
+    grasp_n_m_rad: tuple[float, float, float]
+    grasp_damping: float = Field(ge=0)
+    board_n_m: float = Field(gt=0)
+    board_damping_s_m: float = Field(ge=0)
+    friction: float = Field(ge=0)
+    sticking_n_m: float = Field(gt=0)
+    sticking_damping: float = Field(ge=0)
 
 
 class ScrapingWorld:

@@ -26,9 +26,9 @@ class VariationParameters(Parameters):
         board_stiffness: std of the log of the board's stiffness under the edge, which meets it elsewhere.
     """
 
-    board_roll_deg: float = Field(default=0.1, ge=0)
-    friction: float = Field(default=0.15, ge=0)
-    board_stiffness: float = Field(default=0.1, ge=0)
+    board_roll_deg: float = Field(ge=0)
+    friction: float = Field(ge=0)
+    board_stiffness: float = Field(ge=0)
 
 
 class TestbedParameters(Parameters):
@@ -48,15 +48,15 @@ class TestbedParameters(Parameters):
 
     __test__ = False  # not a test, whatever pytest thinks of its name
 
-    seed: int = Field(default=0, ge=0)
-    sensor_seed: int = Field(default=0, ge=0)
-    world: WorldParameters = WorldParameters()
-    control: ControlParameters = ControlParameters()
-    touch: TouchParameters = TouchParameters()
-    variation: VariationParameters = VariationParameters()
-    recorder: RecorderParameters = RecorderParameters()
-    guidance: GuidanceParameters = GuidanceParameters()
-    corrector: CorrectorParameters = CorrectorParameters()
+    seed: int = Field(ge=0)
+    sensor_seed: int = Field(ge=0)
+    world: WorldParameters
+    control: ControlParameters
+    touch: TouchParameters
+    variation: VariationParameters
+    recorder: RecorderParameters
+    guidance: GuidanceParameters
+    corrector: CorrectorParameters
 
 
 def run_conditions(

@@ -40,8 +40,8 @@ class OtherSkin(Parameters):
     """
 
     along_mm: tuple[float, float]
-    across_deg: float = Field(default=60.0, ge=0, le=80)
-    handle_half_mm: float = Field(default=60.0, ge=0)
+    across_deg: float = Field(ge=0, le=80)
+    handle_half_mm: float = Field(ge=0)
 
 
 class OtherSkinsParameters(Parameters):
@@ -54,13 +54,10 @@ class OtherSkinsParameters(Parameters):
         steps: of training.
     """
 
-    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin] = {
-        "sphere": OtherSkin(along_mm=(-10.0, 10.0)),
-        "flat_pad": OtherSkin(along_mm=(-18.0, 0.0), across_deg=0.0, handle_half_mm=0.0),
-    }
-    bins: PositiveInt = 6
-    seeds: PositiveInt = 2
-    steps: PositiveInt = 4000
+    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
+    bins: PositiveInt
+    seeds: PositiveInt
+    steps: PositiveInt
 
 
 def with_other_skin(

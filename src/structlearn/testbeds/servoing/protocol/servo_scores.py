@@ -24,9 +24,9 @@ class ToleranceParameters(Parameters):
         judged_s: at the end of a trial; the mean errors over this time count.
     """
 
-    position_mm: float = Field(default=1.0, gt=0)
-    pressure: float = Field(default=0.1, gt=0)
-    judged_s: float = Field(default=0.3, gt=0)
+    position_mm: float = Field(gt=0)
+    pressure: float = Field(gt=0)
+    judged_s: float = Field(gt=0)
 
 
 def scored(

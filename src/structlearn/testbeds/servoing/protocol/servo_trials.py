@@ -52,10 +52,10 @@ class PublishedParameters(Parameters):
         largest_action: bound of |a|, in root mean squares of the demonstrated actions.
     """
 
-    loop: LoopParameters = LoopParameters(cutoff_hz=1.0, samples_per_action=TEST_STRIDE)
-    action_penalty: float = Field(default=0.01, gt=0)
-    gradient_gain: float = Field(default=0.3, gt=0)
-    largest_action: float = Field(default=3.0, gt=0)
+    loop: LoopParameters
+    action_penalty: float = Field(gt=0)
+    gradient_gain: float = Field(gt=0)
+    largest_action: float = Field(gt=0)
 
 
 class RestingParameters(Parameters):
@@ -69,11 +69,11 @@ class RestingParameters(Parameters):
         spread: half the distance over which slopes are taken, in likely actions.
     """
 
-    loop: LoopParameters = LoopParameters(cutoff_hz=5.0, samples_per_action=10)
-    action_penalty: float = Field(default=0.001, gt=0)
-    largest_action: float = Field(default=1.5, gt=0)
-    approach: float = Field(default=0.5, gt=0, le=1)
-    spread: float = Field(default=1.5, gt=0)
+    loop: LoopParameters
+    action_penalty: float = Field(gt=0)
+    largest_action: float = Field(gt=0)
+    approach: float = Field(gt=0, le=1)
+    spread: float = Field(gt=0)
 
 
 class ServoTrialParameters(Parameters):
@@ -94,18 +94,18 @@ class ServoTrialParameters(Parameters):
         shown: trials per seed whose paths are kept.
     """
 
-    seed: int = Field(default=0, ge=0)
-    trials: PositiveInt = 84
-    duration_s: float = Field(default=8.0, gt=0)
-    load_n: tuple[float, float] = (0.8, 2.0)
-    tilt_deg: float = Field(default=4.0, ge=0)
-    rest_s: float = Field(default=1.0, gt=0)
-    follow_s: float = Field(default=0.05, gt=0)
-    horizon: int = Field(default=3, ge=2)
-    published: PublishedParameters = PublishedParameters()
-    resting: RestingParameters = RestingParameters()
-    tolerance: ToleranceParameters = ToleranceParameters()
-    shown: PositiveInt = 3
+    seed: int = Field(ge=0)
+    trials: PositiveInt
+    duration_s: float = Field(gt=0)
+    load_n: tuple[float, float]
+    tilt_deg: float = Field(ge=0)
+    rest_s: float = Field(gt=0)
+    follow_s: float = Field(gt=0)
+    horizon: int = Field(ge=2)
+    published: PublishedParameters
+    resting: RestingParameters
+    tolerance: ToleranceParameters
+    shown: PositiveInt
 
 
 @dataclass(frozen=True)
@@ -203,6 +203,12 @@ def compare(
     )
 
 
+def handle_of(person: ToucherParameters) -> Handle:
+    """Where the handle is in closed loops."""
+    half_length, radius = 1e-3 * person.handle_half_mm, 1e-3 * person.handle_radius_mm
+    return Handle(np.array(CENTRE), np.array([0.0, 1.0, 0.0]), half_length, radius)
+
+
 def make_scene(
     person: ToucherParameters, finger: FingerParameters, parameters: ServoTrialParameters
 ) -> Scene:
@@ -210,12 +216,7 @@ def make_scene(
     skin = SKINS[person.skin]
     return Scene(
         finger=make_finger(finger, skin, person.sensor_seed, person.rate_hz / SAMPLED_EVERY),
-        handle=Handle(
-            np.array(CENTRE),
-            np.array([0.0, 1.0, 0.0]),
-            1e-3 * person.handle_half_mm,
-            1e-3 * person.handle_radius_mm,
-        ),
+        handle=handle_of(person),
         robot_hz=person.rate_hz,
         follow_s=parameters.follow_s,
         rest_s=parameters.rest_s,

@@ -4,25 +4,24 @@ A finger is drawn as the lines of its surface coordinates, so that electrodes un
 be any skin of `tactile.electrodes`. Flat pictures are in mm: x along the finger, y across it, upwards.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.ground import quaternion
-from structlearn.palette import BLUE, GREEN, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
 from structlearn.tactile.electrodes import Skin
+from structlearn.tactile.flat_maps import MapLaying, map_laying
 from structlearn.viewer.electrode_colours import deviation_colours
-from structlearn.viewer.rrd import rgba, send_moving_frame, thinning, time_column
-
-ESTIMATED, TRUE, TARGET = VERMILION, GREEN, SKY
-"""Colours of points of contact."""
+from structlearn.viewer.notes import notes_view
+from structlearn.viewer.rrd import entity, plot, rgba, send_moving_frame, thinning, time_column
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
-ELECTRODE_COLOURS = (SKY, ORANGE, GREEN, PURPLE, VERMILION, BLUE, LIGHT_GREY)
-"""Colours of electrodes by their number; as there are more electrodes, they come again."""
+HANDLE_M = 0.03
+"""Length of the handle that is drawn."""
 
 GRID_LINES, GRID_POINTS = 9, 25
 """Lines of the skin in either direction, and points of each."""
@@ -36,27 +35,91 @@ ELECTRODE_MM, CONTACT_MM = 0.75, 0.45
 IN_FRONT = 50.0
 """Order of drawing of paths on flat pictures; points have 30."""
 
-COLOUR_RATE_HZ = 25.0
-"""Colours per second; they are most of a file."""
+POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0
+"""Poses of the finger, and colours of its electrodes, per second; colours are most of a file."""
 
 FULL_SCALE_QUANTILE = 0.97
 """Share of the signals within the colour scale: most electrodes feel little."""
 
-AXES_M = 0.006
-"""Length of the finger's axes."""
+AXES_M, EYE_M = 0.006, 0.055
+"""Length of the finger's axes; from the camera to the handle."""
 
-EYE_M = 0.055
-"""From the camera to the handle."""
+
+@dataclass(frozen=True)
+class FingerMotion:
+    """A finger with E electrodes over T samples.
+
+    Attributes:
+        time: (T,) s.
+        position: (T, 3) m, base frame.
+        orientation: (T, 4) finger to base.
+        signals: (T, E) counts less their offset.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    orientation: np.ndarray
+    signals: np.ndarray
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A point of contact over T samples.
+
+    Attributes:
+        name: of it, e.g. `true`.
+        colour: of it.
+        time: (T,) s.
+        point: (T, 3) m, frame of the finger.
+        touching: (T,) whether there is a contact; the point vanishes otherwise.
+    """
+
+    name: str
+    colour: str
+    time: np.ndarray
+    point: np.ndarray
+    touching: np.ndarray
+
+
+@dataclass(frozen=True)
+class FlatSkin:
+    """A skin in flat pictures, and how the latent map is laid onto it.
+
+    Attributes:
+        skin: of the finger.
+        laying: of the map, in mm.
+        unit_mm: per unit of the map.
+    """
+
+    skin: Skin
+    laying: MapLaying
+    unit_mm: float
+
+    def places(self, points: np.ndarray) -> np.ndarray:
+        """Places (..., 2) of points (..., 3) m of the skin."""
+        return flat(self.skin, points)
+
+    def latent(self, states: np.ndarray) -> np.ndarray:
+        """Places (..., 2) of latent states (..., 3) in the networks' units."""
+        return self.laying(self.unit_mm * states[..., :2])
+
+
+def flat_skin(skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> FlatSkin:
+    """Lay the latent map onto a skin.
+
+    Args:
+        skin: of the finger.
+        contact_points: (N, 3) m.
+        latent: (N, 2) map coordinates of the same samples.
+        map_unit: m on the skin per unit of the map.
+    """
+    laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
+    return FlatSkin(skin, laying, 1e3 * map_unit)
 
 
 def full_scale(signals: Sequence[np.ndarray]) -> float:
     """Change of the counts that gets the full colour, of signals (T, E) each."""
     return float(np.quantile(np.abs(np.concatenate(signals)), FULL_SCALE_QUANTILE))
-
-
-def electrode_colours(count: int, opacity: float) -> np.ndarray:
-    """Colours 0xRRGGBBAA (count,) that tell neighbouring electrodes apart."""
-    return rgba([ELECTRODE_COLOURS[number % len(ELECTRODE_COLOURS)] for number in range(count)], opacity)
 
 
 def flat(skin: Skin, points: np.ndarray) -> np.ndarray:
@@ -65,34 +128,63 @@ def flat(skin: Skin, points: np.ndarray) -> np.ndarray:
     return 1e3 * np.stack([along, -across], axis=-1)
 
 
-def flat_electrodes(skin: Skin) -> np.ndarray:
-    """Places (E, 2) of a skin's electrodes in a flat picture."""
-    return flat(skin, skin.project(skin.electrodes))
-
-
-def send_finger(
+def send_touch(
     stream: rr.RecordingStream,
     path: str,
     skin: Skin,
-    time: np.ndarray,
-    position: np.ndarray,
-    orientation: np.ndarray,
+    motion: FingerMotion,
+    contacts: Sequence[Contact],
+    scale: float,
 ) -> None:
-    """Log a moving finger: its frame, the lines of its skin, and its electrodes.
+    """Log a moving finger and its flat picture, both with electrodes in colour and points of contact.
 
     Args:
         stream: of the recording.
-        path: of the finger; electrodes are at `<path>/electrodes`.
+        path: above `finger` and `skin`, which have `electrodes` and the contacts by their names below.
         skin: of the finger.
-        time: (T,) s.
-        position: (T, 3) m, base frame.
-        orientation: (T, 4) finger to base.
+        motion: of the finger.
+        contacts: on its skin.
+        scale: counts with the full colour: orange where pressed, blue where the fluid bulges.
     """
-    send_moving_frame(stream, path, [time_column(time)], position, orientation, SKIN, AXES_M)
-    stream.log(
-        f"{path}/skin", rr.LineStrips3D(skin_lines(skin), colors=rgba([SKIN]), radii=-0.8), static=True
-    )
-    stream.log(f"{path}/electrodes", rr.Points3D(skin.electrodes, radii=ELECTRODE_M), static=True)
+    finger, flat_skin = f"{path}/finger", f"{path}/skin"
+    dt = float(np.median(np.diff(motion.time)))
+    kept = slice(None, None, thinning(dt, POSE_RATE_HZ))
+    poses = (motion.position[kept], motion.orientation[kept])
+    send_moving_frame(stream, finger, [time_column(motion.time[kept])], *poses, SKIN, AXES_M)
+    lines = rr.LineStrips3D(skin_lines(skin), colors=rgba([SKIN]), radii=-0.8)
+    stream.log(f"{finger}/skin", lines, static=True)
+    places = flat(skin, skin.project(skin.electrodes))
+    numbers = [str(number + 1) for number in range(len(places))]
+    labels = {"labels": numbers, "colors": rgba([SKIN]), "radii": 0.0, "show_labels": True}
+    stream.log(f"{flat_skin}/numbers", rr.Points2D(places + np.array([0.0, 0.4]), **labels), static=True)
+    kept = slice(None, None, thinning(dt, COLOUR_RATE_HZ))
+    colours = deviation_colours(np.clip(-motion.signals[kept] / scale, -1.0, 1.0), 1.0)
+    for above, electrodes in (
+        (finger, rr.Points3D(skin.electrodes, radii=ELECTRODE_M)),
+        (flat_skin, rr.Points2D(places, radii=ELECTRODE_MM)),
+    ):
+        stream.log(f"{above}/electrodes", electrodes, static=True)
+        columns = electrodes.columns(colors=colours.ravel()).partition([colours.shape[1]] * len(colours))
+        stream.send_columns(f"{above}/electrodes", [time_column(motion.time[kept])], columns)
+    for contact in contacts:
+        _send_contact(stream, path, skin, contact)
+
+
+def _send_contact(stream: rr.RecordingStream, path: str, skin: Skin, contact: Contact) -> None:
+    """Log a point of contact in the frame of the finger and on its flat picture."""
+    if not len(contact.time):
+        return
+    kept = slice(None, None, thinning(float(np.median(np.diff(contact.time))), COLOUR_RATE_HZ))
+    time, touching = contact.time[kept], contact.touching[kept]
+    points = contact.point[kept][touching]
+    for above, kind, places, radius in (
+        ("finger", rr.Points3D, points, CONTACT_M),
+        ("skin", rr.Points2D, flat(skin, points), CONTACT_MM),
+    ):
+        name = f"{path}/{above}/{contact.name}"
+        stream.log(name, kind.from_fields(colors=rgba([contact.colour]), radii=radius), static=True)
+        columns = kind.columns(positions=places).partition(touching.astype(int))
+        stream.send_columns(name, [time_column(time)], columns)
 
 
 def skin_lines(skin: Skin) -> list[np.ndarray]:
@@ -102,66 +194,6 @@ def skin_lines(skin: Skin) -> list[np.ndarray]:
     coarse = [np.linspace(*its, GRID_LINES) for its in ends]
     lines = [skin.surface(fine[0], across) for across in coarse[1]]
     return lines + [skin.surface(along, fine[1]) for along in coarse[0]]
-
-
-def send_skin_map(stream: rr.RecordingStream, path: str, skin: Skin) -> None:
-    """Log the flat picture of a skin: its electrodes with their numbers."""
-    places = flat_electrodes(skin)
-    stream.log(f"{path}/electrodes", rr.Points2D(places, radii=ELECTRODE_MM), static=True)
-    numbers = rr.Points2D(
-        places + np.array([0.0, 0.4]),
-        labels=[str(number + 1) for number in range(len(places))],
-        colors=rgba([SKIN]),
-        radii=0.0,
-        show_labels=True,
-    )
-    stream.log(f"{path}/numbers", numbers, static=True)
-
-
-def send_signals(
-    stream: rr.RecordingStream,
-    paths: dict[str, type[rr.Points2D] | type[rr.Points3D]],
-    time: np.ndarray,
-    signals: np.ndarray,
-    scale: float,
-) -> None:
-    """Colour electrodes by signals (T, E) in counts: orange where pressed, blue where it bulges."""
-    kept = slice(None, None, thinning(float(np.median(np.diff(time))), COLOUR_RATE_HZ))
-    colours = deviation_colours(np.clip(-signals[kept] / scale, -1.0, 1.0), 1.0)
-    for path, points in paths.items():
-        columns = points.columns(colors=colours.ravel())
-        stream.send_columns(
-            path, [time_column(time[kept])], columns.partition([colours.shape[1]] * len(colours))
-        )
-
-
-def send_contact(
-    stream: rr.RecordingStream,
-    paths: tuple[str, str],
-    skin: Skin,
-    time: np.ndarray,
-    point: np.ndarray,
-    touching: np.ndarray,
-    colour: str,
-) -> None:
-    """Log a point of contact over time, in the frame of the finger and on its flat picture.
-
-    Args:
-        stream: of the recording.
-        paths: below the moving finger, and on the flat picture.
-        skin: that is touched.
-        time: (T,) s.
-        point: (T, 3) m, frame of the finger.
-        touching: (T,) whether there is a contact; the point vanishes otherwise.
-        colour: of the point.
-    """
-    lengths = touching.astype(int)
-    for path, kind, places, radius in (
-        (paths[0], rr.Points3D, point[touching], CONTACT_M),
-        (paths[1], rr.Points2D, flat(skin, point[touching]), CONTACT_MM),
-    ):
-        stream.log(path, kind.from_fields(colors=rgba([colour]), radii=radius), static=True)
-        stream.send_columns(path, [time_column(time)], kind.columns(positions=places).partition(lengths))
 
 
 def send_map_path(
@@ -178,14 +210,14 @@ def send_map_path(
 
 
 def send_handle(
-    stream: rr.RecordingStream, path: str, centre: np.ndarray, axis: np.ndarray, radius: float, length: float
+    stream: rr.RecordingStream, path: str, centre: np.ndarray, axis: np.ndarray, radius: float
 ) -> None:
     """Log a handle: a bar with round ends about its centre (3,) m along its horizontal unit axis (3,)."""
     turned = quaternion.from_rotation_vector(0.5 * np.pi * np.cross([0.0, 0.0, 1.0], axis))
     bar = rr.Capsules3D(
-        lengths=[length],
+        lengths=[HANDLE_M],
         radii=[radius],
-        translations=[centre - 0.5 * length * axis],
+        translations=[centre - 0.5 * HANDLE_M * axis],
         quaternions=[quaternion.to_xyzw(turned)],
         colors=rgba([HANDLE], 0.5),
         fill_mode=rr.components.FillMode.Solid,
@@ -215,9 +247,8 @@ def close_view(
         look_target=target,
         eye_up=[0.0, 0.0, 1.0],
     )
-    return rrb.Spatial3DView(
-        name=name, origin="/", contents=list(contents), eye_controls=eye, line_grid=False
-    )
+    contents = list(contents)
+    return rrb.Spatial3DView(name=name, origin="/", contents=contents, eye_controls=eye, line_grid=False)
 
 
 def map_view(name: str, contents: Sequence[str], skin: Skin) -> rrb.Spatial2DView:
@@ -227,3 +258,13 @@ def map_view(name: str, contents: Sequence[str], skin: Skin) -> rrb.Spatial2DVie
         x_range=[along[0] - 2.0, along[1] + 2.0], y_range=[-across[1] - 2.0, -across[0] + 2.0]
     )
     return rrb.Spatial2DView(name=name, origin="/", contents=list(contents), visual_bounds=bounds)
+
+
+def tab(
+    name: str, columns: Sequence[rrb.Vertical], plots: Mapping[str, str], legends: bool = False
+) -> rrb.Horizontal:
+    """A tab: columns of views, plots over time by entity below its name, and what is shown."""
+    drawn = [plot(heading, [f"{entity(name, group)}/**"], legends) for group, heading in plots.items()]
+    share = 3 if len(columns) > 1 else 4
+    shares = [*[share] * len(columns), share, 2]
+    return rrb.Horizontal(*columns, rrb.Vertical(*drawn), notes_view(name), column_shares=shares, name=name)

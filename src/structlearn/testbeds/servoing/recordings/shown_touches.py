@@ -11,6 +11,8 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.tactile.touch_dataset import TouchDataset
+from structlearn.testbeds.servoing.names import ESTIMATED, TRUE
+from structlearn.testbeds.servoing.recordings.servoing_scene import Contact, FingerMotion
 
 
 class ServoingViewParameters(Parameters):
@@ -23,9 +25,9 @@ class ServoingViewParameters(Parameters):
         trials: closed loops, as far as their paths are kept.
     """
 
-    demonstrations: tuple[str, ...] = ("rotation_4_1", "rotation_6_2", "translation_2_1", "translation_4_1")
-    map_points: int = Field(default=6000, ge=1)
-    trials: int = Field(default=3, ge=1)
+    demonstrations: tuple[str, ...]
+    map_points: int = Field(ge=1)
+    trials: int = Field(ge=1)
 
 
 @dataclass(frozen=True)
@@ -34,19 +36,19 @@ class ShownTouch:
 
     Attributes:
         demonstration: on the clock of the samples.
-        signals: (T, E) counts less their offset.
-        time: (N,) s since its start.
+        motion: the same, with counts less their offset.
+        rows: (N,) samples of the demonstration that are of contacts.
         contact: (N,) number of the contact, rising.
         contact_point: (N, 3) m, estimated, frame of the finger.
         pressure: (N,) counts.
         latent: (N, 3) in the networks' units: two of the map, one of pressure.
-        truth: (T', ...) true contacts of a simulated demonstration, see
-            `simulation.touch_demonstrator.true_contacts`; otherwise empty.
+        truth: true contacts of a simulated demonstration, see `simulation.touch_demonstrator.true_contacts`;
+            otherwise empty.
     """
 
     demonstration: Demonstration
-    signals: np.ndarray
-    time: np.ndarray
+    motion: FingerMotion
+    rows: np.ndarray
     contact: np.ndarray
     contact_point: np.ndarray
     pressure: np.ndarray
@@ -57,6 +59,24 @@ class ShownTouch:
     def name(self) -> str:
         """Of the demonstration."""
         return self.demonstration.name
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times (N,) s of the samples of contacts."""
+        return self.motion.time[self.rows]
+
+    @property
+    def contacts(self) -> list[Contact]:
+        """The estimated contact over the whole time, and the true one where it is known."""
+        point, touching = np.zeros((len(self.motion.time), 3)), np.zeros(len(self.motion.time), dtype=bool)
+        point[self.rows], touching[self.rows] = self.contact_point, True
+        found = [Contact("estimated", ESTIMATED, self.motion.time, point, touching)]
+        if len(self.truth):
+            time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
+            found.append(
+                Contact("true", TRUE, time, self.truth[["x_m", "y_m", "z_m"]].to_numpy(float), load > 0)
+            )
+        return found
 
 
 def shown_touches(
@@ -83,40 +103,25 @@ def shown_touches(
     numbers = {one.name: number for number, one in enumerate(demonstrations)}
     if not any(one.simulated for one in demonstrations) and numbers.keys().isdisjoint(names):
         names = list(numbers)[: len(names)]
-    unknown = [name for name in names if name not in numbers]
-    if unknown:
+    if unknown := [name for name in names if name not in numbers]:
         raise InputError(
             f"inspect_servoing.demonstrations: there is no '{unknown[0]}', only {', '.join(sorted(numbers))}"
         )
-    return [
-        _shown(
-            demonstrations[numbers[name]],
-            dataset,
-            np.flatnonzero(dataset.trial == numbers[name]),
-            latent_map,
-            truth[truth["trial"] == name],
-            air_s,
+    found = []
+    for name in names:
+        one, rows = demonstrations[numbers[name]], np.flatnonzero(dataset.trial == numbers[name])
+        air = max(round(air_s / one.dt), 1)
+        signals = one.tactile - one.tactile[:air].mean(axis=0)
+        found.append(
+            ShownTouch(
+                demonstration=one,
+                motion=FingerMotion(one.time, one.position, one.orientation, signals),
+                rows=np.rint(dataset.time[rows].astype(float) / one.dt).astype(int),
+                contact=dataset.contact[rows],
+                contact_point=dataset.contact_point[rows].astype(float),
+                pressure=dataset.pressure[rows].astype(float),
+                latent=latent_map.iloc[rows][["x", "y", "z"]].to_numpy(float),
+                truth=truth[truth["trial"] == name],
+            )
         )
-        for name in names
-    ]
-
-
-def _shown(
-    demonstration: Demonstration,
-    dataset: TouchDataset,
-    rows: np.ndarray,
-    latent_map: pd.DataFrame,
-    truth: pd.DataFrame,
-    air_s: float,
-) -> ShownTouch:
-    air = max(round(air_s / demonstration.dt), 1)
-    return ShownTouch(
-        demonstration=demonstration,
-        signals=demonstration.tactile - demonstration.tactile[:air].mean(axis=0),
-        time=dataset.time[rows].astype(float),
-        contact=dataset.contact[rows],
-        contact_point=dataset.contact_point[rows].astype(float),
-        pressure=dataset.pressure[rows].astype(float),
-        latent=latent_map.iloc[rows][["x", "y", "z"]].to_numpy(float),
-        truth=truth,
-    )
+    return found

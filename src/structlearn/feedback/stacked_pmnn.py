@@ -1,0 +1,127 @@
+"""Phase-modulated networks as they are trained: M of them (folds, axes) as one stack.
+
+    h_1 = tanh(z W_1 + b_1), ...        m = G(p, u) * k * (h_L W_m + b_m)        c = m . w_c
+
+The fixed factors k_i = 1 / |mean of u under kernel i| are what `pmnn.PhaseModulatedNetwork` lacks. They
+change no function that can be learnt: u is -4.6 in mid-movement and -0.15 at its end, where a correction must
+still be held, and with them a late kernel's weights need not grow 30 times as large as the others on
+gradients 30 times as small. RMSProp divides each gradient by its own size and so makes up for most of that;
+initial outputs and optimisers of another kind do not. `to_network` folds the factors into the phase weights.
+"""
+
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.networks.stacked_layers import Dropout, RowLayers
+from structlearn.networks.torch_settings import as_tensor
+from structlearn.primitives import canonical
+from structlearn.primitives.kernels import features
+
+MOVEMENT_SAMPLES = 1000
+"""Samples of one movement over which the mean phase velocity of a kernel is taken."""
+
+
+class StackedPhaseModulatedNetworks:
+    """M phase-modulated networks (eq. IV.27-IV.30): no output bias, c = 0 wherever u = 0.
+
+    Args:
+        models: number of networks M.
+        inputs: number of inputs D.
+        hidden: nodes of each regular hidden layer; empty for a network without.
+        kernels: number of phase kernels N.
+        dropout: probability with which a node of a regular hidden layer is left out of a training step.
+        generator: source of the initial weights and of the dropout masks.
+    """
+
+    def __init__(
+        self,
+        models: int,
+        inputs: int,
+        hidden: Sequence[int],
+        kernels: int,
+        dropout: float,
+        generator: torch.Generator,
+    ):
+        self.layers = RowLayers.initial(models, (inputs, *hidden, kernels), generator)
+        readout = torch.randn(models, kernels, 1, generator=generator) / kernels**0.5
+        self.output_weights = readout.requires_grad_()
+        self.kernel_scale = as_tensor(kernel_scale(kernels))
+        self.dropout = Dropout(dropout, generator)
+
+    def parameters(self) -> list[Tensor]:
+        """What is trained."""
+        return [*self.layers.parameters(), self.output_weights]
+
+    def forward(self, inputs: Tensor, modulation: Tensor, training: bool = False) -> Tensor:
+        """Coupling terms in units of the target's scale.
+
+        Args:
+            inputs: (M, B, D) standardised deviations.
+            modulation: (M, B, N) phase features G(p, u) (`primitives.kernels.features`).
+            training: whether nodes are dropped.
+
+        Returns:
+            (M, B) coupling terms.
+        """
+        units = self.layers.forward(inputs, training, self.dropout)
+        scaled = self.output_weights * self.kernel_scale[:, None]  # (M, N, 1): scaling G would cost more
+        return torch.bmm(modulation * units, scaled).squeeze(-1)
+
+    def to_network(
+        self, index: int, input_mean: np.ndarray, input_scale: np.ndarray, output_scale: float
+    ) -> PhaseModulatedNetwork:
+        """One model of the stack as what a file holds, in float64.
+
+        Args:
+            index: which model.
+            input_mean: (D,) mean that was taken off its inputs.
+            input_scale: (D,) positive scale by which they were divided.
+            output_scale: scale by which its targets were divided.
+        """
+        scale = kernel_scale(len(self.kernel_scale))
+        *hidden, (phase_weights, phase_biases) = self.layers.layers_of(index)
+        return PhaseModulatedNetwork(
+            input_mean=np.array(input_mean, dtype=float),
+            input_scale=np.array(input_scale, dtype=float),
+            hidden=tuple(hidden),
+            phase_weights=phase_weights * scale[:, None],
+            phase_biases=phase_biases * scale,
+            output_weights=self.output_weights[index, :, 0].detach().numpy().astype(float) * output_scale,
+        )
+
+    @classmethod
+    def from_networks(
+        cls,
+        networks: Sequence[PhaseModulatedNetwork],
+        output_scales: Sequence[float],
+        dropout: float,
+        generator: torch.Generator,
+    ) -> Self:
+        """A stack that starts from given networks of equal shape; the inverse of `to_network`.
+
+        Args:
+            networks: one per model; their standardisation of inputs stays with the caller.
+            output_scales: (M,) scales by which each model's targets are divided.
+            dropout: as for a new stack.
+            generator: source of the dropout masks.
+        """
+        (inputs, *hidden), count = networks[0].sizes, len(networks[0].phase_biases)
+        stack = cls(len(networks), inputs, hidden, count, dropout, generator)
+        scale = kernel_scale(count)
+        for index, (network, output_scale) in enumerate(zip(networks, output_scales, strict=True)):
+            phase = (network.phase_weights / scale[:, None], network.phase_biases / scale)
+            stack.layers.set_layers_of(index, [*network.hidden, phase])
+            stack.output_weights.data[index, :, 0] = torch.tensor(network.output_weights / output_scale)
+        return stack
+
+
+def kernel_scale(count: int) -> np.ndarray:
+    """Factors k_i = 1 / |mean of u under kernel i| over one movement, (N,)."""
+    p, u = canonical.phase(np.linspace(0.0, 1.0, MOVEMENT_SAMPLES), canonical.TAU_PER_DURATION)
+    normalised = features(p, np.ones_like(p), count)  # (T, N) psi_i / sum_j psi_j
+    return normalised.sum(axis=0) / np.abs(u @ normalised)

@@ -1,0 +1,102 @@
+"""The forward pass of a small network at one sample, compiled: what a control loop evaluates in every tick.
+
+Networks are packed into one vector of numbers, so that compiled code takes any number of them, of any sizes.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+Layers = Sequence[tuple[np.ndarray, np.ndarray]]
+"""Weights (after, before) and biases (after,) of each layer, e.g. `StackedLayers.layers_of`."""
+
+
+class PackedNetworks(NamedTuple):
+    """Several networks in a row.
+
+    Attributes:
+        values: all numbers; of each network mean (D,), scale (D,), then per layer W^T and b.
+        first: (P,) where each network begins in `values`; -1 for none.
+        layers: (P,) number of layers.
+        sizes: (P, L + 1) inputs, then width of each layer.
+    """
+
+    values: np.ndarray
+    first: np.ndarray
+    layers: np.ndarray
+    sizes: np.ndarray
+
+
+def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers] | None]) -> PackedNetworks:
+    """Pack networks.
+
+    Args:
+        networks: of each, what is taken off its inputs (D,), what they are divided by (D,), and its layers;
+            None for none.
+    """
+    depth = max((len(network[2]) for network in networks if network is not None), default=0)
+    values, first = [np.empty(0)], np.full(len(networks), -1)
+    layers = np.zeros(len(networks), dtype=np.int64)
+    sizes = np.zeros((len(networks), depth + 1), dtype=np.int64)
+    for index, network in enumerate(networks):
+        if network is None:
+            continue
+        mean, scale, pairs = network
+        first[index], layers[index] = sum(map(len, values)), len(pairs)
+        sizes[index, : len(pairs) + 1] = [len(mean), *(len(biases) for _, biases in pairs)]
+        values += [mean, scale]
+        for weights, biases in pairs:
+            values += [np.ravel(weights.T), biases]  # an input's weights side by side: the loop vectorises
+    return PackedNetworks(np.concatenate(values).astype(float), first, layers, sizes)
+
+
+def layer_values(sizes: np.ndarray) -> np.ndarray:
+    """Memory (L + 2, W) for one of networks of sizes (P, L + 1): inputs, each layer, and a row to spare."""
+    return np.zeros((sizes.shape[1] + 1, sizes.max(initial=1)))
+
+
+@numba.njit(cache=True, fastmath={"contract"})
+def hidden_layers(
+    values: np.ndarray, begin: int, layers: int, sizes: np.ndarray, inputs: np.ndarray, work: np.ndarray
+) -> int:
+    """Write the standardised inputs and the values of the first `layers` layers, all tanh, into rows of work.
+
+    Args:
+        values: of packed networks.
+        begin: where the network begins.
+        layers: how many of its layers.
+        sizes: (L + 1,) its sizes.
+        inputs: (D,) a sample.
+        work: of `layer_values`; row k is layer k's.
+
+    Returns:
+        Where the next layer begins in `values`.
+    """
+    count = sizes[0]
+    for i in range(count):
+        work[0, i] = (inputs[i] - values[begin + i]) / values[begin + count + i]
+    at = begin + 2 * count
+    for layer in range(layers):
+        out = work[layer + 1]
+        at = affine(values, at, sizes[layer], sizes[layer + 1], work[layer], out)
+        for j in range(sizes[layer + 1]):  # tanh, three times faster than the library's and as good beside 1
+            out[j] = 1.0 - 2.0 / (math.exp(2.0 * out[j]) + 1.0)
+    return at
+
+
+@numba.njit(cache=True, fastmath={"contract"})
+def affine(
+    values: np.ndarray, at: int, inputs: int, width: int, layer_in: np.ndarray, layer_out: np.ndarray
+) -> int:
+    """Write W x + b of the layer that begins at `at`; return where the next one begins."""
+    biases = at + inputs * width
+    for j in range(width):
+        layer_out[j] = values[biases + j]
+    for i in range(inputs):
+        value, weights = layer_in[i], values[at + i * width : at + (i + 1) * width]
+        for j in range(width):
+            layer_out[j] += weights[j] * value
+    return biases + width

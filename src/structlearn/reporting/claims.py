@@ -1,0 +1,260 @@
+"""Claims: what the dissertation states or this project aims at, held against what was found.
+
+A page's claims are data, `claims.yaml` beside its template: statement, source, test, bound, format. What was
+found for them is `Evidence` by name. Here is the one evaluator and its one vocabulary:
+
+    yes, no         the 95 % interval lies wholly on that side of the bound
+    undecided       it lies on both sides
+    not tested      nothing was found that could decide
+
+A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+import yaml
+from jinja2 import Environment
+from pydantic import BaseModel, ConfigDict, model_validator
+
+from structlearn.ground.metrics import mean_interval, wilson_interval
+from structlearn.reporting.prose import capitalised, interval, percent, rounded
+
+YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"
+VERDICTS = (YES, NO, UNDECIDED, NOT_TESTED)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A number that was found, with its 95 % interval.
+
+    Attributes:
+        value: the number; NaN where nothing was found.
+        low: lower end of the interval; the value itself where the number is exact (a largest value, a count).
+        high: upper end.
+        n: number of independent things that it rests on (people, seeds, runs).
+        count: of `n`, where the number is a share.
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+    count: int | None = None
+
+
+def exact(value: float, n: int) -> Evidence:
+    """A number that is known as it is, such as the largest of n values."""
+    return Evidence(float(value), float(value), float(value), n)
+
+
+def mean(samples: np.ndarray) -> Evidence:
+    """Mean of independent samples (N,); one sample alone has no interval, so nothing follows from it."""
+    value, half = mean_interval(np.asarray(samples, float))
+    return Evidence(value, value - half, value + half, len(samples))
+
+
+def difference(first: np.ndarray, second: np.ndarray) -> Evidence:
+    """Mean of first minus second, (N,) each, in pairs (same seed, person, scene)."""
+    return mean(np.asarray(first, float) - np.asarray(second, float))
+
+
+def geometric_mean(samples: np.ndarray) -> Evidence:
+    """Geometric mean of independent positive samples (N,), e.g. ratios, with the interval of their logs."""
+    found = mean(np.log(samples))
+    value, low, high = (float(np.exp(log)) for log in (found.value, found.low, found.high))
+    return Evidence(value, low, high, found.n)
+
+
+def share(count: int, n: int) -> Evidence:
+    """A rate with Wilson's interval."""
+    low, high = wilson_interval(count, n)
+    value = count / n
+    return Evidence(value, min(float(low), value), max(float(high), value), n, int(count))
+
+
+def counted(count: int, n: int) -> Evidence:
+    """How often something happened in n trials: for claims about these trials, not about chances."""
+    return Evidence(float(count), float(count), float(count), n, int(count))
+
+
+UNKNOWN = Evidence(float("nan"), float("nan"), float("nan"), 0)
+"""Of what was not run: the verdict is `not tested`."""
+
+Found = Evidence | Mapping[str, Evidence]
+"""What was found for one claim: one number, or one by case."""
+
+
+def _decided(holds: bool, fails: bool) -> str:
+    return YES if holds else NO if fails else UNDECIDED
+
+
+TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
+    "above": lambda found, bound: _decided(found.low > bound, found.high <= bound),
+    "below": lambda found, bound: _decided(found.high < bound, found.low >= bound),
+    "at most": lambda found, bound: _decided(found.high <= bound, found.low > bound),
+    "at least": lambda found, bound: _decided(found.low >= bound, found.high < bound),
+    "between": lambda found, bound: _decided(
+        bound[0] <= found.low and found.high <= bound[1], found.high < bound[0] or found.low > bound[1]
+    ),
+    "zero": lambda found, bound: _decided(found.low == found.high == 0.0, found.value != 0.0),
+}
+"""By name, verdict on a number whose interval is known, given the claim's bound."""
+
+NEEDS_BOUND = {"at most", "at least", "between"}
+
+
+class Claim(BaseModel):
+    """One entry of a `claims.yaml`.
+
+    Attributes:
+        statement: what is claimed; a template that may name the page's facts, as may `published` and `note`.
+        source: where the dissertation says so, or why this project aims at it.
+        by: `text` where the dissertation states it, `ours` where this project set out to reach it.
+        evidence: name of what was found.
+        test: one of `TESTS`, or one by case.
+        bound: of the test, or one by case; 0 where it is left out.
+        published: what the dissertation prints.
+        format: of the numbers, or `share` for percentages, or `count` for `3 of 63`.
+        unit: written behind them.
+        note: what else a reader must know, e.g. what the number is of.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    statement: str
+    source: str
+    by: Literal["text", "ours"] = "text"
+    evidence: str
+    test: str | dict[str, str]
+    bound: Any = 0.0
+    published: str = ""
+    format: str = ".2f"
+    unit: str = ""
+    note: str = ""
+
+    @model_validator(mode="after")
+    def _is_known(self) -> "Claim":
+        names = set(self.test.values()) if isinstance(self.test, dict) else {self.test}
+        if not names <= set(TESTS):
+            raise ValueError(f"unknown test {sorted(names - set(TESTS))}; there are {sorted(TESTS)}")
+        if names & NEEDS_BOUND and "bound" not in self.model_fields_set:
+            raise ValueError(f"test {sorted(names & NEEDS_BOUND)} needs a bound")
+        return self
+
+    def verdict(self, found: Evidence, case: str = "") -> str:
+        """What one number says of the claim."""
+        if np.isnan(found.value):
+            return NOT_TESTED
+        test = self.test[case] if isinstance(self.test, dict) else self.test
+        bound = self.bound[case] if isinstance(self.bound, dict) else self.bound
+        return TESTS[test](found, bound)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim with its verdict, as the page's table shows it.
+
+    Attributes:
+        claim: with its texts rendered.
+        cases: name, number in words, n and verdict of each; one with an empty name where there are no cases.
+        verdict: over all cases.
+    """
+
+    claim: Claim
+    cases: tuple[tuple[str, str, int, str], ...]
+    verdict: str
+
+
+def read_claims(path: Path) -> list[Claim]:
+    """The claims of a page, in order.
+
+    Raises:
+        ValueError: an entry has an unknown key, an unknown test, or lacks something.
+    """
+    return [Claim(**entry) for entry in yaml.safe_load(Path(path).read_text(encoding="utf-8"))]
+
+
+def combined(verdicts: Sequence[str]) -> str:
+    """The verdict on a claim by those on its cases: as bad as the worst."""
+    return next(
+        (word for word in (NO, UNDECIDED, NOT_TESTED) if word in verdicts), YES if verdicts else NOT_TESTED
+    )
+
+
+def judge(
+    claims: Sequence[Claim],
+    evidence: Mapping[str, Found],
+    environment: Environment,
+    facts: Mapping[str, object],
+) -> list[Judged]:
+    """Hold claims against what was found.
+
+    Args:
+        claims: of `read_claims`.
+        evidence: by the names that the claims use; all of it is used.
+        environment: that renders their texts.
+        facts: that the texts may name.
+
+    Raises:
+        ValueError: evidence is missing, or no claim uses it.
+    """
+    used = {claim.evidence for claim in claims}
+    if used != set(evidence):
+        raise ValueError(f"claims and evidence do not match: {sorted(used ^ set(evidence))}")
+    return [_judged(claim, evidence[claim.evidence], environment, facts) for claim in claims]
+
+
+def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping[str, object]) -> Judged:
+    plain = environment.overlay(autoescape=False)  # the page escapes them, a CSV file needs no escapes
+    texts = {
+        name: plain.from_string(getattr(claim, name)).render(facts)
+        for name in ("statement", "source", "published", "note")
+    }
+    by_case = {"": found} if isinstance(found, Evidence) else found
+    cases = tuple(
+        (capitalised(case), in_words(one, claim.format, claim.unit), one.n, claim.verdict(one, case))
+        for case, one in by_case.items()
+    )
+    return Judged(claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]))
+
+
+def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
+    """`0.36 [0.30, 0.42] rad`, `3 of 63`, `99.8 % [98.9, 100.0]`; never a rate of 0 or 100 % that is not."""
+    if np.isnan(found.value):
+        return NOT_TESTED
+    if number_format == "count":
+        return f"{found.count} of {found.n}"
+    if number_format == "share":
+        return f"{percent(found.count, found.n, 1)} {interval(100 * found.low, 100 * found.high)}"
+    text = rounded(found.value, number_format)
+    if found.low != found.high:
+        text += f" {interval(found.low, found.high, number_format)}"
+    return f"{text} {unit}".rstrip()
+
+
+def verdict_counts(judged: Sequence[Judged], by: str = "text") -> dict[str, int]:
+    """How many claims have each verdict, by who states them."""
+    found = Counter(one.verdict for one in judged if one.claim.by == by)
+    return {word: found[word] for word in VERDICTS}
+
+
+def claim_metrics(judged: Sequence[Judged]) -> dict[str, int]:
+    """The counts of the dissertation's claims as metrics: `claims_yes`, `claims_no`, ..."""
+    return {f"claims_{word.replace(' ', '_')}": count for word, count in verdict_counts(judged).items()}
+
+
+def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
+    """One row per case of each claim, as the CSV file holds them."""
+    rows = [
+        (one.claim.by, one.claim.statement, one.claim.source, one.claim.published, *case, one.verdict)
+        for one in judged
+        for case in one.cases
+    ]
+    columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
+    return pd.DataFrame(rows, columns=columns)

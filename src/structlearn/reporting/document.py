@@ -1,0 +1,248 @@
+"""Pages are documents: a template holds the sentences, Python supplies figures, tables, claims and numbers.
+
+In a template stand `{% call section("Heading") %}`, `{{ figure("name", "Caption.", "what one sees") }}`,
+`{{ table("name", "Caption.") }}`, numbers such as `{{ error | f(".2f") }}`,
+`{{ recording("name", "what it shows") }}`, `{% call fold("Further tables") %}` and more: see `Scribe`.
+`document.html.jinja` has the blocks that a template fills: title, opening, sections, folded.
+
+A page needs no network and no script; its figures, tables and recordings lie beside it. Equal contents give
+equal bytes: no dates, no versions, no wall times.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+import pandas as pd
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from structlearn.ground.params import Parameters
+from structlearn.reporting import prose
+from structlearn.reporting.claims import VERDICTS, Judged, verdict_counts
+from structlearn.reporting.parameter_table import parameter_table
+
+MISSING = "\N{EN DASH}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a data frame, without its index; it is written as `tables/NAME.csv` too.
+
+    Attributes:
+        frame: the rows, in order.
+        formats: by column, how a number is written, e.g. `.1f`; other numbers are written as they are.
+        headings: by column, what is written above it; default the column's name.
+        strong: row positions that are set in bold.
+        words: by column, what is written for a value, such as a model's name for its key.
+    """
+
+    frame: pd.DataFrame
+    formats: Mapping[str, str] = field(default_factory=dict)
+    headings: Mapping[str, str] = field(default_factory=dict)
+    strong: frozenset[int] = frozenset()
+    words: Mapping[str, Mapping[object, str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the numbers of a figure or a table come from: a file, and the stage that makes it."""
+
+    path: str
+    stage: str
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One picture of a figure: its path relative to the page, and its size in pixels."""
+
+    path: str
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a page is made of.
+
+    Attributes:
+        template: its file in `package`.
+        package: of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`.
+        stage: that draws it; pages without figures and tables of their own need none.
+        facts: what its sentences name.
+        tables: by name.
+        judged: claims with their verdicts.
+        sources: by name, for `source=` of figures and tables.
+        parameters: by their key in `params.yaml`; listed in the end.
+        recordings: folder of the .rrd files, relative to the page.
+        simulated: whether what it shows was simulated; it is labelled so.
+    """
+
+    template: str
+    package: str
+    stage: str = ""
+    facts: Mapping[str, object] = field(default_factory=dict)
+    tables: Mapping[str, Table] = field(default_factory=dict)
+    judged: Sequence[Judged] = ()
+    sources: Mapping[str, Source] = field(default_factory=dict)
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)
+    recordings: str = ""
+    simulated: bool = False
+
+
+class Scribe:
+    """What a template may call, for one page.
+
+    `section` and `fold` take their content as a call block; a caption may be one too. Headings, figures and
+    tables get anchors; what is asked for and does not exist is an error.
+    """
+
+    def __init__(self, document: Document, figures: Mapping[str, Sequence[Panel]]) -> None:
+        self._document = document
+        self._figures = figures
+        self._parts = environment(document.package).get_template("parts.html.jinja").module
+        self.contents: list[tuple[str, str]] = []
+
+    def section(self, heading: str, caller: Callable[[], Markup]) -> Markup:
+        """A section with an entry in the list of contents."""
+        self.contents.append((anchor(heading), heading))
+        return self._parts.section(anchor(heading), heading, caller())
+
+    def fold(self, heading: str, caller: Callable[[], Markup]) -> Markup:
+        """A part that is hidden until the reader opens it."""
+        return self._parts.fold(anchor(heading), heading, caller())
+
+    def figure(
+        self,
+        name: str,
+        caption: str = "",
+        alt: str = "",
+        source: str = "",
+        caller: Callable[[], Markup] | None = None,
+    ) -> Markup:
+        """A figure of one or more panels, which stand beside each other where there is room.
+
+        Args:
+            name: of the figure.
+            caption: what it shows; or as a call block.
+            alt: what a reader hears who cannot see it.
+            source: name of one of the document's sources, or names with spaces between them.
+            caller: the call block.
+        """
+        caption = caller() if caller is not None else caption
+        return self._parts.figure(
+            name, self._figures[name], caption, alt, self._sources(source), self._document.stage
+        )
+
+    def table(
+        self,
+        name: str,
+        caption: str = "",
+        source: str = "",
+        folded: bool = False,
+        caller: Callable[[], Markup] | None = None,
+    ) -> Markup:
+        """A table with a link to its CSV file; `folded` hides it until the reader opens it."""
+        caption = caller() if caller is not None else caption
+        shown = self._document.tables[name]
+        return self._parts.table(name, shown, caption, self._sources(source), self._document.stage, folded)
+
+    def verdicts(self) -> Markup:
+        """The table of verdicts, with its counts above."""
+        judged = self._document.judged
+        counts = {by: verdict_counts(judged, by) for by in ("text", "ours")}
+        return self._parts.verdicts(judged, counts, VERDICTS)
+
+    def recording(self, name: str, note: str) -> Markup:
+        """A link to a recording, with what it shows."""
+        return self._parts.recording(f"{self._document.recordings}/{name}.rrd", name, note)
+
+    def parameters(self) -> Markup:
+        """The parameters that the page's results were made with."""
+        return self._parts.rows(parameter_table(self._document.parameters))
+
+    def _sources(self, names: str) -> list[Source]:
+        return [self._document.sources[name] for name in names.split()]
+
+
+def render(document: Document, figures: Mapping[str, Sequence[Panel]]) -> str:
+    """The page as HTML.
+
+    The template is rendered twice: the list of contents stands before the sections that are in it.
+
+    Args:
+        document: what it is made of.
+        figures: panels by name.
+
+    Raises:
+        jinja2.UndefinedError: the template names a value that is not there.
+        KeyError: it names a figure, table or source that is not there.
+    """
+    template = environment(document.package).get_template(document.template)
+    scribe = Scribe(document, figures)
+    given = {name: getattr(scribe, name) for name in dir(Scribe) if not name.startswith("_")}
+    given |= {"document": document, **document.facts}
+    template.render(given, contents=[])
+    contents = scribe.contents.copy()
+    return template.render(given, contents=contents)
+
+
+@lru_cache
+def environment(package: str) -> Environment:
+    """Templates of a testbed's page and of this kit; everything is escaped, nothing may be undefined."""
+    made = Environment(
+        loader=ChoiceLoader([PackageLoader(package, ""), PackageLoader("structlearn.reporting")]),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters |= {
+        "f": lambda value, number_format: prose.rounded(value + 0, number_format),  # + 0: nothing undefined
+        "listing": prose.listing,
+        "counted": prose.counted,
+        "capitalised": prose.capitalised,
+        "cell": cell,
+    }
+    made.globals |= {
+        "interval": prose.interval,
+        "with_interval": prose.with_interval,
+        "percent": prose.percent,
+    }
+    made.tests["numeric"] = is_numeric
+    return made
+
+
+def anchor(heading: str) -> str:
+    """Name of a heading in the page's address: letters and digits, dashes between words."""
+    words = "".join(letter if letter.isalnum() else " " for letter in heading.lower())
+    return "-".join(words.split())
+
+
+def words_in_view(page: str) -> int:
+    """Words of a page that a reader sees before opening a fold."""
+    for hidden in ("style", "script", "head"):
+        page = re.sub(rf"<{hidden}\b.*?</{hidden}>", " ", page, flags=re.DOTALL)
+    innermost = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.DOTALL)
+    while innermost.search(page):  # folds stand in folds
+        page = innermost.sub(" ", page)
+    return len(re.sub(r"<[^>]*>", " ", page).split())
+
+
+def is_numeric(column: pd.Series) -> bool:
+    """Whether a column is set flush right."""
+    return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
+
+
+def cell(value: object, number_format: str = "") -> str:
+    """Text of a table's cell: yes or no, a number with a true minus sign, a dash where there is nothing."""
+    if value is None or (isinstance(value, float | np.floating) and not np.isfinite(value)):
+        return MISSING
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, int | float | np.number):
+        return format(value, number_format).replace("-", "\N{MINUS SIGN}")
+    return str(value)

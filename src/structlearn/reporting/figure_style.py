@@ -1,0 +1,174 @@
+"""Style of all figures, and how they become files.
+
+Figures are made without pyplot: no global state, no window. Lines become SVG, with letters as paths so that
+they look the same everywhere; what has very many points becomes PNG (`Raster`), as do pictures of simulated
+scenes. The files carry no version and no date, so the same data give the same bytes.
+
+A figure of several panels is best several figures of `PANEL_WIDTH`: the page sets them side by side where
+there is room, and below each other on a phone, where their letters stay readable.
+"""
+
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from PIL import Image
+
+from structlearn.palette import BLACK, LIGHT_GREY
+
+WIDTH = 9.4
+"""Inches of a figure as wide as the page; all have it, so that letters have one size on a page."""
+
+PANEL_WIDTH = 4.7
+"""Inches of a panel, two of which stand beside each other on a wide page."""
+
+DPI = 150
+COLOURS = 256
+"""Colours of a file; more than a line plot needs, and a third of the bytes of true colour."""
+
+STYLE: dict[str, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": BLACK,
+    "axes.edgecolor": "#9aa2ab",
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "grid.color": "#e9ecef",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#9aa2ab",
+    "ytick.color": "#9aa2ab",
+    "xtick.labelcolor": BLACK,
+    "ytick.labelcolor": BLACK,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "lines.linewidth": 1.4,
+    "lines.solid_capstyle": "round",
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "legend.handlelength": 1.6,
+    "text.color": BLACK,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "structlearn",  # names inside a file depend on its content alone
+    "figure.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "figure.constrained_layout.h_pad": 0.09,
+    "figure.constrained_layout.w_pad": 0.06,
+}
+
+Plot = TypeVar("Plot", bound=Callable[..., Figure])
+
+
+@contextmanager
+def style():
+    """Matplotlib's defaults, whatever the user's own settings, with the project's style."""
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def styled(plot: Plot) -> Plot:
+    """Decorator of functions that make a figure: they run in the project's style."""
+
+    def in_style(*arguments: Any, **options: Any) -> Figure:
+        with style():
+            return plot(*arguments, **options)
+
+    in_style.__doc__, in_style.__name__ = plot.__doc__, plot.__name__
+    return in_style
+
+
+@dataclass(frozen=True)
+class Raster:
+    """A figure that is better a picture of points (PNG) than of lines (SVG): its file would be large."""
+
+    figure: Figure
+
+
+Drawing = Figure | Raster | np.ndarray
+"""What becomes one file; an array is a picture (H, W, 3) of bytes."""
+
+
+def canvas(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure; both in inches."""
+    return Figure(figsize=(width, height), dpi=DPI)
+
+
+def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
+    """Write a drawing as SVG or PNG, whatever suits it, without metadata.
+
+    Args:
+        drawing: the drawing.
+        path: of the file, without its ending.
+
+    Returns:
+        Path with the ending, and width and height in pixels of the page.
+    """
+    if isinstance(drawing, Figure):
+        path = path.with_name(f"{path.name}.svg")
+        with style():
+            drawing.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+        return path, (round(96 * drawing.get_figwidth()), round(96 * drawing.get_figheight()))
+    path = path.with_name(f"{path.name}.png")
+    picture = Image.fromarray(_pixels(drawing.figure) if isinstance(drawing, Raster) else drawing)
+    indexed = picture.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    indexed.save(path, format="PNG", optimize=True)
+    return path, picture.size
+
+
+def _pixels(figure: Figure) -> np.ndarray:
+    """(H, W, 3) bytes."""
+    with style():
+        agg = FigureCanvasAgg(figure)
+        agg.draw()
+    return np.asarray(agg.buffer_rgba())[..., :3]
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
+    """One legend for a whole figure, in a line above it, of what is labelled in one of its axes."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
+
+
+def space_panels(figure: Figure) -> tuple[Axes, Axes]:
+    """A 3-D panel, and beside it one for the view from above."""
+    grid = figure.add_gridspec(1, 2, width_ratios=(1.25, 1.0))
+    return figure.add_subplot(grid[0], projection="3d"), figure.add_subplot(grid[1])
+
+
+def finish_space(space: Axes, above: Axes, points: np.ndarray) -> None:
+    """Labels, views and limits of both panels for points (N, 3) in mm.
+
+    In the 3-D panel a millimetre is the same on all axes; a flat axis is widened so that its labels fit.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = (high - low).max()
+    half = np.maximum(0.54 * (high - low), 0.25 * longest)
+    middle = 0.5 * (low + high)
+    low, high = middle - half, middle + half
+    space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    space.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+    space.set_box_aspect(half, zoom=1.02)
+    space.view_init(elev=20.0, azim=-38.0)
+    for axis in (space.xaxis, space.yaxis, space.zaxis):
+        axis.pane.set_facecolor("white")
+        axis.pane.set_edgecolor(LIGHT_GREY)
+        axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
+    above.set(title="From above (axes scaled separately)", xlabel="y (mm)", ylabel="x (mm)")
+    above.invert_yaxis()  # y to the right and z towards the reader: x points down

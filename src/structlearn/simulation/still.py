@@ -1,0 +1,153 @@
+"""A still of a simulated scene, drawn without a display: what a page shows of its robot.
+
+PyBullet's software renderer draws the same pixels every time on one machine.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+import pybullet_data
+from pybullet_utils.bullet_client import BulletClient
+
+SIZE = (1000, 620)
+"""Pixels of the picture."""
+
+OVERSAMPLING = 2
+"""Drawn larger by this and averaged, so that edges are smooth."""
+
+FIELD_OF_VIEW_DEG = 32.0
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A solid that stands in the scene.
+
+    Attributes:
+        kind: `box`, `sphere` or `cylinder`.
+        size_m: half extents of a box (3,); radius of a sphere (1,); radius and length of a cylinder (2,).
+        position: (3,) m.
+        orientation: (4,) w, x, y, z.
+        colour: red, green, blue, opacity from 0 to 1.
+    """
+
+    kind: str
+    size_m: Sequence[float]
+    position: Sequence[float]
+    orientation: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
+    colour: Sequence[float] = (0.7, 0.7, 0.72, 1.0)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A curved surface that stands in the scene; it is seen from outside only.
+
+    Attributes:
+        points: (A, B, 3) m, on a grid; seen from outside, B is to the left of A.
+        normals: (A, B, 3) unit, outwards.
+        colour: red, green, blue, opacity from 0 to 1.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    colour: Sequence[float]
+
+
+@dataclass(frozen=True)
+class View:
+    """From where the scene is seen: the point looked at (m), distance (m), yaw and pitch in degrees."""
+
+    target: Sequence[float]
+    distance: float
+    yaw_deg: float
+    pitch_deg: float
+
+
+def still(
+    view: View,
+    solids: Sequence[Solid] = (),
+    urdf: str = "",
+    angles: Sequence[float] = (),
+    sheets: Sequence[Sheet] = (),
+) -> np.ndarray:
+    """Draw a scene.
+
+    Args:
+        view: from where.
+        solids: that stand in it.
+        urdf: of a robot, a path or a file of pybullet_data; none where it is empty.
+        angles: (J,) of its movable joints in rad, in the order of the URDF.
+        sheets: curved surfaces that stand in it.
+
+    Returns:
+        (H, W, 3) bytes.
+    """
+    client = BulletClient(pybullet.DIRECT)
+    try:
+        client.setAdditionalSearchPath(pybullet_data.getDataPath())
+        for solid in solids:
+            _add(client, solid)
+        for sheet in sheets:
+            _add_sheet(client, sheet)
+        if urdf:
+            robot = client.loadURDF(urdf, useFixedBase=True)
+            joints = range(client.getNumJoints(robot))
+            movable = [
+                joint for joint in joints if client.getJointInfo(robot, joint)[2] != client.JOINT_FIXED
+            ]
+            for joint, angle in zip(movable, angles, strict=False):
+                client.resetJointState(robot, joint, float(angle))
+        return _drawn(client, view)
+    finally:
+        client.disconnect()
+
+
+def _add(client: BulletClient, solid: Solid) -> None:
+    sizes = {
+        "box": lambda size: {"shapeType": client.GEOM_BOX, "halfExtents": size},
+        "sphere": lambda size: {"shapeType": client.GEOM_SPHERE, "radius": size[0]},
+        "cylinder": lambda size: {"shapeType": client.GEOM_CYLINDER, "radius": size[0], "length": size[1]},
+    }
+    shape = client.createVisualShape(
+        **sizes[solid.kind](list(map(float, solid.size_m))), rgbaColor=list(solid.colour)
+    )
+    w, *vector = map(float, solid.orientation)
+    client.createMultiBody(
+        baseVisualShapeIndex=shape,
+        basePosition=list(map(float, solid.position)),
+        baseOrientation=[*vector, w],  # PyBullet's are scalar-last
+    )
+
+
+def _add_sheet(client: BulletClient, sheet: Sheet) -> None:
+    number = np.arange(sheet.points[..., 0].size).reshape(sheet.points.shape[:2])
+    corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
+    triangles = np.stack([corners[place] for place in (0, 1, 2, 0, 2, 3)], axis=-1)
+    shape = client.createVisualShape(
+        client.GEOM_MESH,
+        vertices=sheet.points.reshape(-1, 3).tolist(),
+        indices=triangles.ravel().tolist(),
+        normals=sheet.normals.reshape(-1, 3).tolist(),
+        rgbaColor=list(sheet.colour),
+    )
+    client.createMultiBody(baseVisualShapeIndex=shape)
+
+
+def _drawn(client: BulletClient, view: View) -> np.ndarray:
+    width, height = (OVERSAMPLING * pixels for pixels in SIZE)
+    camera = client.computeViewMatrixFromYawPitchRoll(
+        list(view.target), view.distance, view.yaw_deg, view.pitch_deg, 0.0, 2
+    )
+    lens = client.computeProjectionMatrixFOV(FIELD_OF_VIEW_DEG, width / height, 0.05, 10.0)
+    _, _, colours, *_ = client.getCameraImage(
+        width,
+        height,
+        camera,
+        lens,
+        lightDirection=[1.0, -1.5, 3.0],
+        shadow=1,
+        renderer=client.ER_TINY_RENDERER,
+    )
+    pixels = np.reshape(colours, (SIZE[1], OVERSAMPLING, SIZE[0], OVERSAMPLING, 4))[..., :3]
+    return np.round(pixels.astype(float).mean(axis=(1, 3))).astype(np.uint8)

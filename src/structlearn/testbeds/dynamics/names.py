@@ -1,0 +1,50 @@
+"""How dynamics models look, on the page and in recordings: one colour, one line and one place for each.
+
+Names of the models for people are those of `rigid_body.model_names`. The colours can be told apart on the
+page's white ground and on the viewer's dark one.
+"""
+
+from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
+
+IDEAL, ROBOT = "iiwa", "stand_in"
+"""Folders and keys: the arm as its URDF has it, and the stand-in for the robot, or a log of your own."""
+
+SINE, REACH = "sine", "reach"
+"""Tasks."""
+
+ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-in (simulated)"}
+
+LOSS_TITLES = {"raw": "Raw loss (the text's)", "normalised": "Loss normalised per joint"}
+
+REFERENCE = LIGHT_GREY
+"""Of what a model is held against, drawn wide: a wanted path, a measured torque, a carried mass."""
+
+PAYLOAD = VERMILION
+
+LOOKS = {
+    GROUND_TRUTH: (GREY, "-"),
+    DEFAULT: (GREY, "-"),
+    "mlp": (VERMILION, "-"),
+    "mlp_scaled": (VERMILION, "--"),
+    "delan": (PURPLE, "-"),
+    "nostr": (ORANGE, "-"),
+    "symm": (GREEN, "-"),
+    "spd": (BLUE, ":"),
+    "tri": (BLUE, "--"),
+    "cov": (BLUE, "-"),
+}
+"""Colour and line of each model; what is known instead of learned is grey."""
+
+WITH_COULOMB = SKY
+"""Of every structure that learned Coulomb friction too."""
+
+
+def colour(model: str) -> str:
+    """Colour of a model, `#rrggbb`."""
+    return WITH_COULOMB if model.endswith(COULOMB) else LOOKS[model][0]
+
+
+def look(model: str) -> dict[str, str]:
+    """Colour and line of a model, for matplotlib."""
+    return {"color": colour(model), "linestyle": LOOKS[model.removesuffix(COULOMB)][1]}

@@ -1,0 +1,209 @@
+"""Figures of the dynamics testbed; every panel is a figure of its own, in colours and lines of `names`."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from structlearn.palette import BLACK, GREY
+from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, legend_above, styled
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
+from structlearn.rigid_body.seeded_training import SCHEDULED
+from structlearn.testbeds.dynamics import names
+from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, ROBOT_TITLES, colour, look
+from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
+from structlearn.testbeds.dynamics.protocol.tracked_reaches import TrackedReach, tracked_reaches
+
+HIGHEST_NMSE = 1e6
+"""What diverges leaves the picture there."""
+
+EPOCH_TICKS = (0, 1, 2, 5, 10, 20, 40, 64)
+
+SHOWN_REACHES = {
+    IDEAL: (GROUND_TRUTH, "mlp", "delan", "nostr", "cov"),
+    ROBOT: (DEFAULT, "mlp", "delan", "nostr", "cov"),
+}
+"""Models whose reaches are drawn, by robot."""
+
+MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
+
+SHOWN_JOINTS = (1, 2, 4, 6)
+"""Of which friction is drawn: large and small ones, one of a kind."""
+
+WIDE = {"color": names.REFERENCE, "linewidth": 4.0}
+"""Of what a model is held against."""
+
+
+def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
+    """The figures of the page by name, but for the still."""
+    errors = results.errors
+    errors = errors[(errors["data"] == IDEAL) & (errors["optimiser"] == SCHEDULED)]
+    curves = errors.groupby(["loss", "model", "seed", "epoch"], sort=False)["nmse"].mean().reset_index()
+    robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
+    reaches = {
+        ROBOT_TITLES[robot]: tracked_reaches(results.paths, results.scores, robot, SHOWN_REACHES[robot])
+        for robot in robots
+    }
+    joints = [joint for joint in SHOWN_JOINTS if joint in set(results.residuals["joint"])]
+    return {
+        "training": [_training(results, curves, loss) for loss in results.training.losses],
+        "tracking": [_tracking(results, robot) for robot in robots],
+        "reaches": [draw(its, title) for draw in (_off, _speeds) for title, its in reaches.items()],
+        "online": [
+            _curves(results, results.online_curves, "batch", loss) for loss in results.learning_online.losses
+        ],
+        "bodies": [
+            _bodies(results, results.base, ("value", "truth"), "Base parameters (kg m², kg m)"),
+            _bodies(results, results.links, ("mass_kg", "true_mass_kg"), "Masses of the links (kg)"),
+        ],
+        "friction": [Raster(_friction(results, joint)) for joint in joints],
+        "payload": [_payload(results), _payload_errors(results)],
+    }
+
+
+@styled
+def _curves(results: DynamicsResults, curves: pd.DataFrame, step: str, loss: str) -> Figure:
+    """Geometric mean over seeds of each model's NMSE (mean over joints), and the range of the seeds."""
+    figure, panel = _panel(3.3, names.LOSS_TITLES[loss], step, "NMSE, mean over joints")
+    for model in results.kinds:
+        its = curves[(curves["loss"] == loss) & (curves["model"] == model)]
+        if its.empty:
+            continue
+        wide = np.log10(its.pivot_table(index=step, columns="seed", values="nmse")).ffill()
+        panel.plot(wide.index, 10.0 ** wide.mean(axis=1), label=NAMES[model], **look(model))
+        low, high = 10.0 ** wide.min(axis=1), 10.0 ** wide.max(axis=1)
+        panel.fill_between(wide.index, low, high, color=colour(model), alpha=0.12, linewidth=0)
+    highest = curves["nmse"].max()  # of all losses: the panels have one scale
+    panel.set(yscale="log", ylim=(0.5 * curves["nmse"].min(), min(2.0 * highest, HIGHEST_NMSE)))
+    legend_above(figure, panel, columns=4)
+    return figure
+
+
+@styled
+def _training(results: DynamicsResults, curves: pd.DataFrame, loss: str) -> Figure:
+    """NMSE over the epochs in simulation."""
+    figure = _curves(results, curves, "epoch", loss)
+    (panel,) = figure.axes
+    panel.axhline(results.training.learning.threshold, color=BLACK, linestyle="--", linewidth=0.9)
+    panel.set_xscale("symlog", linthresh=1.0)
+    panel.set_xticks(EPOCH_TICKS, [str(tick) for tick in EPOCH_TICKS])
+    panel.minorticks_off()
+    panel.set_xlim(0, curves["epoch"].max())
+    return figure
+
+
+@styled
+def _tracking(results: DynamicsResults, robot: str) -> Figure:
+    """NMSE of the tool's velocity in reaches, a dot per seed; hollow ones had to be stopped."""
+    figure, panel = _panel(3.2, ROBOT_TITLES[robot], "NMSE of the tool's velocity in reaches", "")
+    models = results.tracked(robot)
+    for row, model in enumerate(models):
+        runs = results.runs(robot, model, REACH)
+        offsets = np.linspace(-0.22, 0.22, len(runs)) if len(runs) > 1 else [0.0]
+        for offset, run in zip(offsets, runs.itertuples(), strict=True):
+            fill = "none" if run.stopped else "full"
+            panel.plot(
+                run.velocity_nmse, row + offset, "o", color=colour(model), fillstyle=fill, markersize=5
+            )
+    panel.set_yticks(range(len(models)), [model_name(model) for model in models])
+    panel.set_xscale("log")
+    panel.invert_yaxis()
+    panel.grid(axis="y", visible=False)
+    dot = {"marker": "o", "markersize": 5, "linestyle": "", "color": BLACK}
+    fills = {"full": "ran through", "none": "had to be stopped"}
+    handles = [Line2D([], [], label=label, fillstyle=fill, **dot) for fill, label in fills.items()]
+    figure.legend(handles=handles, loc="outside upper left", ncols=2)
+    return figure
+
+
+@styled
+def _off(reaches: Sequence[TrackedReach], title: str) -> Figure:
+    """Distance of the tool from where it should be."""
+    figure, panel = _panel(2.4, title, "time (s)", "tool off by (mm)")
+    for reach in reaches:
+        panel.plot(reach.time, np.maximum(reach.off_mm, 1e-2), label=reach.label, **look(reach.model))
+    panel.set(yscale="log", ylim=(8e-3, 3e3))
+    legend_above(figure, panel, columns=5)
+    return figure
+
+
+@styled
+def _speeds(reaches: Sequence[TrackedReach], title: str) -> Figure:
+    """Speed of the tool, and as it should be."""
+    figure, panel = _panel(2.2, title, "time (s)", "speed of the tool (m/s)")
+    wanted = reaches[0].speeds[1]
+    panel.plot(reaches[0].time, wanted, label="wanted", **WIDE)
+    for reach in reaches:
+        panel.plot(reach.time, reach.speeds[0], **look(reach.model))
+    panel.set_ylim(0.0, 2.0 * wanted.max())
+    legend_above(figure, panel)
+    return figure
+
+
+@styled
+def _bodies(results: DynamicsResults, table: pd.DataFrame, columns: tuple[str, str], title: str) -> Figure:
+    """What the structures learned over what is true, of the first seed."""
+    figure, panel = _panel(3.3, title, "of the arm", "learned")
+    learned, true = columns
+    its = table[(table["loss"] == results.tracking.loss) & (table["seed"] == 0)].set_index("model")
+    for model, marker in MARKERS.items():
+        rows = its[its.index == model]
+        marked = {"marker": marker, "fillstyle": "none", "color": colour(model), "label": NAMES[model]}
+        panel.plot(rows[true], rows[learned], linestyle="", markersize=5, **marked)
+    ends = [table[true].min(), table[true].max()]
+    panel.plot(ends, ends, color=GREY, linewidth=0.9, zorder=0)
+    if learned == "value":  # from 0.001 to 10 of either sign
+        panel.set_xscale("symlog", linthresh=0.01, linscale=0.6)
+        panel.set_yscale("symlog", linthresh=0.01, linscale=0.6)
+    legend_above(figure, panel)
+    return figure
+
+
+@styled
+def _friction(results: DynamicsResults, joint: int) -> Figure:
+    """Torques of the robot that no rigid body explains, over the joint's speed, and the learned friction."""
+    figure, panel = _panel(2.2, f"Joint {joint}", "speed (rad/s)", "torque (N m)")
+    its = results.residuals[results.residuals["joint"] == joint].sort_values("velocity_rad_s")
+    speed, measured = its["velocity_rad_s"], its["residual_n_m"]
+    panel.plot(speed, measured, ".", color=GREY, markersize=3.0, alpha=0.4, label="measured")
+    learned = {"color": colour(f"cov{COULOMB}"), "linewidth": 2.0, "label": "learned: viscous and Coulomb"}
+    panel.plot(speed, its["friction_n_m"], **learned)
+    limit = 1.3 * measured.abs().quantile(0.995)
+    panel.set_ylim(-limit, limit)
+    legend_above(figure, panel)
+    return figure
+
+
+@styled
+def _payload(results: DynamicsResults) -> Figure:
+    """What is learned of a payload, as share of what it really has."""
+    payload, mass = results.payload, results.carried.mass_kg
+    figure, panel = _panel(2.5, "Learned of the payload", "time (s)", "share of the truth")
+    time, truth = payload["time_s"], mass * np.linalg.norm(results.carried.point_m)
+    moment = np.linalg.norm(payload[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
+    panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)
+    panel.plot(time, payload["mass_kg"] / mass, label="mass", **look("cov"))
+    panel.plot(time, moment / truth, color=colour("cov"), linestyle=":", label="first moment")
+    panel.set_ylim(-0.1, 1.6)
+    legend_above(figure, panel)
+    return figure
+
+
+@styled
+def _payload_errors(results: DynamicsResults) -> Figure:
+    """What the models make of torques that they have not learned from yet."""
+    payload = results.payload
+    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE")
+    panel.plot(payload["time_s"], payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))
+    panel.plot(payload["time_s"], payload["nmse_learned"], label="learned online", **look("cov"))
+    panel.set_yscale("log")
+    legend_above(figure, panel)
+    return figure
+
+
+def _panel(height: float, title: str, x: str, y: str) -> tuple[Figure, Axes]:
+    figure = canvas(height, PANEL_WIDTH)
+    return figure, figure.subplots(subplot_kw={"title": title, "xlabel": x, "ylabel": y})

@@ -1,0 +1,126 @@
+"""The page of the dynamics testbed: what its sentences name, and where that comes from."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.ground.params import Parameters
+from structlearn.reporting.claims import judge, read_claims
+from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.publishing import publish_report
+from structlearn.rigid_body.model_names import COULOMB, model_name
+from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
+from structlearn.testbeds.dynamics.page.evidence import evidence, unmet
+from structlearn.testbeds.dynamics.page.figures import drawings
+from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
+from structlearn.testbeds.dynamics.page.tables import tables
+from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
+from structlearn.testbeds.dynamics.world.arm_motion import OVERSPEED
+
+SOURCES = {
+    "log": Source("data/raw/dynamics/stand_in", "record_motion"),
+    "models": Source("data/dynamics/models", "train_dynamics"),
+    "scores": Source("data/dynamics/tracking", "track"),
+    "online": Source("data/dynamics/online", "online"),
+}
+
+
+def dynamics_page(
+    results: DynamicsResults, shown: Mapping[str, Table], parameters: Mapping[str, Parameters]
+) -> Document:
+    """The page; its figures are those of `figures.drawings`, and `still`.
+
+    Args:
+        results: what to show.
+        shown: its tables, of `tables.tables`.
+        parameters: by their key in `params.yaml`.
+    """
+    named = facts(results, shown)
+    claims = read_claims(Path(__file__).parent / "claims.yaml")
+    return Document(
+        template="dynamics.html.jinja",
+        package=__package__,
+        stage="report_dynamics",
+        facts=named,
+        tables=shown,
+        judged=judge(claims, evidence(results), environment(__package__), named),
+        sources=SOURCES,
+        parameters=parameters,
+        recordings="../recordings/dynamics",
+        simulated=results.stand_in is not None,
+    )
+
+
+def publish_dynamics(
+    results: DynamicsResults, still: np.ndarray, parameters: Mapping[str, Parameters], folder: str | Path
+) -> None:
+    """Publish the page with its figures, tables and metrics; for the arguments see `dynamics_page`.
+
+    Args:
+        still: (H, W, 3) bytes, of the arm.
+        folder: of the report.
+    """
+    shown, numbers = tables(results), metrics(results)
+    page = dynamics_page(results, shown, parameters)
+    drawn = {"still": still} | drawings(results)
+    publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers))
+
+
+def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, object]:
+    """What the page's sentences and claims name, beside the metrics."""
+    rows = {name: table.frame.to_dict("records") for name, table in shown.items()}
+    payload = results.payload[results.payload["time_s"] > results.pick_up_s]
+    return metrics(results) | {
+        "results": results,
+        "published": published(),
+        "simulated": results.stand_in is not None,
+        "training": results.training,
+        "overspeed": OVERSPEED,
+        "stopped_nmse": STOPPED_NMSE,
+        "settled_share": SETTLED_SHARE,
+        "joints": int(results.errors["joint"].max()),
+        "epochs": {row["model"]: row for row in rows["epochs"]},
+        "online": {row["model"]: row for row in rows["online"]},
+        "stopped": _stopped(results, IDEAL, SINE, REACH),
+        "robot_stopped": _stopped(results, ROBOT, REACH),
+        "unmet": [model_name(model) for model in unmet(results, IDEAL)],
+        "robot_unmet": [
+            f"{model_name(model)} ({results.robot_error(model):.2f})" for model in unmet(results, ROBOT)
+        ],
+        "impossible": [
+            f"{row['model']} {row['links'] - row['possible']} of {row['links']}"
+            for row in rows["bodies"]
+            if row["possible"] < row["links"]
+        ],
+        "parameters_of_links": 10 * results.links["link"].nunique(),
+        "best_base": min(rows["base_errors"], key=lambda row: row["base"]),
+        "friction": _friction(results),
+        "payload": {
+            "mass_kg": payload["mass_kg"].iloc[-1],
+            "fixed": payload["nmse_fixed"].mean(),
+            "learned": payload["nmse_learned"].mean(),
+            "distance_m": np.linalg.norm(results.carried.point_m),
+        },
+    }
+
+
+def _stopped(results: DynamicsResults, robot: str, *tasks: str) -> list[str]:
+    """`DeLaN 4 of 10`, of models with runs that had to be stopped."""
+    counts = {model: results.stopped(robot, model, *tasks) for model in results.tracked(robot)}
+    return [
+        f"{model_name(model)} {count} of {results.count(robot, model, *tasks)}"
+        for model, count in counts.items()
+        if count
+    ]
+
+
+def _friction(results: DynamicsResults) -> dict[str, float]:
+    """Median relative errors of learned coefficients; `factor` of viscous ones alone; empty: no truth."""
+    known = results.friction.dropna(subset="truth")
+    ratio = (known["value"] / known["truth"]).groupby([known["model"], known["term"]])
+    if known.empty:
+        return {}
+    median = ratio.median()
+    off = (ratio.obj - 1.0).abs().groupby([known["model"], known["term"]]).median()
+    return off[f"cov{COULOMB}"].to_dict() | {"factor": median["cov", "viscous"]}

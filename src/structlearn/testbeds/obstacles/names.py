@@ -1,0 +1,72 @@
+"""Names, order and colours of what is compared past obstacles, for the page and the recordings alike.
+
+A picture colours either kinds of models (`KINDS`) or what they learned from (`SOURCES`), never both.
+"""
+
+from dataclasses import dataclass
+
+from structlearn.avoidance.learned_models import ALL, HUMAN_INSPIRED, NETWORK, PHASE_MODULATED, SETTING
+from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
+    GOAL_CHANGE,
+    LIMITED,
+    MOVING,
+    NO_MODEL,
+    PAIR,
+    PUBLISHED,
+    TRAINED,
+    UNSEEN,
+)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How something is called and drawn.
+
+    Attributes:
+        name: in running text, legends, tables and recordings.
+        colour: hex.
+    """
+
+    name: str
+    colour: str
+
+
+KINDS = {
+    NO_MODEL: Look("no avoidance", BLACK),
+    NETWORK: Look("network", BLUE),
+    PHASE_MODULATED: Look("phase-modulated network", GREEN),
+    HUMAN_INSPIRED: Look("Rai et al.", ORANGE),
+}
+"""What may act on the reach, in the order of tables."""
+
+SOURCES = {
+    "": Look("no avoidance", LIGHT_GREY),
+    SETTING: Look("per setting", BLUE),
+    "sphere": Look("sphere", SKY),
+    "cube": Look("cube", ORANGE),
+    "cylinder": Look("cylinder", GREEN),
+    ALL: Look("all shapes", PURPLE),
+}
+"""What a model learned from. Nothing is light grey on the dark ground of a recording, black on paper."""
+
+DEMONSTRATIONS = Look("demonstrations", GREY)
+
+HIT = Look("obstacle that the reach without avoidance hits", VERMILION)
+FREE = Look("obstacle that it does not hit", GREY)
+
+SITUATIONS = {
+    TRAINED: "trained obstacle",
+    UNSEEN: "unseen sphere",
+    MOVING: "moving sphere",
+    PAIR: "two spheres",
+    GOAL_CHANGE: "moving goal",
+}
+
+RULES = {PUBLISHED: "the text's rules", LIMITED: "limits at the goal"}
+"""What becomes of a coupling term before it acts."""
+
+
+def model_name(kind: str, learned_from: str) -> str:
+    """`network, sphere`: a kind of model and what it learned from."""
+    return f"{KINDS[kind].name}, {SOURCES[learned_from].name}" if learned_from else KINDS[kind].name

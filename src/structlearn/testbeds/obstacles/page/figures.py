@@ -1,0 +1,331 @@
+"""Figures of the obstacle testbed, each of panels: paths, figure IV.10, how near models come to obstacles.
+
+Paths are seen from the side and from above, in the local frame of the reach, in mm.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from scipy.spatial import ConvexHull
+
+from structlearn.avoidance.avoidance_dataset import to_local
+from structlearn.avoidance.learned_models import ALL, HUMAN_INSPIRED, NETWORK, SETTING
+from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, obstacle
+from structlearn.palette import BLACK, BLUE, LIGHT_GREY, SKY, VERMILION
+from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
+from structlearn.reporting.prose import capitalised, rounded
+from structlearn.testbeds.obstacles.names import (
+    DEMONSTRATIONS,
+    FREE,
+    HIT,
+    KINDS,
+    SITUATIONS,
+    SOURCES,
+    model_name,
+)
+from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting
+from structlearn.testbeds.obstacles.page.tables import FITS
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
+from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
+from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
+from structlearn.testbeds.obstacles.world.scene_still import Lane, reaches_still
+
+VIEWS = {"from the side": 2, "from above": 1}
+"""Local axis that is shown over x, by the name of the view."""
+
+PARTS = {"train": ("learned from", SKY), "test": ("held out", BLUE)}
+"""Name and colour of the demonstrations of an error."""
+
+BINS = np.linspace(0.0, 1.2, 13)
+"""Of NMSE; what is above the last edge is counted in the last bin."""
+
+GRID = [protocol for protocol in SITUATIONS if protocol != TRAINED]
+FARTHEST = 4.0
+"""Radii; what keeps farther off is drawn there."""
+
+MOMENTS = 5
+"""Places at which a moving obstacle is drawn."""
+
+BALL = UNSEEN_RADIUS_M / HALF_SIZE_M["sphere"][0] * obstacle("sphere", np.zeros(3)).cloud(100)
+"""An unseen sphere about its centre, (P, 3) m."""
+
+DASHED = {"linestyle": "--", "linewidth": 1.2}
+THIN = {"linewidth": 0.7}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A path (T, 3) in m, local frame, or points where its style has a marker."""
+
+    points: np.ndarray
+    colour: str
+    label: str | None = None
+    style: dict[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The silhouette of a cloud (P, 3) in m, local frame."""
+
+    cloud: np.ndarray
+    colour: str
+    opacity: float = 1.0
+    filled: bool = True
+
+
+def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing | Sequence[Drawing]]:
+    """All figures of the page by name; `largest_nmse` is the published one."""
+    setting = example_setting(results.found.scores)
+    kinds = (NETWORK, HUMAN_INSPIRED)
+    contenders = ((NO_MODEL, "", [""]), (HUMAN_INSPIRED, "per setting", [SETTING]))
+    contenders += ((NETWORK, "per setting", [SETTING]), (NETWORK, "per shape", SHAPES))
+    example = _to_scale([_example_panel(results, shape, setting) for shape in SHAPES])
+    closest = closest_panel(results, setting)
+    closest.set_figheight(example[0].get_figheight())
+    return {
+        "still": still(results, setting),
+        "example": [*example, closest],
+        "fit": [fit_panel(results, kind, column, largest_nmse) for column in FITS for kind in kinds],
+        "people": [people_panel(results, *contender) for contender in contenders],
+        "unseen": _to_scale([_unseen_panel(results, source) for source in (*SHAPES, ALL)]),
+        "beyond": [one for pair in (GRID[:2], GRID[2:]) for one in _beyond_panels(results, pair)],
+        "distances": [Raster(distances_panel(results, protocol)) for protocol in GRID],
+    }
+
+
+def still(results: ObstacleResults, setting: int) -> np.ndarray:
+    """The simulated scene: a demonstrated reach past each shape, and one without avoidance."""
+    lanes = []
+    for scenario in (one for one in results.scenarios if one.setting == setting):
+        bare = _reach(results, SituationKey(TRAINED, scenario.shape, setting))
+        demonstrated = results.shown[scenario.shape][0].position
+        lanes.append(Lane(scenario.obstacle, demonstrated, bare.position))
+    return reaches_still(lanes, results.baseline)
+
+
+def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
+    """Number and speed of the situation in which the reach without avoidance comes closest, fastest first.
+
+    Of those whose obstacles all lie between start and goal.
+    """
+    situation = results.situations[protocol]
+    length = np.linalg.norm(results.baseline.goal - results.baseline.start)
+    along = np.stack([obstacle.centre[:, 0] for obstacle in situation.obstacles])
+    between = ((along > 0.0) & (along < length)).all(axis=0)
+    chosen = between & (situation.speed == situation.speed[between].max(initial=0.0))
+    bare = results.rows(protocol)[chosen if between.any() else np.ones_like(between)]
+    row = bare.loc[bare["obstacle_distance"].idxmin()]
+    return int(row["scenario"]), float(row["speed_m_s"])
+
+
+def _example_panel(results: ObstacleResults, shape: str, setting: int) -> Figure:
+    """Paths past an obstacle: demonstrations, no avoidance, models that learned all settings of the shape."""
+    (solid,) = (one.obstacle for one in results.scenarios if (one.shape, one.setting) == (shape, setting))
+    paths = [to_local(one.position, results.baseline) for one in results.shown[shape]]
+    curves = [Curve(path, DEMONSTRATIONS.colour, style=THIN) for path in paths[1:]]
+    curves.append(Curve(paths[0], DEMONSTRATIONS.colour, DEMONSTRATIONS.name, THIN))
+    for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK):
+        source = "" if kind == NO_MODEL else shape
+        reach = _reach(results, SituationKey(TRAINED, shape, setting), kind, source)
+        curves += _curves(results, reach, KINDS[kind].colour, KINDS[kind].name)
+    cloud = to_local(solid.cloud(800), results.baseline)
+    return two_views(shape.capitalize(), [Outline(cloud, HIT.colour)], curves)
+
+
+def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
+    """The grid of unseen spheres, and the path of a network past each of them."""
+    centres, hit = results.situations[UNSEEN].obstacles[0].centre, results.rows(UNSEEN)["hit"]
+    outlines = [
+        Outline(centre + BALL, (HIT if its else FREE).colour, 0.5, filled=False)
+        for its, centre in sorted(zip(hit, centres.tolist(), strict=True))
+    ]
+    keys = [SituationKey(UNSEEN, "sphere", number) for number in range(1, len(hit) + 1)]
+    paths = [_reach(results, key, NETWORK, source).position[::2] for key in keys]  # enough for small pictures
+    curves = [Curve(to_local(path, results.baseline), SOURCES[source].colour, style=THIN) for path in paths]
+    curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
+    return two_views(capitalised(model_name(NETWORK, source)), outlines, curves)
+
+
+def _beyond_panels(results: ObstacleResults, protocols: Sequence[str]) -> list[Figure]:
+    return _to_scale([_beyond_panel(results, protocol) for protocol in protocols])
+
+
+def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
+    """The network of all shapes beside no avoidance, where that comes closest."""
+    number, speed = worst(results, protocol)
+    situation, duration = results.situations[protocol], results.baseline.duration
+    place = int(np.flatnonzero((situation.numbers == number) & (situation.speed == speed))[0])
+    key = SituationKey(protocol, situation.obstacle, number, speed)
+    avoiding = _reach(results, key, NETWORK, ALL)
+    curves = _curves(results, _reach(results, key), BLACK, KINDS[NO_MODEL].name)
+    curves += _curves(results, avoiding, SOURCES[ALL].colour, model_name(NETWORK, ALL))
+    times = np.linspace(0.0, duration, MOMENTS) if protocol == MOVING else [duration]
+    outlines = []
+    for count, time in enumerate(times, start=1):
+        for spheres in situation.obstacles:
+            centre = spheres.centre[place] + spheres.displacement(float(time))[place]
+            outlines.append(Outline(centre + BALL, HIT.colour, count / len(times)))
+        if protocol == MOVING:
+            hand = to_local(avoiding.position[[np.abs(avoiding.time - time).argmin()]], results.baseline)
+            style = {"marker": "o", "markersize": 4, "alpha": count / len(times)}
+            curves.append(Curve(hand, SOURCES[ALL].colour, style=style))
+    if situation.goal_change is not None:
+        goals = np.stack([results.baseline.goal, np.reshape(situation.goal_change.goals, (-1, 3))[0]])
+        for goal, colour in zip(to_local(goals, results.baseline), (LIGHT_GREY, BLACK), strict=True):
+            style = {"marker": "x", "markersize": 7, "markeredgewidth": 2, "zorder": 4}
+            curves.append(Curve(goal[None], colour, style=style))
+    words = SITUATIONS[protocol].capitalize()
+    return two_views(f"{words}, {speed:g} m/s" if speed else words, outlines, curves)
+
+
+@styled
+def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) -> Figure:
+    """A panel with a view from the side above one from above."""
+    figure = canvas(4.0, PANEL_WIDTH)
+    panels = figure.subplots(len(VIEWS), 1, sharex=True)
+    for panel, (view, axis) in zip(panels, VIEWS.items(), strict=True):
+        for one in outlines:
+            hull = ConvexHull(1e3 * one.cloud[:, [0, axis]])
+            corners = hull.points[hull.vertices]
+            face = (one.colour, 0.2 * one.opacity) if one.filled else "none"
+            panel.add_patch(Polygon(corners, fc=face, ec=(one.colour, one.opacity), lw=0.8))
+        for curve in curves:
+            x, across = 1e3 * curve.points[:, [0, axis]].T
+            panel.plot(x, across, color=curve.colour, label=curve.label, **curve.style)
+        panel.set(ylabel=f"{view}\nlocal {'xyz'[axis]} (mm)", aspect="equal")
+    panels[0].set_title(title)
+    panels[-1].set_xlabel("local x (mm)")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", ncols=4, columnspacing=1.2)
+    return figure
+
+
+@styled
+def closest_panel(results: ObstacleResults, setting: int) -> Figure:
+    """Closest distance to the obstacle of one setting, by shape, of people and models."""
+    people = results.found.people[results.found.people["scenario"] == setting]
+    rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
+    for kind, sources, words, marker in (
+        (NO_MODEL, [""], "", "o"),
+        (HUMAN_INSPIRED, [SETTING], ", per setting", "o"),
+        (HUMAN_INSPIRED, SHAPES, ", per shape", "D"),
+        (NETWORK, [SETTING], ", per setting", "o"),
+        (NETWORK, SHAPES, ", per shape", "D"),
+    ):
+        scored = results.rows(TRAINED, kind, sources)
+        look = (f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker)
+        rows.append((*look, scored[scored["scenario"] == setting]))
+    figure = canvas(3.3, PANEL_WIDTH)
+    panel = figure.subplots()
+    for words, colour, marker, its in rows:
+        distance = its.groupby("obstacle")["obstacle_distance"].mean()[list(SHAPES)]
+        fill = "none" if marker == "D" else colour
+        panel.plot(distance, range(len(SHAPES)), marker, color=colour, markerfacecolor=fill, label=words)
+    panel.axvline(0.0, color=HIT.colour, **DASHED)
+    panel.set(title="Closest distance", xlabel="radii; 0 and below is a hit", ylim=(len(SHAPES) - 0.6, -0.4))
+    panel.set_yticks(range(len(SHAPES)), SHAPES)
+    figure.legend(loc="outside lower left", ncols=2, columnspacing=1.2)
+    return figure
+
+
+@styled
+def fit_panel(results: ObstacleResults, kind: str, column: str, largest_nmse: float) -> Figure:
+    """Figure IV.10: over how many scenarios a model that learned one scenario has which error."""
+    figure = canvas(2.2, PANEL_WIDTH)
+    panel = figure.subplots()
+    for place, (part, (label, colour)) in enumerate(PARTS.items()):
+        errors = results.setting_fits(column, part).get(kind, pd.Series(dtype=float))
+        counts, _ = np.histogram(errors.clip(upper=BINS[-1] - 1e-9), BINS)
+        panel.bar(BINS[:-1] + 0.008 + 0.042 * place, counts, 0.042, align="edge", color=colour, label=label)
+    panel.axvline(largest_nmse, color=BLACK, label=f"published: up to {largest_nmse:g}", **DASHED)
+    panel.grid(axis="x", visible=False)
+    panel.set_xticks(BINS[1::2])
+    panel.set(title=f"{capitalised(KINDS[kind].name)}, {FITS[column]}", ylabel="scenarios")
+    panel.set(xlim=(BINS[0], BINS[-1]), xlabel=f"NMSE; the last bar: {BINS[-2]:.1f} and above")
+    figure.legend(loc="outside lower left", ncols=3, columnspacing=1.2)
+    return figure
+
+
+@styled
+def people_panel(results: ObstacleResults, kind: str, words: str, sources: Sequence[str]) -> Figure:
+    """Closest distance of the unroll over that of people, a dot for each scenario."""
+    people = results.found.people.groupby(["obstacle", "scenario"])["obstacle_distance"].mean()
+    top = 1.05 * float(people.max())
+    figure = canvas(2.8, PANEL_WIDTH)
+    panel = figure.subplots()
+    panel.plot([-1, top], [-1, top], color=LIGHT_GREY, linewidth=0.9)
+    panel.axhline(0.0, color=HIT.colour, **DASHED)
+    scored = results.rows(TRAINED, kind, sources).set_index(["obstacle", "scenario"])
+    for shape, marker in zip(SHAPES, "os^", strict=True):
+        its = scored.loc[[shape], "obstacle_distance"]
+        look = {"markersize": 4, "markeredgewidth": 0, "alpha": 0.65, "color": KINDS[kind].colour}
+        panel.plot(people.loc[its.index], its, marker, label=shape, **look)
+    # most of what matters is below two radii: a scale that is linear there and shrinks the rest
+    panel.set(xlim=(-1, top), ylim=(-1, top))
+    panel.set_xscale("symlog", linthresh=2.0, linscale=1.0)
+    panel.set_yscale("symlog", linthresh=2.0, linscale=1.0)
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_ticks([-1, 0, 1, 2, 5, 10], [rounded(tick, "g") for tick in (-1, 0, 1, 2, 5, 10)])
+    panel.minorticks_off()
+    title = capitalised(", ".join(filter(None, (KINDS[kind].name, words))))
+    panel.set(title=title, xlabel="people (radii)", ylabel="closest distance (radii)")
+    panel.legend(loc="lower right")
+    return figure
+
+
+@styled
+def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
+    """Closest distance on the grid of spheres, a dot for each unroll, hits in red and counted."""
+    pairs = results.contenders
+    figure = canvas(1.0 + 0.26 * len(pairs), PANEL_WIDTH)
+    panel = figure.subplots()
+    for row, (kind, source) in enumerate(pairs):
+        scored = results.rows(protocol, kind, source)
+        # number by number from top to bottom: nothing is drawn at random
+        height = row + np.linspace(-0.25, 0.25, len(scored))
+        colours = np.where(scored["hit"], VERMILION, KINDS[kind].colour)
+        distance = scored["obstacle_distance"].clip(upper=FARTHEST)
+        panel.scatter(distance, height, s=5, c=colours, linewidths=0, alpha=0.75)
+        hits = int(scored["hit"].sum())
+        weight = "bold" if hits else "normal"
+        panel.text(FARTHEST + 1.1, row, f"{hits}", ha="right", va="center", weight=weight)
+    panel.text(FARTHEST + 1.1, -0.9, "hits", ha="right", va="center")
+    panel.axvline(0.0, color=HIT.colour, **DASHED)
+    panel.grid(axis="y", visible=False)
+    panel.set(title=f"{SITUATIONS[protocol].capitalize()} ({len(scored)})", xlim=(-1.1, FARTHEST + 1.2))
+    panel.set(xlabel="closest distance (radii)", ylim=(len(pairs) - 0.4, -1.4))
+    panel.set_yticks(range(len(pairs)), [model_name(*pair) for pair in pairs])
+    return figure
+
+
+def _to_scale(figures: Sequence[Figure]) -> list[Figure]:
+    """Give all `two_views` the same limits, and the height at which a millimetre is the same on all axes."""
+    rows = list(zip(*(figure.axes for figure in figures), strict=True))
+    x = np.array([panel.get_xlim() for row in rows for panel in row])
+    ranges = [np.array([panel.get_ylim() for panel in row]) for row in rows]
+    limits = [(its[:, 0].min(), its[:, 1].max()) for its in ranges]
+    extents = [high - low for low, high in limits]
+    for figure in figures:
+        for panel, its in zip(figure.axes, limits, strict=True):
+            panel.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=its)
+        figure.axes[0].get_gridspec().set_height_ratios(extents)
+        figure.set_figheight((PANEL_WIDTH - 0.9) * sum(extents) / np.ptp(x) + 1.15)
+    return list(figures)
+
+
+def _reach(
+    results: ObstacleResults, situation: SituationKey, kind: str = NO_MODEL, learned_from: str = ""
+) -> Reach:
+    found = of_model(results.reaches[situation], kind)
+    return next(reach for reach in found if reach.learned_from == learned_from)
+
+
+def _curves(results: ObstacleResults, reach: Reach, colour: str, name: str) -> list[Curve]:
+    """A path until the prescribed time, and as a thin line what comes after it."""
+    points, after = to_local(reach.position, results.baseline), reach.time >= results.baseline.duration
+    style = DASHED if reach.model == NO_MODEL else {"linewidth": 1.9}
+    return [Curve(points[~after], colour, name, style), Curve(points[after], colour, style=THIN)]

@@ -1,0 +1,107 @@
+"""The unrolls of an evaluation, reach by reach: what figures and recordings show of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from structlearn.avoidance.avoidance_dataset import baseline_axes
+from structlearn.primitives.position import PositionPrimitive
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, NO_MODEL, Situations
+from structlearn.testbeds.obstacles.protocol.path_scores import MODEL, PLACE, POSITION
+
+
+class SituationKey(NamedTuple):
+    """Which reach of an evaluation: the columns of `avoidance_protocols.situation_keys`."""
+
+    protocol: str
+    obstacle: str
+    number: int
+    speed_m_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Reach:
+    """One unroll in one situation.
+
+    Attributes:
+        model: whose coupling term acted, or `avoidance_protocols.NO_MODEL`.
+        learned_from: what it learned from, see `learned_models.AvoidanceModels`.
+        time: (T,) s since the start.
+        position: (T, 3) m, base frame.
+        coupling: (T, 3) m, coupling term that acted, local frame of the reach.
+        coupling_in_base: (T, 3) the same in the base frame.
+        obstacle_distance: of the closest approach, in virtual radii from the virtual surface.
+        hit: whether that is not positive.
+        goal_distance_m: at the prescribed time.
+    """
+
+    model: str
+    learned_from: str
+    time: np.ndarray
+    position: np.ndarray
+    coupling: np.ndarray
+    coupling_in_base: np.ndarray
+    obstacle_distance: float
+    hit: bool
+    goal_distance_m: float
+
+
+Group = Sequence[Reach]
+"""The reaches of all models in one situation, in the order in which they were evaluated."""
+
+
+def reaches_by_situation(
+    paths: pd.DataFrame, scores: pd.DataFrame, baseline: PositionPrimitive
+) -> dict[SituationKey, list[Reach]]:
+    """The unrolls of an evaluation with limits at the goal.
+
+    Args:
+        paths: of `avoidance_protocols.evaluate`.
+        scores: likewise, those of the same post-processing are taken.
+        baseline: whose local frame the coupling terms are in.
+
+    Returns:
+        By situation the reaches of all models, in the order in which they were evaluated: that without
+        avoidance first.
+    """
+    keys = [*PLACE, *MODEL[1:]]
+    limited = scores[scores["rules"] == LIMITED].set_index(keys)
+    scored = limited[["obstacle_distance", "hit", "goal_distance_m"]].to_dict("index")
+    axes = baseline_axes(baseline)
+    reaches: dict[SituationKey, list[Reach]] = {}
+    for key, rows in paths.groupby(keys, sort=False):
+        coupling = rows[["coupling_x", "coupling_y", "coupling_z"]].to_numpy(float)
+        time, position = rows["time_s"].to_numpy(float), rows[POSITION].to_numpy(float)
+        reach = Reach(*key[4:], time, position, coupling, coupling @ axes.T, **scored[key])
+        reaches.setdefault(SituationKey(*key[:4]), []).append(reach)
+    return reaches
+
+
+def groups_of(situation: Situations, reaches: Mapping[SituationKey, Group]) -> list[Group]:
+    """The reaches in each of a batch of situations, in their order."""
+    return [
+        reaches[SituationKey(situation.protocol, situation.obstacle, int(number), float(speed))]
+        for number, speed in zip(situation.numbers, situation.speed, strict=True)
+    ]
+
+
+def of_model(reaches: Group, model: str) -> list[Reach]:
+    """The reaches of one model."""
+    return [reach for reach in reaches if reach.model == model]
+
+
+def without_avoidance(reaches: Group) -> Reach:
+    """The reach without coupling term."""
+    return of_model(reaches, NO_MODEL)[0]
+
+
+def hit_settings(reaches: Mapping[SituationKey, Group], protocol: str) -> set[tuple[str, int]]:
+    """Obstacle and number of the situations of a protocol in which the reach without avoidance hits."""
+    return {
+        (key.obstacle, key.number)
+        for key, group in reaches.items()
+        if key.protocol == protocol and without_avoidance(group).hit
+    }

@@ -1,0 +1,1 @@
+"""Recordings of the recorded data, to look at."""

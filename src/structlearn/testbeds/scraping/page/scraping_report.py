@@ -1,0 +1,314 @@
+"""The scraping report: its pages, as far as there are data for them, with figures, tables and metrics."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.ground.artefacts import Metrics
+from structlearn.ground.params import Parameters
+from structlearn.primitives.kernels import KERNEL_COUNT
+from structlearn.reporting import segmentation_figures
+from structlearn.reporting.claims import UNKNOWN, Found, judge, read_claims
+from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.figure_style import Drawing, Raster
+from structlearn.reporting.prose import listing
+from structlearn.segmentation.execution_cuts import execution_cuts
+from structlearn.segmentation.result import read_segmentation
+from structlearn.testbeds.scraping import files, names
+from structlearn.testbeds.scraping.page import (
+    demonstration_figures,
+    evidence,
+    feedback_figures,
+    refinement_figures,
+    tables,
+)
+from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
+from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
+from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.world.scene_still import scraping_still
+
+Drawings = dict[str, Drawing | list[Drawing]]
+PACKAGE = "structlearn.testbeds.scraping.page"
+STAGE = "report_scraping"
+PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
+"""Title by file name; one without data says so, since a stage makes all its outs."""
+
+PARAMETERS = {
+    "index": ("clock", "record", "simulate", "segment", "segment_sweep", "fit_primitives", "generalise"),
+    "feedback": (
+        *("testbed", "expected_traces", "record_corrections", "coupling_dataset"),
+        *("train_feedback", "compare_models", "evaluate_feedback"),
+    ),
+    "refinement": ("refine", "evaluate_refinement", "compare_search"),
+}
+"""By page, keys of `params.yaml` that its results were made with."""
+
+SOURCES = {
+    "demonstrations": Source("data/raw/scraping/nominal", "record_nominal"),
+    "segments": Source("data/segments/scraping", "segment"),
+    "sweep": Source("data/segments/scraping_sweep", "segment_sweep"),
+    "primitives": Source("data/primitives/scraping", "fit_primitives"),
+    "expected": Source("data/feedback/scraping/expected", "expected_traces"),
+    "dataset": Source("data/feedback/scraping/dataset", "coupling_dataset"),
+    "models": Source("data/feedback/scraping/models", "train_feedback"),
+    "comparison": Source("data/feedback/scraping/comparison", "compare_models"),
+    "closed_loop": Source("data/raw/scraping/closed_loop", "evaluate_feedback"),
+    "corrections": Source("data/raw/scraping/corrections", "record_corrections"),
+    "evaluation": Source("data/feedback/scraping/evaluation", "evaluate_feedback"),
+    "refinement": Source("data/feedback/scraping/refinement", "refine"),
+    "refined": Source("data/feedback/scraping/refined", "evaluate_refinement"),
+    "search": Source("data/feedback/scraping/search", "compare_search"),
+}
+"""Files that figures and tables come from, with the stages that make them."""
+
+HEADLINES = (
+    *("demonstrations", "simulated", "cut_error_ms_wls", "left_one_out_down_mean_mm"),
+    *("pmnn_prim2_generalization_nmse", "pmnn_prim3_generalization_nmse"),
+    *("cost_ratio_feedback_over_nominal_0", "cost_ratio_feedback_over_nominal_10"),
+    *("rl_cost_before_prim2", "rl_cost_after_prim2", "rl_cost_before_prim3", "rl_cost_after_prim3"),
+)
+
+
+@dataclass
+class ScrapingReport:
+    """What `publishing.publish_report` takes."""
+
+    pages: dict[str, Document] = field(default_factory=dict)
+    drawings: Drawings = field(default_factory=dict)
+    tables: dict[str, Table] = field(default_factory=dict)
+    metrics: Metrics = field(default_factory=dict)
+
+    @property
+    def headlines(self) -> list[str]:
+        """Those of `HEADLINES` that are known."""
+        return [name for name in HEADLINES if name in self.metrics]
+
+
+def published() -> Mapping[str, object]:
+    """What the dissertation prints for this testbed."""
+    return yaml.safe_load(Path(__file__).with_name("published.yaml").read_text(encoding="utf-8"))
+
+
+def scraping_report(
+    segmentation: SegmentationResults,
+    feedback: FeedbackResults | None,
+    refinement: RefinementResults | None,
+    ablations: pd.DataFrame,
+    parameters: Mapping[str, Parameters],
+) -> ScrapingReport:
+    """The report.
+
+    Args:
+        segmentation: always there.
+        feedback: None where nothing was executed, as with nominal bags of your own alone.
+        refinement: None where nothing was refined.
+        ablations: table `refinement` of the ablations' report; empty where it is not there.
+        parameters: all of `PARAMETERS` by key.
+    """
+    report, printed = ScrapingReport(), published()
+    results = {"index": segmentation, "feedback": feedback, "refinement": refinement}
+    shown = {name: title for name, title in PAGES.items() if results[name] is not None}
+    primitives = [primitive.name for primitive in segmentation.primitives]
+    shared = {
+        "pages": shown,
+        "published": printed,
+        "params": parameters,
+        "results": segmentation,
+        "feedback": feedback,
+        "refinement": refinement,
+        "primitives": primitives,
+        "names": names,
+        "ablations": ablations.to_dict("records"),
+        "kernel_count": KERNEL_COUNT,
+        "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
+    }
+
+    def add(page: str, found: Mapping[str, Found], simulated: bool) -> None:
+        claims = read_claims(Path(__file__).with_name(f"{page.replace('index', 'segmentation')}_claims.yaml"))
+        whole = {claim.evidence: UNKNOWN for claim in claims} | found
+        facts = shared | {"page": page, "evidence": whole}
+        report.pages[page] = Document(
+            template=f"{page.replace('index', 'segmentation')}.html.jinja",
+            package=PACKAGE,
+            stage=STAGE,
+            facts=facts,
+            tables=report.tables,
+            judged=judge(claims, whole, environment(PACKAGE), facts),
+            sources=SOURCES,
+            parameters={key: parameters[key] for key in PARAMETERS[page]},
+            recordings="../recordings/scraping",
+            simulated=simulated,
+        )
+
+    report.drawings |= segmentation_drawings(segmentation)
+    report.tables |= tables.segmentation_tables(segmentation)
+    report.metrics |= segmentation.metrics()
+    add("index", evidence.segmentation_evidence(segmentation), segmentation.simulated)
+    if feedback is not None:
+        report.drawings |= feedback_drawings(feedback)
+        report.tables |= tables.feedback_tables(feedback, printed)
+        report.metrics |= feedback.metrics()
+        add("feedback", evidence.feedback_evidence(feedback), feedback.simulated)
+    if refinement is not None:
+        report.drawings |= refinement_drawings(refinement, primitives)
+        report.tables |= tables.refinement_tables(refinement, primitives, printed)
+        report.metrics |= refinement.metrics(lambda name: primitives.index(name) + 1)
+        add("refinement", evidence.refinement_evidence(refinement), True)
+    for name in set(PAGES) - set(shown):
+        facts = {"pages": shown, "page": name, "title": PAGES[name]}
+        report.pages[name] = Document("no_data.html.jinja", PACKAGE, STAGE, facts)
+    return report
+
+
+def segmentation_drawings(results: SegmentationResults) -> Drawings:
+    """Figures of the page on segmentation and primitives, as far as the data go."""
+    made: Drawings = {
+        "demonstrations": demonstration_figures.demonstrations_figure(results),
+        "one_demonstration": demonstration_figures.one_demonstration_figure(
+            results.example, results.segmentation
+        ),
+        "space": demonstration_figures.space_figure(results),
+        "downsampling": segmentation_figures.downsampling_figure(results.downsampling),
+        "position_fit": demonstration_figures.position_fit_figure(results),
+        "forcing": demonstration_figures.forcing_figure(results),
+        "sequence": demonstration_figures.sequence_figure(results.sequences),
+        "sequence_space": demonstration_figures.sequence_space_figure(results.sequences),
+    }
+    if len(results.sweep):
+        made["noise_sweep"] = segmentation_figures.noise_figure(results.sweep, results.sweep_comparison)
+    if results.guesses:
+        first = results.found_primitives[0]
+        guess = results.most_refined_guess(first.name)
+        made["correspondences"] = segmentation_figures.correspondence_figure(
+            results.reference, guess, results.segmentation, first
+        )
+        made["alignment"] = segmentation_figures.alignment_figure(
+            results.was_cut, results.segmentation, results.found_primitives
+        )
+    if results.has_orientation:
+        made["orientation_fit"] = demonstration_figures.orientation_fit_figure(results)
+    return made
+
+
+def feedback_drawings(results: FeedbackResults) -> Drawings:
+    """Figures of the page on feedback models, as far as the data go."""
+    made: Drawings = {"expected_traces": feedback_figures.expected_figure(results)}
+    if results.datasets:
+        made["coupling_targets"] = feedback_figures.targets_figure(results)
+    if len(results.comparison):
+        made["models"] = feedback_figures.models_figure(results)
+        made["weights"] = feedback_figures.weights_figure(results)
+    board = results.board
+    if board is not None:
+        run = board.examples[POINTWISE][0]
+        made["still"] = scraping_still(run, board.example_deg)
+        made["executions"] = feedback_figures.executions_figure(board, results.primitives)
+        for name in results.adapted:
+            panels = feedback_figures.closed_loop_figure(results, name)
+            made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # lines by the hundred
+        made["board_roll"] = feedback_figures.roll_figure(results)
+        known = (*results.seen_deg, 0.0)
+        made["board_cost"] = feedback_figures.cost_figure(
+            board, results.primitives, lambda setting: "" if setting in known else "unseen"
+        )
+    return made
+
+
+def refinement_drawings(results: RefinementResults, primitives: list[str]) -> Drawings:
+    """Figures of the page on refinement by trial, as far as the data go."""
+    made: Drawings = {
+        "refinement_learning": refinement_figures.learning_figure(results, primitives),
+        "refinement_cost": feedback_figures.cost_figure(results, primitives, results.role),
+    }
+    if results.evaluated:
+        made["refinement_snapshots"] = refinement_figures.snapshots_figure(results, primitives)
+    if results.searched_primitives:
+        made["search_efficiency"] = refinement_figures.search_figure(results, primitives)
+    return made
+
+
+def read_results(
+    found: files.ScrapingFiles, parameters: Mapping[str, Parameters]
+) -> tuple[SegmentationResults, FeedbackResults | None, RefinementResults | None]:
+    """What the stages wrote, as far as they had data."""
+    primitives = found.primitives()
+    segmentation = SegmentationResults(
+        demonstrations=found.demonstrations(),
+        segmentation=read_segmentation(found.segments),
+        noise=found.table("noise"),
+        downsampling=found.table("downsampling"),
+        primitives=primitives,
+        reproduction=found.table("reproduction"),
+        nominal=found.table("nominal"),
+        generalised=found.table("generalised"),
+        segment_parameters=parameters["segment"],
+        fit_parameters=parameters["fit_primitives"],
+    )
+    own = [primitive.name for primitive in primitives]
+    return segmentation, read_feedback(found, own, parameters), read_refinement(found, parameters)
+
+
+def read_feedback(
+    found: files.ScrapingFiles, primitives: list[str], parameters: Mapping[str, Parameters]
+) -> FeedbackResults | None:
+    """What the feedback stages wrote; None where nothing was executed."""
+    expected = found.expected()
+    if not expected:
+        return None
+    unrolls, datasets = found.unrolls(), found.datasets()
+    return FeedbackResults(
+        primitives=primitives,
+        unrolls=unrolls,
+        unroll_cuts=execution_cuts(unrolls, primitives, parameters["segment"]),
+        expected=expected,
+        datasets=datasets,
+        checks={name: found.checks(name) for name in datasets},
+        networks=found.networks(POINTWISE) if datasets else {},
+        comparison=found.table("comparison"),
+        orderings=found.table("orderings"),
+        seen_deg=parameters["coupling_dataset"].settings_deg,
+        board=_board(found, parameters),
+    )
+
+
+def _board(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> BoardResults | None:
+    """What was executed on the board; None where the task is not the simulated one."""
+    scores = found.table("scores")
+    if scores.empty:
+        return None
+    largest = max(parameters["evaluate_feedback"].settings_deg)
+    return BoardResults(
+        scores=scores,
+        traces=found.table("traces"),
+        path_errors=found.table("path_errors"),
+        examples={model: found.runs(files.CLOSED_LOOP, largest, model) for model in (NOMINAL, POINTWISE)},
+        corrected=found.runs(files.CORRECTIONS, largest),
+        example_deg=largest,
+        axis=parameters["coupling_dataset"].unit_axis,
+        force_n=parameters["testbed"].control.force_n,
+    )
+
+
+def read_refinement(
+    found: files.ScrapingFiles, parameters: Mapping[str, Parameters]
+) -> RefinementResults | None:
+    """What the stages of the refinement wrote; None where no primitive was refined."""
+    history, scores = found.table("history"), found.table("refined_scores")
+    if history.empty or scores.empty:
+        return None
+    tilt = parameters["refine"].setting_deg
+    examples = {model: found.runs(files.REFINED, tilt, model) for model in (NOMINAL, BEFORE, AFTER)}
+    return RefinementResults(
+        scores=scores,
+        examples={model: runs for model, runs in examples.items() if runs},
+        example_deg=tilt,
+        axis=parameters["coupling_dataset"].unit_axis,
+        history=history,
+        search=found.table("search"),
+        parameters=parameters["refine"],
+    )

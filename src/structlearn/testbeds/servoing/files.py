@@ -1,0 +1,70 @@
+"""Where the files of the servoing testbed lie, and what they hold, for its page and its recordings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import pandas as pd
+
+from structlearn.ground.artefacts import read_table
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.tactile.touch_dataset import TouchDataset, read_dataset
+from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
+from structlearn.testbeds.servoing.protocol.servo_trials import Comparison
+
+RAW, DATA = "data/raw/servoing", "data/servoing"
+
+MADE_BY = {
+    "touch": (f"{DATA}/touch.safetensors", "touch_dataset"),
+    "contacts": (f"{DATA}/true_contacts.parquet", "record_touch"),
+    "models": (f"{DATA}/evaluation", "train_latent"),
+    "loops": (f"{DATA}/servo", "servo"),
+    "skins": (f"{DATA}/other_skins", "other_skins"),
+}
+"""Files and folders, and the stages that write them."""
+
+REPORT, RECORDINGS = "reports/servoing", "reports/recordings/servoing"
+
+
+@dataclass(frozen=True)
+class OtherSkinTables:
+    """What `protocol.other_skins.with_other_skin` found, of all skins."""
+
+    latent: pd.DataFrame
+    directions: pd.DataFrame
+    trials: pd.DataFrame
+
+
+def demonstrations(rate_hz: float) -> Sequence[Demonstration]:
+    """All demonstrations, in the order in which the samples number them."""
+    return read_demonstrations(RAW, rate_hz=rate_hz)
+
+
+def touch() -> TouchDataset:
+    """Samples of touch."""
+    return read_dataset(MADE_BY["touch"][0])
+
+
+def true_contacts() -> pd.DataFrame:
+    """See `simulation.touch_demonstrator.true_contacts`; empty where the demonstrations were recorded."""
+    return read_table(MADE_BY["contacts"][0])
+
+
+def model_scores() -> ModelScores:
+    """What is known of the trained models."""
+    return ModelScores(**_tables("models", ModelScores))
+
+
+def closed_loops() -> Comparison:
+    """Closed loops of all controllers; only where the demonstrations were simulated."""
+    return Comparison(**_tables("loops", Comparison))
+
+
+def other_skins() -> OtherSkinTables:
+    """What was learned and servoed with other skins; always simulated."""
+    return OtherSkinTables(**_tables("skins", OtherSkinTables))
+
+
+def _tables(source: str, kind: type) -> dict[str, pd.DataFrame]:
+    folder, _ = MADE_BY[source]
+    return {field.name: read_table(f"{folder}/{field.name}.parquet") for field in fields(kind)}

@@ -1,0 +1,69 @@
+"""Names, order and colours of what servoing compares: one of each, for its page and its recordings."""
+
+from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.tactile.inverse_dynamics import JACOBIAN, LOCALLY_LINEAR, NEGATIVE_GRADIENT
+from structlearn.tactile.latent_evaluation import UNCHANGED
+from structlearn.tactile.latent_models import NO_INVERSE, TRAINED_WITH
+from structlearn.testbeds.servoing.protocol.servo_trials import PUBLISHED, RESTING, Variant
+
+INVERSE_COLOURS = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
+"""Inverse models, in the order of the text."""
+
+FORM_NAMES = {PUBLISHED: "text's controller", RESTING: "resting controller"}
+"""Forms of controllers: as the text has it, and this project's own."""
+
+FORM_COLOURS = {PUBLISHED: ORANGE, RESTING: BLUE}
+
+TEXT, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
+"""The dissertation's controller, non-linear model and network's Jacobian; and the resting one with these."""
+
+STRUCTURE_NAMES = {True: "structure", False: "no structure"}
+"""Latent spaces."""
+
+STRUCTURE_COLOURS = {True: BLACK, False: GREY}
+
+DYNAMICS = tuple((forward, way) for forward, ways in TRAINED_WITH.items() for way in ways)
+"""Forward models, and the inverse model whose loss they were trained with."""
+
+STILL = (UNCHANGED, NO_INVERSE)
+"""The prediction that nothing moves, beside them."""
+
+LATENT_NAMES = {
+    "reconstruction": "reconstruction",
+    "worst_electrode": "worst electrode",
+    "distances": "map distances",
+    "pressure": "pressure",
+}
+"""Errors of latent spaces."""
+
+LATENT_COLOURS = {"reconstruction": BLUE, "distances": VERMILION, "pressure": GREEN}
+
+COMPARISON_NAMES = {
+    "forward": "what is predicted",
+    "encoder": "what followed",
+    "agreement": "one against the other",
+}
+"""What inverse models are asked to reach, in the order of figure II.5."""
+
+PART_NAMES = {"translation": "linear", "rotation": "angular"}
+"""Parts of an action."""
+
+SKIN_NAMES = {"biotac": "BioTac", "flat_pad": "flat pad", "sphere": "sphere"}
+
+ESTIMATED, TRUE, LATENT = VERMILION, GREEN, SKY
+"""Colours of the estimated contact, the true one, and the latent state."""
+
+ELECTRODE_COLOURS = (SKY, ORANGE, GREEN, PURPLE, VERMILION, BLUE, LIGHT_GREY)
+"""By number; as there are more electrodes, they come again."""
+
+
+def electrode_colours(count: int) -> list[str]:
+    """Colours of electrodes 1 to `count`, which tell neighbours in number apart."""
+    return [ELECTRODE_COLOURS[number % len(ELECTRODE_COLOURS)] for number in range(count)]
+
+
+def dynamics_name(forward: str, trained_with: str) -> str:
+    """`NL with NJ's loss` or `NL`: a forward model, and the inverse model's loss it was trained with."""
+    if forward == UNCHANGED:
+        return "nothing moves"
+    return forward if trained_with == NO_INVERSE else f"{forward} with {trained_with}'s loss"

@@ -1,0 +1,297 @@
+"""Figures of the servoing testbed, panel by panel (figures II.3 to II.6)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from structlearn.ground.metrics import mean_interval
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
+from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, style
+from structlearn.tactile.electrodes import Skin
+from structlearn.tactile.latent_models import NO_INVERSE, STRUCTURES
+from structlearn.testbeds.servoing import names
+from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
+from structlearn.testbeds.servoing.protocol.contact_errors import contact_bias
+from structlearn.testbeds.servoing.protocol.controller_scores import KEYS, rows_of
+from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores
+from structlearn.testbeds.servoing.protocol.servo_scores import success_by_tolerance
+from structlearn.testbeds.servoing.protocol.servo_trials import RESTING, Variant
+
+BOUNDS = {"reconstruction": PUBLISHED["reconstruction_nmse"], "distances": PUBLISHED["distances_nmse"]}
+
+MAP_SAMPLES = 12_000
+"""Samples of the map that are drawn: more hide each other."""
+
+FEWEST = 10
+"""Samples in a square of skin below which no mean error is drawn."""
+
+TOLERANCES_MM = np.linspace(0.25, 4.0, 16)
+"""At which success is looked at."""
+
+DASHES = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
+"""Lines of controllers."""
+
+
+def drawings(results: ServoingResults, still: np.ndarray) -> dict[str, Drawing | Sequence[Drawing]]:
+    """All figures by name.
+
+    Args:
+        results: what to show.
+        still: picture of the simulated scene; only shown with closed loops.
+    """
+    with style():
+        found = {
+            "map": _maps(results),
+            "curve": _training(results.models),
+            "forward": _forward(results.models, names.DYNAMICS[-1]),
+            "forward_others": [
+                panel
+                for kind in names.DYNAMICS[:-1]
+                if kind[1] != NO_INVERSE
+                for panel in _forward(results.models, kind)
+            ],
+            "directions": [_directions(results.models, structure) for structure in STRUCTURES],
+        }
+        if results.simulated:
+            found["contact"] = _contacts(results)
+        if results.comparison is not None:
+            found |= {
+                "scene": [still, _approach(results)],
+                "loop_success": [_success(results, form) for form in names.FORM_NAMES],
+                "loop_paths": [_ways(results, variant) for variant in (names.TEXT, names.OURS)],
+                "loop_progress": _progress(results),
+            }
+    return found
+
+
+def _panel(title: str, x: str, y: str, height: float = 2.9) -> tuple[Figure, Axes]:
+    figure = canvas(height, PANEL_WIDTH)
+    axes = figure.subplots()
+    axes.set(title=title, xlabel=x, ylabel=y)
+    return figure, axes
+
+
+def _approach(results: ServoingResults) -> Figure:
+    """How the dissertation's controller and ours come closer to their targets."""
+    figure, axes = _panel("From the target, with NJ", "time (s)", "distance (mm)")
+    for variant in (names.OURS, names.TEXT):
+        rows, colour = rows_of(results.comparison.progress, variant), names.FORM_COLOURS[variant.form]
+        axes.plot(rows["time_s"], rows["median_mm"], color=colour, label=names.FORM_NAMES[variant.form])
+        axes.fill_between(rows["time_s"], rows["median_mm"], rows["upper_mm"], color=colour, alpha=0.15, lw=0)
+    bound = results.chosen["servo"].tolerance.position_mm
+    axes.axhline(bound, color=BLACK, linestyle=":", linewidth=1.1, label="tolerated")
+    axes.set(xlim=(0, None), ylim=(0, None))
+    axes.legend()
+    return figure
+
+
+def _maps(results: ServoingResults) -> list[Raster]:
+    """Figure II.3: the flat map beside the skin, every sample by its most active electrode."""
+    electrode = results.models.latent_map["electrode"].to_numpy()
+    colours = np.array(names.electrode_colours(len(results.skin.electrodes)))
+    kept = np.linspace(0, len(electrode) - 1, min(MAP_SAMPLES, len(electrode))).astype(int)
+    panels = []
+    for points, title in (
+        (results.map_on_skin, "Latent map (x and y of z)"),
+        (results.places, "Contact points on the skin"),
+    ):
+        figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.4)
+        axes.scatter(*points[kept].T, s=2.5, c=colours[electrode[kept] - 1], linewidths=0)
+        box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
+        for number in np.unique(electrode):
+            x, y = np.median(points[electrode == number], axis=0)
+            axes.text(x, y, str(number), ha="center", va="center", fontsize=8, weight="bold", bbox=box)
+        axes.set_aspect("equal")
+        panels.append(Raster(figure))
+    return panels
+
+
+def _contacts(results: ServoingResults) -> list[Figure]:
+    """Error of the point of contact: over the skin, and how often which error occurs."""
+    errors = results.contact_errors
+    bias = contact_bias(errors)
+    bias = bias[bias["samples"] >= FEWEST]
+    left, place = _panel("From the true to the estimated contact", "along the finger (mm)", "across (mm)")
+    parts = [bias[name] for name in ("square_along_mm", "square_across_mm", "along_mm", "across_mm")]
+    scale = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.006}
+    arrows = place.quiver(*parts, bias["error_mm"], cmap="viridis_r", **scale)
+    _electrodes(place, results.skin)
+    left.colorbar(arrows, ax=place, label="mean error (mm)", shrink=0.9)
+    right, share = _panel("Share of samples below an error", "error (mm)", "%")
+    level = np.linspace(0.0, 1.0, 201)
+    share.plot(np.quantile(errors["error_mm"], level), 100 * level, color=BLUE)
+    share.axvline(1.0, color=VERMILION, linestyle="--", linewidth=1.1)
+    share.set(xlim=(0, None), ylim=(0, 100))
+    return [left, right]
+
+
+def _electrodes(axes: Axes, skin: Skin) -> None:
+    """The flat skin: its electrodes."""
+    places = 1e3 * np.stack(skin.coordinates(skin.project(skin.electrodes)))
+    axes.plot(*places, "o", color=LIGHT_GREY, markersize=7, zorder=0)
+    axes.set_aspect("equal")
+
+
+def _training(models: ModelScores) -> list[Figure]:
+    """Errors on the test split while training, with intervals over seeds."""
+    first, spaces = _panel("Latent space", "steps of training", "NMSE, test split")
+    for name, colour in names.LATENT_COLOURS.items():
+        _line(spaces, models.training(name), colour, label=names.LATENT_NAMES[name])
+        if name in BOUNDS:
+            spaces.axhline(BOUNDS[name], color=colour, linestyle=":", linewidth=1.1)
+    spaces.set(yscale="log", ylim=(None, 5.0))
+    second, forward = _panel(f"Forward, {TEST_CHAIN} steps", "steps of training", "NMSE, test split")
+    third, inverse = _panel("Inverse", "steps of training", "cosine distance, test split")
+    for model, way in names.DYNAMICS:
+        if way != NO_INVERSE:
+            errors, colour = models.training(f"forward {model}-{way}"), names.INVERSE_COLOURS[way]
+            _line(forward, errors, colour, label=names.dynamics_name(model, way))
+            _line(inverse, models.training(f"direction {way}-{way}"), colour, label=way)
+    for axes in (forward, inverse):
+        axes.set_ylim(0, None)
+    for axes in (spaces, forward, inverse):
+        axes.set_xlim(0, None)
+        axes.legend()
+    return [first, second, third]
+
+
+def _line(axes: Axes, values: pd.DataFrame, colour: str, **look: str) -> None:
+    """Means over seeds (columns) of places (rows), with the band of their 95 % interval."""
+    at, (mean, half) = values.index, np.array([mean_interval(seeds) for seeds in values.to_numpy()]).T
+    axes.plot(at, mean, color=colour, **look)
+    axes.fill_between(at, np.maximum(mean - half, 1e-4), mean + half, color=colour, alpha=0.15, linewidth=0)
+
+
+def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
+    """Figure II.4 of one model: NMSE over the chain; and over the error that nothing moves."""
+    panels = []
+    for values, quantity in ((models.forwards, "NMSE"), (models.relative_forwards, "over “nothing moves”")):
+        label = quantity if quantity == "NMSE" else f"NMSE {quantity}"
+        figure, axes = _panel(f"{names.dynamics_name(*kind)}, {quantity}", "steps of prediction", label)
+        for structure, colour in names.STRUCTURE_COLOURS.items():
+            for way, line in ((kind[1], "-"), (NO_INVERSE, "--")):
+                found = [values(kind[0], way, structure, steps) for steps in models.steps]
+                _line(axes, pd.DataFrame(found, models.steps), colour, linestyle=line)
+            still = [values(*names.STILL, structure, steps).mean() for steps in models.steps]
+            axes.plot(models.steps, still, color=colour, linestyle=":", linewidth=1.0)
+        axes.set_xticks(models.steps)
+        panels.append(figure)
+    handles = [
+        Patch(color=names.STRUCTURE_COLOURS[one], label=name) for one, name in names.STRUCTURE_NAMES.items()
+    ]
+    handles += [
+        Line2D([], [], color=BLACK, linestyle=line, label=label)
+        for line, label in (("-", "with the loss"), ("--", "without it"), (":", "nothing moves"))
+    ]
+    nmse, relative = (panel.axes[0] for panel in panels)
+    nmse.set(yscale="log", ylim=(0.008, 2.0))
+    nmse.legend(handles=handles, ncols=2, loc="lower right")
+    relative.set_ylim(0, None)
+    return panels
+
+
+def _bars(axes: Axes, place: float, value: float, ends: Sequence[float], colour: str, filled: bool) -> None:
+    """A bar with its interval; hollow where the model was trained without the inverse model's loss."""
+    axes.bar(place, value, 0.36, color=colour if filled else "white", edgecolor=colour)
+    axes.plot([place, place], ends, color=BLACK, linewidth=1.1)
+
+
+def _bar_groups(axes: Axes, groups: Sequence[str], legend: bool) -> None:
+    """Name groups of bars of the inverse models, four places apart, and say what is hollow."""
+    axes.set_xticks([4.0 * group + 1.0 for group in range(len(groups))], groups)
+    axes.grid(axis="x", visible=False)
+    handles = [Patch(color=colour, label=name) for name, colour in names.INVERSE_COLOURS.items()]
+    if legend:
+        axes.legend(handles=[*handles, Patch(facecolor="white", edgecolor=GREY, label="without its loss")])
+
+
+def _directions(models: ModelScores, structure: bool) -> Figure:
+    """Figure II.5: cosine distances per inverse model, trained with its loss and without."""
+    figure, axes = _panel(names.STRUCTURE_NAMES[structure].capitalize(), "", "cosine distance")
+    for group, comparison in enumerate(names.COMPARISON_NAMES):
+        for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
+            for shift, with_loss in ((-0.2, True), (0.2, False)):
+                mean, half = mean_interval(models.cosines(name, with_loss, structure, comparison))
+                _bars(axes, 4 * group + place + shift, mean, (mean - half, mean + half), colour, with_loss)
+    _bar_groups(axes, list(names.COMPARISON_NAMES.values()), legend=structure)
+    axes.set_ylim(0, 1.3)
+    return figure
+
+
+def _success(results: ServoingResults, form: str) -> Figure:
+    """Share of targets that controllers of one form reach."""
+    figure, axes = _panel(names.FORM_NAMES[form].capitalize(), "", "% of targets reached")
+    for group, structure in enumerate(STRUCTURES):
+        for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
+            for shift, with_loss in ((-0.2, True), (0.2, False)):
+                row = (
+                    100
+                    * results.trials.rate(Variant(form, name, structure, with_loss))[["rate", "low", "high"]]
+                )
+                _bars(axes, 4 * group + place + shift, row["rate"], row[["low", "high"]], colour, with_loss)
+    _bar_groups(
+        axes, [names.STRUCTURE_NAMES[structure] for structure in STRUCTURES], legend=form == names.TEXT.form
+    )
+    axes.set_ylim(0, 101)
+    return figure
+
+
+def _ways(results: ServoingResults, variant: Variant) -> Figure:
+    """Ways of true contacts over the flat skin, from start (dot) to target (cross, red if it is missed)."""
+    figure, axes = _panel(
+        names.FORM_NAMES[variant.form].capitalize(), "along the finger (mm)", "across (mm)", 3.3
+    )
+    skin = results.skin
+    trials = rows_of(results.comparison.trials, variant).set_index(["seed", "trial"])
+    for key, path in rows_of(results.comparison.paths, variant).groupby(["seed", "trial"]):
+        row, touching = trials.loc[key], path[path["load_n"] > 0]
+        way = 1e3 * np.stack(skin.coordinates(touching[["x_m", "y_m", "z_m"]].to_numpy(float)))
+        axes.plot(*way, color=names.FORM_COLOURS[variant.form], linewidth=1.0)
+        for name, mark, colour in (
+            ("start", "o", GREY),
+            ("target", "x", BLACK if row["success"] else VERMILION),
+        ):
+            place = skin.coordinates(row[[f"{name}_{axis}_m" for axis in "xyz"]].to_numpy(float))
+            axes.plot(*(1e3 * np.array(place)), mark, color=colour, markersize=5)
+    _electrodes(axes, skin)
+    low, high = 1e3 * np.array([skin.along, skin.across]).T
+    axes.set(xlim=(low[0] - 1, high[0] + 1), ylim=(low[1] - 1, high[1] + 1))
+    return figure
+
+
+def _progress(results: ServoingResults) -> list[Figure]:
+    """Distance and share within tolerance over time, success over the tolerance, and lengths of ways."""
+    comparison, bound = results.comparison, results.chosen["servo"].tolerance
+    one, distance = _panel("Distance, median", "time (s)", "mm")
+    two, within = _panel("Within both tolerances", "time (s)", "% of trials")
+    three, tolerance = _panel("Success over the tolerance", "distance tolerated (mm)", "% of trials")
+    rates = success_by_tolerance(comparison.trials, KEYS, TOLERANCES_MM, bound.pressure)
+    for form, line in DASHES.items():
+        for name, colour in names.INVERSE_COLOURS.items():
+            rows, shares = (rows_of(table, Variant(form, name)) for table in (comparison.progress, rates))
+            distance.plot(rows["time_s"], rows["median_mm"], color=colour, linestyle=line)
+            within.plot(rows["time_s"], 100 * rows["within"], color=colour, linestyle=line)
+            tolerance.plot(shares["tolerance_mm"], 100 * shares["rate"], color=colour, linestyle=line)
+    distance.axhline(bound.position_mm, color=VERMILION, linestyle=":", linewidth=1.1)
+    tolerance.axvline(bound.position_mm, color=VERMILION, linestyle=":", linewidth=1.1)
+    for axes, top in ((distance, None), (within, 101), (tolerance, 101)):
+        axes.set(xlim=(0, None), ylim=(0, top))
+    handles = [Patch(color=colour, label=name) for name, colour in names.INVERSE_COLOURS.items()]
+    handles += [
+        Line2D([], [], color=BLACK, linestyle=DASHES[form], label=names.FORM_NAMES[form]) for form in DASHES
+    ]
+    distance.legend(handles=handles)
+    four, length = _panel(
+        "Length of successes, resting controller", "shortest on the skin (mm)", "travelled (mm)"
+    )
+    reached = rows_of(comparison.trials, names.OURS).query("success")
+    top = 1.05 * reached["path_mm"].max() if len(reached) else 1.0
+    length.plot([0, top], [0, top], color=GREY, linewidth=0.9)
+    length.plot(reached["geodesic_mm"], reached["path_mm"], "o", color=BLUE, ms=3, mew=0, alpha=0.4)
+    length.set(xlim=(0, None), ylim=(0, top))
+    return [one, two, three, four]

@@ -1,0 +1,87 @@
+"""The page of the servoing testbed: what its template may name."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.ground.metrics import mean_interval, wilson_interval
+from structlearn.reporting.claims import in_words, judge, read_claims, share
+from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.prose import interval, with_interval
+from structlearn.testbeds.servoing import names
+from structlearn.testbeds.servoing.files import MADE_BY
+from structlearn.testbeds.servoing.page import tables
+from structlearn.testbeds.servoing.page.evidence import evidence
+from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
+from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
+from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
+from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
+from structlearn.testbeds.servoing.protocol.servo_trials import CHANGES, QUICK_FILTER, Variant
+
+PACKAGE = "structlearn.testbeds.servoing.page"
+
+
+def document(results: ServoingResults, shown: Mapping[str, Table]) -> Document:
+    """The page with its verdicts.
+
+    Args:
+        results: what it shows; figures are those of `figures.drawings`.
+        shown: tables of `tables.tables`.
+    """
+    facts = _facts(results)
+    claims = read_claims(Path(__file__).with_name("claims.yaml"))
+    return Document(
+        template="servoing.html.jinja",
+        package=PACKAGE,
+        stage="report_servoing",
+        facts=facts,
+        tables=shown,
+        judged=judge(claims, evidence(results), environment(PACKAGE), facts),
+        sources={name: Source(*made) for name, made in MADE_BY.items()},
+        parameters=results.chosen,
+        recordings="../recordings/servoing",
+        simulated=results.simulated,
+    )
+
+
+def _facts(results: ServoingResults) -> dict[str, object]:
+    facts = {
+        "published": PUBLISHED,
+        "results": results,
+        "models": results.models,
+        "trials": results.trials,
+        "chosen": results.chosen,
+        "names": names,
+        "tested": tables.test_chains(results).itertuples,
+        "test_chain": TEST_CHAIN,
+        "changes": CHANGES,
+        "quick_filter": QUICK_FILTER,
+        "square_mm": SQUARE_MM,
+        "like": replace,
+        "over_seeds": over_seeds,
+        "reached": reached,
+        "chance": chance,
+    }
+    if results.simulated:
+        errors = results.contact_errors
+        squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
+        facts["fixed_share"] = contact_bias(errors)["squared_mm2"].sum() / squares
+    return facts
+
+
+def over_seeds(values: np.ndarray, number_format: str) -> str:
+    """`0.36 [0.30, 0.42]`: mean of values (S,) with its 95 % interval."""
+    return with_interval(*mean_interval(values), number_format)
+
+
+def reached(trials: ControllerScores, variant: Variant) -> str:
+    """`99.8 % [98.9, 100.0]`: share of targets that a controller reaches, with its interval."""
+    row = trials.rate(variant)
+    return in_words(share(int(row["successes"]), int(row["trials"])), "share")
+
+
+def chance(count: int, n: int) -> str:
+    """`[0.0, 0.8]`: 95 % interval in % of the chance of what happened `count` times in `n`."""
+    return interval(*(100 * end for end in wilson_interval(count, n)))

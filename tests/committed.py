@@ -1,0 +1,63 @@
+"""Parameters for tests: those that stand in `params.yaml`, with what a test changes."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from structlearn.ground.params import Parameters
+from structlearn.recordings.topics import TopicMap
+from structlearn.simulation.fingers import TouchParameters
+from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
+
+PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
+NO_TOPICS = {"twist": None, "joint_states": [], "wrench": None, "tactile": [], "tool_to_board": None}
+
+ParametersType = TypeVar("ParametersType", bound=Parameters)
+
+
+@cache
+def _tree() -> dict[str, Any]:
+    return yaml.load(PARAMETER_FILE.read_text(), yaml.CSafeLoader)
+
+
+def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """All of `params.yaml` with some changes, e.g. to write it for stages in a folder of their own."""
+    return merged(deepcopy(_tree()), changes)
+
+
+def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping with some values changed, those of nested mappings one by one."""
+    result = dict(values)
+    for name, change in changes.items():
+        before = result.get(name)
+        nested = isinstance(before, Mapping) and isinstance(change, Mapping)
+        result[name] = merged(before, change) if nested else change
+    return result
+
+
+def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:
+    """The parameters at a dotted key of `params.yaml`, with changes; nested ones by a mapping or a model.
+
+    A base class takes what it knows of the key.
+    """
+    values: Any = _tree()
+    for part in key.split("."):
+        values = values[part]
+    known = {name: value for name, value in values.items() if name in model.model_fields}
+    return model.model_validate(merged(known, changes))
+
+
+def committed_finger(**changes: Any) -> FingerParameters:
+    """The finger that touches, with its electrodes."""
+    own = committed(TouchFingerParameters, "touch_finger")
+    electrodes = committed(TouchParameters, "testbed.touch")
+    return own.with_electrodes_of(electrodes).model_copy(update=changes)
+
+
+def topic_map(**topics: Any) -> TopicMap:
+    """Topics of a robot's bag that has no others."""
+    return TopicMap(**NO_TOPICS | topics)

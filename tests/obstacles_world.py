@@ -1,0 +1,72 @@
+"""A small obstacle testbed that has been evaluated: what the tests of its page and recordings look at."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pandas as pd
+from committed import committed
+from obstacles_unrolls import baseline
+
+from structlearn.avoidance.learned_models import AvoidanceModels
+from structlearn.avoidance.shapes import SHAPES, obstacle
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.obstacles.files import Evaluation
+from structlearn.testbeds.obstacles.protocol import avoidance_protocols
+from structlearn.testbeds.obstacles.world.scenarios import Scenario
+
+NEAR, FAR = [0.4, -0.15, 0.25], [0.4, -0.45, 0.6]
+PRIMITIVE = baseline()
+PLACES = [
+    Scenario(number, obstacle(shape, np.array(centre), yaw=0.5))
+    for shape in SHAPES
+    for number, centre in enumerate((NEAR, FAR), start=1)
+]
+TESTED = committed(
+    avoidance_protocols.AvoidanceEvaluationParameters,
+    "obstacle_evaluation",
+    rate_hz=25.0,
+    kept_every=1,
+    speeds_m_s=(0.1,),
+    pairs=6,
+)
+
+
+@dataclass(frozen=True)
+class Push:
+    """A model that pushes upwards wherever the obstacle is."""
+
+    size: float
+
+    def __call__(self, features, phase, phase_velocity):
+        return np.tile([0.0, 0.0, self.size], (len(features), 1))
+
+    def take(self, scenarios):
+        return self
+
+
+def people():
+    """Reaches 10 cm above the baseline and more."""
+    path = PRIMITIVE.unroll(0.04)
+    lifts = [np.array([0, 0, 0.1 + 0.01 * number]) for number in range(3)]
+    origin = {"origin": "simulated"}
+    return [
+        Demonstration(f"{number}", path.time, path.position + lift, provenance=origin)
+        for number, lift in enumerate(lifts)
+    ]
+
+
+@cache
+def evaluation():
+    """All situations with models of every kind and origin."""
+    shapes = {shape: Push(4.0) for shape in SHAPES}
+    models = AvoidanceModels(
+        networks={"setting": Push(5.0), "all": Push(3.0)} | shapes,
+        human_inspired={"setting": Push(9.0)} | shapes,
+        phase_modulated={"all": Push(2.0)} | shapes,
+    )
+    situations = avoidance_protocols.situations(PLACES, PRIMITIVE, TESTED)
+    found = [avoidance_protocols.evaluate(one, models, PRIMITIVE, TESTED) for one in situations]
+    scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*found, strict=True))
+    scored = avoidance_protocols.demonstration_scores([people()] * len(PLACES), PLACES, PRIMITIVE)
+    return Evaluation(scores, paths, scored)

@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+import torch
+
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, kernel_scale
+from structlearn.primitives import kernels
+
+MODELS, INPUTS, BATCH, KERNELS = 3, 4, 50, 25
+MODULATION = kernels.unit_features(BATCH, KERNELS)  # one movement
+
+
+def stack(hidden=(10,)):
+    generator = torch.Generator().manual_seed(0)
+    network = StackedPhaseModulatedNetworks(MODELS, INPUTS, hidden, KERNELS, 0.5, generator)
+    with torch.no_grad():  # biases too, which start from zero
+        for values in network.parameters():
+            values += 0.3 * torch.randn(values.shape, generator=generator)
+    return network
+
+
+def batch():
+    inputs = torch.randn(MODELS, BATCH, INPUTS, generator=torch.Generator().manual_seed(1))
+    return inputs, torch.tensor(MODULATION, dtype=torch.float32).expand(MODELS, -1, -1)
+
+
+@pytest.mark.parametrize("hidden", [(), (10,), (6, 5)])
+def test_an_exported_network_computes_what_its_stack_does(hidden):
+    network = stack(hidden)
+    inputs, modulation = batch()
+    outputs = network.forward(inputs, modulation).detach().numpy()
+    mean, scale = np.arange(4.0), np.array([0.5, 1.0, 2.0, 4.0])
+    for index in range(MODELS):
+        exported = network.to_network(index, mean, scale, output_scale=30.0)
+        found = exported.coupling(inputs[index].numpy() * scale + mean, MODULATION)
+        assert found.dtype == np.float64
+        np.testing.assert_allclose(found, 30.0 * outputs[index], atol=30.0 * 1e-5)
+        assert np.abs(found).max() > 1.0
+
+
+def test_a_stack_starts_from_exported_networks():
+    network = stack((6, 5))
+    exported = [network.to_network(i, np.zeros(4), np.ones(4), 2.0 + i) for i in range(MODELS)]
+    generator = torch.Generator().manual_seed(9)
+    again = StackedPhaseModulatedNetworks.from_networks(exported, [2.0, 3.0, 4.0], 0.5, generator)
+    torch.testing.assert_close(again.forward(*batch()), network.forward(*batch()), atol=1e-6, rtol=0.0)
+
+
+def test_an_exported_network_stays_when_its_stack_goes_on():
+    network = stack()
+    exported = network.to_network(0, np.zeros(4), np.ones(4), 1.0)
+    before = [exported.hidden[0][0].copy(), exported.phase_weights.copy(), exported.output_weights.copy()]
+    for values in network.parameters():
+        values.data += 1.0
+    for values, kept in zip(
+        (exported.hidden[0][0], exported.phase_weights, exported.output_weights), before, strict=True
+    ):
+        np.testing.assert_array_equal(values, kept)
+
+
+def test_where_the_phase_rests_there_is_no_coupling():
+    inputs, _ = batch()
+    assert stack().forward(inputs, torch.zeros(MODELS, BATCH, KERNELS)).abs().max() == 0.0
+
+
+def test_the_phase_layer_is_spared_from_dropout():
+    whole, alone = stack(), stack(())  # no regular hidden layer: nothing is dropped
+    assert torch.equal(alone.forward(*batch(), training=True), alone.forward(*batch()))
+    assert not torch.equal(whole.forward(*batch(), training=True), whole.forward(*batch()))
+
+
+def test_every_scaled_kernel_sees_a_phase_velocity_of_one_on_average():
+    features = kernels.unit_features(3000, KERNELS)
+    shares = features[1:-1] / features[1:-1].sum(axis=1, keepdims=True)  # u = 0 at the start
+    means = features[1:-1].sum(axis=0) / shares.sum(axis=0)
+    np.testing.assert_allclose(means * kernel_scale(KERNELS), -1.0, rtol=0.03)
+    assert means.min() < -4.5  # in mid-movement
+    assert means.max() > -0.2  # at the end: gradients were almost thirty times smaller

@@ -1,0 +1,415 @@
+"""The pages of recorded data: every claim can say yes and no, and what is shown is there."""
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from importlib.resources import files as package_files
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import two_move_demonstration
+from test_recorded_touch_statistics import PARAMETERS, traces
+
+from structlearn.primitives import sequence
+from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
+from structlearn.reporting.claims import read_claims, verdict_counts
+from structlearn.reporting.document import render, words_in_view
+from structlearn.reporting.publishing import HEADLINES as MOST_HEADLINES
+from structlearn.reporting.publishing import publish_report
+from structlearn.segmentation.result import METHODS
+from structlearn.testbeds.recorded import names
+from structlearn.testbeds.recorded.files import CALIBRATION, TABLES
+from structlearn.testbeds.recorded.page import assembly, calibration_figures, calibration_results, figures
+from structlearn.testbeds.recorded.page.results import AXES, RecordedResults, metrics
+from structlearn.testbeds.recorded.page.tables import tables
+from structlearn.testbeds.recorded.protocol import latent_touch, slides, touch_calibration
+from structlearn.testbeds.recorded.protocol.avoidance_representations import REPRESENTATIONS
+from structlearn.testbeds.recorded.protocol.panda_identification import LEAST_SQUARES, URDF
+
+FIT = FitParameters.model_construct(
+    smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3
+)
+NO_GAIN = {"recorded", "good"}
+
+
+def rows(columns, values):
+    return pd.DataFrame(values, columns=columns.split())
+
+
+def spread(middle, count, width=0.01):
+    """Numbers whose mean is `middle` and whose interval is narrow."""
+    return middle + width * np.linspace(-1, 1, count)
+
+
+def reach_tables(good):
+    error = {
+        "zvc": 0.03,
+        "dtw": 0.04,
+        "ls": 0.05,
+        "wls_text": 0.02 if good else 0.06,
+        "wls": 0.01 if good else 0.07,
+    }
+    cuts = [
+        (str(reach), "reach", method, error[method], -error[method], noise, seed)
+        for noise in (0.0, 2.0)
+        for seed in range(2)
+        for method in METHODS
+        for reach in range(1, 4)
+    ]
+    variants = {
+        "learned from": 1.0,
+        "left out": 0.5 if good else 90.0,
+        "learned from, forcing not scaled": 1.0,
+    }
+    fits = [
+        (mm, 2 * mm, 0.01 if good else 30.0, 0.1, str(reach), variant)
+        for variant, mm in variants.items()
+        for reach in range(1, 5)
+    ]
+    return {
+        "cut_errors": rows("demonstration primitive method start_error_s end_error_s noise_mm seed", cuts),
+        "reach_errors": rows("mean_mm max_mm end_mm nmse demonstration variant", fits),
+    }
+
+
+def coupling_tables(good):
+    coupling, end = (17.0, 0.01) if good else (70.0, 0.5)
+    distances = [
+        (f"{reach:02}", 20, 60.0 + reach, coupling + 1.1 * reach, 17.0 + reach, end + 0.001 * reach, split)
+        for split in range(2)
+        for reach in range(4)
+    ]
+    fraction = np.linspace(0, 1, 40)
+    profile = pd.DataFrame({"fraction": fraction, "phase": 1 - fraction})
+    targets = [profile.assign(axis=axis, mean=1.0, std=0.5, learned=1.0) for axis in AXES]
+    paths = [
+        pd.DataFrame({"reach": "01", "path": path, "x": fraction, "y": 0.0, "z": 0.1})
+        for path in ("recorded", "nominal", "coupling")
+    ]
+    scores = [(axis, 0.2, 0.01, 0.01, split) for split in range(2) for axis in AXES]
+    return {
+        "coupling_distances": rows(
+            "reach learned_from nominal_mm coupling_mm spread_mm end_share split", distances
+        ),
+        "coupling_profile": profile.assign(nominal_mm=60.0, coupling_mm=17.0, spread_mm=17.0),
+        "coupling_targets": pd.concat(targets),
+        "coupling_paths": pd.concat(paths),
+        "coupling_scores": rows("axis nmse target_end_share residual_end_share split", scores),
+    }
+
+
+def movement_tables(good):
+    degrees = 0.3 if good else 9.0
+    turns = [(log, log, 350.0, degrees, degrees, degrees) for log in ("01", "02", "03")]
+    turns.append(("all", "their mean", 360.0, degrees, degrees, degrees))
+    groups = dict.fromkeys(("m9_1", "m9_2", "m9_4"), "learned") | {"m9_3": "left out", "m9_12": "left out"}
+    groups |= {f"m15_{trial}": "other material" for trial in range(1, 5)}
+    level = {"learned": 5.0, "left out": 6.0, "other material": 20.0 if good else 2.0}
+    deviations = [(name, group, level[group] + 0.1 * len(name), 40.0) for name, group in groups.items()]
+    time = np.arange(40) / 100
+    statistics = [
+        pd.DataFrame({"group": group, "electrode": electrode, "time_s": time, "mean": 1.0, "std": electrode})
+        for group in level
+        for electrode in range(1, 4)
+    ]
+    electrodes = [
+        (part, electrode, 100.0 if electrode < 4 else 5.0, 1.0, error)
+        for part in ("prim1", "prim2")
+        for electrode, error in enumerate(spread(0.02 if good else 0.5, 8, 0.001))
+    ]
+    shown = [
+        pd.DataFrame(
+            {"primitive": part, "electrode": electrode, "time_s": time, "recorded": 1.0, "expected": 1.0}
+        )
+        for part in ("prim1", "prim2")
+        for electrode in range(8)
+    ]
+    kinds = ("pose", "wrench")
+    return {
+        "unscrewing_errors": rows("learned_from compared_with turn_deg mean_deg max_deg end_deg", turns),
+        "sequence_errors": rows(
+            "primitive mean_mm max_mm end_mm mean_deg max_deg end_deg",
+            [(part, *[degrees] * 6) for part in ("prim1", "prim2", "prim3")],
+        ),
+        "electrode_scores": rows("primitive electrode range rms nmse", electrodes),
+        "electrode_traces": pd.concat(shown),
+        "clock_errors": rows(
+            "kind samples median_gap_ms longest_gap_ms rms_error max_error",
+            [(kind, 100, 6.6, 150.0, 1e-4, 3e-3) for kind in kinds],
+        ),
+        "slide_deviations": rows("demonstration group rms largest", deviations),
+        "slide_statistics": pd.concat(statistics),
+    }
+
+
+def avoidance_tables(good):
+    gain = 0.1 if good else -0.1
+    ranks = {
+        "human_inspired": 4,
+        "network_validation": 3,
+        "ridge": 3,
+        "network": 2,
+        "ensemble": -4,
+        "pmnn": 1,
+    }
+    folds = [
+        (
+            name,
+            inputs,
+            axis,
+            fold,
+            (0.6 if good else 1.6) + gain * ranks[name] + (0 if inputs == "phase" else 0.5 * gain) + noise,
+        )
+        for name, inputs in REPRESENTATIONS
+        for axis in AXES
+        for fold, noise in enumerate(spread(0.0, 5, 0.002))
+    ]
+    folds = rows("representation inputs axis fold nmse", folds)
+    keys = ["representation", "inputs", "axis"]
+    scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
+    worth = scores[(scores["inputs"] != "features") & (scores["representation"] != "pmnn")][keys]
+    return {
+        "avoidance_folds": folds,
+        "avoidance_scores": scores,
+        "avoidance_phase": worth.assign(gain=gain, half_width=0.02),
+    }
+
+
+def touch_tables(good):
+    error = 0.01 if good else 0.8
+    touched = [
+        (
+            *key,
+            model,
+            part,
+            0,
+            (0.5 if model == latent_touch.COMPONENTS else error) + noise,
+            1.0,
+            error + noise,
+            0.02,
+        )
+        for key in names.TOUCH_ASKED
+        for model in latent_touch.MODELS
+        for part, noise in enumerate(spread(0.0, 4, 0.001))
+    ]
+    columns = "trials samples counts against start_counts end_counts components along_mm across_mm"
+    sets = rows(
+        f"set {columns}", [(name, 4, 900, 8.0, 0.2, 21.0, 3.0, 6, 0.2, 0.2) for name in latent_touch.PARTNERS]
+    )
+    pairs = [*((name, name, 0.4) for name in ("slides", "unscrewing"))]
+    pairs += [(*pair, 0.4) for pair in latent_touch.PARTNERS.items()]
+    electrodes = np.arange(1, 20)
+    matrix = {"electrode": np.repeat(electrodes, 19), "other": np.tile(electrodes, 19), "correlation": 0.5}
+    return {
+        "touch_errors": rows(
+            "learned_from asked_about new model part seed reconstruction worst_electrode distances pressure",
+            touched,
+        ),
+        "touch_sets": sets.assign(along_std_mm=0.1, across_std_mm=0.1),
+        "touch_likeness": rows("first second correlation", pairs),
+        "touch_correlations": pd.concat(
+            pd.DataFrame({"set": name, **matrix}) for name in latent_touch.PARTNERS
+        ),
+    }
+
+
+def panda_tables(good):
+    level = (
+        {"viscous": 0.02, "coulomb": 0.01, "offset": 0.008}
+        if good
+        else {"viscous": 5.0, "coulomb": 6.0, "offset": 7.0}
+    )
+    structures = ("nostr", "symm", "spd", "tri", "cov")
+    models = [(URDF, "none", 4.0), ("mlp", "none", 0.1), ("mlp_scaled", "none", 0.07)]
+    models += [("delan", "viscous", 0.3), ("delan", "coulomb", 0.3)]
+    for friction, error in level.items():
+        models += [(model, friction, error) for model in structures]
+        models += [(LEAST_SQUARES, friction, error if good else 0.1 * error)]
+    errors = [
+        (model, friction, seed, part, joint, error + 1e-4 * seed)
+        for model, friction, error in models
+        for seed in range(3 if model in ("mlp", "mlp_scaled", "delan") else 1)
+        for part in ("train", "test")
+        for joint in range(1, 8)
+    ]
+    time = np.tile(np.arange(0, 4, 0.1), 7)
+    traced = {f"{model}_{friction}".removesuffix("_none"): np.sin(time) for model, friction, _ in models}
+    joints = {"joint": np.repeat(np.arange(1, 8), 40), "time_s": time, "measured": np.sin(time)}
+    centre = dict.fromkeys((f"centre_{axis}_m" for axis in AXES), 0.1)
+    links = {"model": "cov", "friction": "coulomb", "link": "link1", "mass_kg": 2.0, "true_mass_kg": 2.0}
+    terms = [("cov", "coulomb", joint, term, 0.3) for joint in range(1, 8) for term in ("viscous", "coulomb")]
+    torques = [
+        (sign, fitted, joint, 5.0, 5.0, 1.2)
+        for sign in (1, -1)
+        for fitted in (False, True)
+        for joint in (1, 2)
+    ]
+    return {
+        "panda_errors": rows("model friction seed part joint nmse", errors),
+        "panda_friction": rows("model friction joint term value", terms),
+        "panda_links": pd.DataFrame([links | centre]),
+        "panda_traces": pd.DataFrame(joints | traced),
+        "slide_torques": rows("sign payload joint measured_n_m model_n_m left_n_m", torques),
+        "slide_payloads": pd.DataFrame({"sign": [1, -1], "mass_kg": [-11.8, 2.4], **centre}),
+    }
+
+
+@lru_cache
+def made_up(good=True):
+    """Results in which every claim holds, or none does."""
+    movements = [_movement(place) for place in range(1, 5)]
+    segments = segment_paths(movements, whole(movements), 5.0)
+    turned = [replace(one, orientation=_turns(len(one.time))) for one in movements[:3]]
+    turns = segment_paths(turned, whole(turned), 5.0)
+    primitives = [learn_primitive(name, [segments[0]], FIT) for name in ("prim1", "prim2", "prim3")]
+    path = sequence.unroll(primitives, movements[0].dt)
+    parts = [replace(movements[0], name=one.name) for one in primitives]
+    stored = reach_tables(good) | coupling_tables(good) | movement_tables(good) | avoidance_tables(good)
+    stored |= touch_tables(good) | panda_tables(good)
+    stored["sequence"] = sequence.sequence_table(path, [one.name for one in primitives])
+    return RecordedResults(
+        stored,
+        segments,
+        learn_primitive("reach", segments, FIT),
+        turns,
+        learn_primitive("turn", turns, FIT),
+        parts,
+    )
+
+
+def _movement(place):
+    """With a bump to one side or the other, so that movements are not their mean."""
+    moved = two_move_demonstration(str(place), 1 + 0.1 * place)
+    bump = 0.02 * (-1) ** place * np.sin(np.linspace(0, np.pi, len(moved.time)))
+    return replace(moved, position=moved.position + np.outer(bump, [1.0, 0.0, 0.0]))
+
+
+def _turns(samples):
+    """Nearly a full turn about one axis, (samples, 4)."""
+    half = np.linspace(0.0, 0.97 * np.pi, samples)
+    return np.column_stack([np.cos(half), np.sin(half), np.zeros((samples, 2))])
+
+
+def document(results):
+    return assembly.recorded_document(results, tables(results), {})
+
+
+@lru_cache
+def calibration(gain):
+    """Tables of touch: recorded, and simulated `gain` times as strong."""
+    fingers = [
+        replace(one, group="slides, recorded" if one.group == "slides" else one.group) for one in traces(gain)
+    ]
+    electrodes = touch_calibration.electrode_table(fingers, PARAMETERS)
+    spectra = touch_calibration.spectrum_table(fingers, PARAMETERS)
+    table = touch_calibration.finger_table(fingers, electrodes, PARAMETERS)
+    found = (
+        touch_calibration.comparison(table, spectra, PARAMETERS),
+        electrodes,
+        table,
+        spectra,
+        touch_calibration.component_table(fingers),
+        touch_calibration.trace_table(fingers, PARAMETERS),
+    )
+    return dict(zip(CALIBRATION, found, strict=True))
+
+
+def calibration_page(gain):
+    stored = calibration(gain)
+    return calibration_results.calibration_document(
+        stored, calibration_results.tables(stored), {"calibrate": PARAMETERS}
+    )
+
+
+def test_made_up_tables_are_those_of_the_files():
+    assert set(made_up().tables) == set(TABLES)
+
+
+@pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
+def test_every_claim_can_say_yes_and_no(good, word):
+    judged = document(made_up(good)).judged
+    assert {one.claim.evidence: one.verdict for one in judged if one.verdict != word} == {}
+    assert sum(verdict_counts(judged).values()) >= 12  # of the dissertation
+
+
+def test_pairs_are_reaches_and_not_draws():
+    """Draws of rests hardly differ, and a reach that was left out more often counts no more."""
+    from structlearn.testbeds.recorded.page.evidence import evidence
+
+    found = evidence(made_up())
+    assert {one.n for one in found["printed_over_crossing"].values()} == {3}
+    assert found["coupling_gain"].n == 4
+    uneven = made_up()["coupling_distances"].iloc[[0, *range(8)]]
+    more = replace(made_up(), tables=made_up().tables | {"coupling_distances": uneven})
+    assert evidence(more)["coupling_gain"] == found["coupling_gain"]
+
+
+def test_the_best_representation_is_one_for_all_axes():
+    values = metrics(made_up())
+    scores = made_up()["avoidance_scores"].set_index(["representation", "inputs", "axis"])["nmse"]
+    assert [values[f"obstacle_nmse_{axis}"] for axis in AXES] == [
+        scores["ensemble", "phase", axis] for axis in AXES
+    ]
+
+
+def publish(results, folder):
+    shown = figures.pictures(results)
+    publish_report(
+        folder, {"index": document(results)}, shown, tables(results), metrics(results), assembly.HEADLINES
+    )
+    return shown
+
+
+def test_the_page_is_whole_short_and_always_the_same(tmp_path):
+    shown = publish(made_up(), tmp_path / "one")
+    page = (tmp_path / "one/index.html").read_text()
+    assert words_in_view(page) <= 1500
+    assert all(f"figure-{name}" in page for name in shown)
+    assert 'src="http' not in page
+    kept, others = (
+        json.loads((tmp_path / "one" / name).read_text()) for name in ("metrics.json", "details.json")
+    )
+    assert len(kept) <= MOST_HEADLINES + 4
+    assert {"nominal_path_std_mm", "reach_fit_unscaled_end_max_mm", "touch_mds_nmse_slides"} <= set(others)
+    publish(made_up(), tmp_path / "two")
+    for file in (tmp_path / "one").rglob("*.*"):
+        assert file.read_bytes() == (tmp_path / "two" / file.relative_to(tmp_path / "one")).read_bytes(), file
+
+
+def test_calibration_says_what_agrees(tmp_path):
+    equal, stronger = calibration_page(1.0), calibration_page(3.0)
+    assert {one.verdict for one in equal.judged} == {"yes"}
+    verdicts = {one.claim.evidence: one.verdict for one in stronger.judged}
+    assert (verdicts["contact"], verdicts["noise"]) == ("no", "yes")
+    assert equal.simulated
+    drawn = calibration_figures.pictures(calibration(3.0), 0.99)
+    page = render(stronger, dict.fromkeys(drawn, ()))
+    assert words_in_view(page) <= 1500
+    values = calibration_results.metrics(calibration(3.0)["comparison"])
+    assert values["compared"] == len(calibration_results.STATISTICS)
+    assert values["contact_strongest_simulated"] / values["contact_strongest_recorded"] == pytest.approx(
+        3, rel=0.05
+    )
+
+
+def test_the_claims_bound_is_the_parameters_factor(root):
+    from structlearn.ground.params import read_parameters
+
+    factor = read_parameters(
+        root / "params.yaml", "calibrate", touch_calibration.CalibrationParameters
+    ).factor
+    claims = read_claims(package_files(assembly.PACKAGE) / "calibration_claims.yaml")
+    assert {tuple(claim.bound) for claim in claims} == {(1 / factor, factor)}
+
+
+def test_names_are_those_of_the_protocols():
+    """They stand as text in `names`, so that drawing does not import what learns."""
+    assert set(names.REPRESENTATIONS) == {name for name, _ in REPRESENTATIONS}
+    assert set(names.INPUTS) == {inputs for _, inputs in REPRESENTATIONS}
+    assert tuple(names.TOUCH_MODELS) == latent_touch.MODELS
+    assert set(names.SLIDE_GROUPS) == set(slides.GROUPS)
+    assert {URDF, LEAST_SQUARES} < set(names.DYNAMICS_MODELS)
+    known = {latent_touch.NEW_TRIALS, latent_touch.NEW_MATERIAL, latent_touch.OWN_UNITS, latent_touch.NEW_SET}
+    assert {new for _, _, new in names.TOUCH_ASKED} == known
+    assert {touch_calibration.REFERENCE, touch_calibration.SIMULATED} < set(names.TOUCH_WORLDS)

@@ -1,0 +1,140 @@
+"""The evaluator of claims: one vocabulary, intervals against bounds, cases combined."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from jinja2 import Environment, StrictUndefined, UndefinedError
+
+from structlearn.reporting.claims import (
+    NO,
+    NOT_TESTED,
+    TESTS,
+    UNDECIDED,
+    UNKNOWN,
+    VERDICTS,
+    YES,
+    Claim,
+    Evidence,
+    claim_metrics,
+    claims_table,
+    combined,
+    counted,
+    difference,
+    exact,
+    in_words,
+    judge,
+    mean,
+    read_claims,
+    share,
+)
+from structlearn.reporting.prose import percent
+
+ENVIRONMENT = Environment(undefined=StrictUndefined)
+
+
+def claim(test="above", bound=0.0, **entries):
+    return Claim(statement="s", source="IV", evidence="e", test=test, bound=bound, **entries)
+
+
+def within(low, high):
+    return Evidence(0.5 * (low + high), low, high, 9)
+
+
+@pytest.mark.parametrize(
+    ("test", "bound", "yes", "no", "undecided"),
+    [
+        ("above", 1.0, (1.1, 2.0), (0.2, 1.0), (0.9, 1.1)),
+        ("below", 1.0, (0.2, 0.9), (1.0, 2.0), (0.9, 1.1)),
+        ("at most", 1.0, (0.2, 1.0), (1.1, 2.0), (0.9, 1.1)),
+        ("at least", 1.0, (1.0, 2.0), (0.2, 0.9), (0.9, 1.1)),
+        ("between", [0.0, 1.0], (0.0, 1.0), (1.1, 2.0), (0.9, 1.1)),
+    ],
+)
+def test_an_interval_decides_only_where_all_of_it_lies_on_one_side(test, bound, yes, no, undecided):
+    judged = [claim(test, bound).verdict(within(*ends)) for ends in (yes, no, undecided)]
+    assert judged == [YES, NO, UNDECIDED]
+
+
+def test_zero_means_none_at_all():
+    assert claim("zero").verdict(counted(0, 63)) == YES
+    assert claim("zero").verdict(counted(1, 63)) == NO
+
+
+def test_what_was_not_run_is_not_tested_and_a_single_sample_decides_nothing():
+    assert {claim(test, [0.0, 1.0] if test == "between" else 1.0).verdict(UNKNOWN) for test in TESTS} == {
+        NOT_TESTED
+    }
+    assert claim().verdict(mean(np.array([5.0]))) == UNDECIDED
+
+
+@given(st.lists(st.sampled_from(VERDICTS), min_size=1, max_size=6))
+def test_a_claim_is_yes_only_if_every_case_is(verdicts):
+    assert (combined(verdicts) == YES) == (set(verdicts) == {YES})
+    assert (combined(verdicts) == NO) == (NO in verdicts)
+
+
+@given(st.integers(1, 10_000), st.data())
+def test_a_rate_is_never_rounded_to_none_or_all(n, data):
+    count = data.draw(st.integers(0, n))
+    shown = float(percent(count, n).removesuffix(" %"))
+    assert (shown == 0.0) == (count == 0)
+    assert (shown == 100.0) == (count == n)
+    found = share(count, n)
+    assert 0.0 <= found.low <= found.value <= found.high <= 1.0
+
+
+def test_paired_differences_are_of_pairs():
+    first, second = np.array([1.0, 2.0, 3.0]), np.array([0.5, 1.5, 2.5])
+    found = difference(first, second)
+    assert (found.value, found.n) == (0.5, 3)
+    assert found.low == pytest.approx(0.5)
+
+
+def test_numbers_in_words():
+    assert in_words(within(0.1, 0.3), ".2f", "rad") == "0.20 [0.10, 0.30] rad"
+    assert in_words(exact(-0.001, 4), ".2f") == "0.00"
+    assert in_words(counted(3, 63), "count") == "3 of 63"
+    assert in_words(share(503, 504), "share").startswith("99.8 %")
+    assert in_words(UNKNOWN, ".2f") == NOT_TESTED
+
+
+def test_each_case_has_its_bound_and_test():
+    both = claim({"near": "at most", "far": "above"}, {"near": 1.0, "far": 2.0})
+    (judged,) = judge([both], {"e": {"near": exact(1.0, 2), "far": exact(2.0, 2)}}, ENVIRONMENT, {})
+    assert [case[-1] for case in judged.cases] == [YES, NO]
+    assert judged.verdict == NO
+
+
+def test_claims_and_evidence_must_match():
+    with pytest.raises(ValueError, match="do not match: \\['other'\\]"):
+        judge([claim()], {"e": exact(1.0, 1), "other": exact(1.0, 1)}, ENVIRONMENT, {})
+    with pytest.raises(UndefinedError):
+        judge([claim(note="{{ unknown }}")], {"e": exact(1.0, 1)}, ENVIRONMENT, {})
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("test: better", "unknown test"),
+        ("test: at most", "needs a bound"),
+        ("test: above\n  verdict: yes", "Extra inputs"),
+    ],
+)
+def test_a_wrong_entry_is_refused(tmp_path, entry, message):
+    path = tmp_path / "claims.yaml"
+    path.write_text(f"- statement: s\n  source: IV\n  evidence: e\n  {entry}\n")
+    with pytest.raises(ValueError, match=message):
+        read_claims(path)
+
+
+def test_metrics_count_what_the_dissertation_states():
+    claims = [claim(), claim(by="ours"), claim("at most", 0.5)]
+    judged = judge(claims, {"e": exact(1.0, 3)}, ENVIRONMENT, {})
+    assert claim_metrics(judged) == {
+        "claims_yes": 1,
+        "claims_no": 1,
+        "claims_undecided": 0,
+        "claims_not_tested": 0,
+    }
+    assert list(claims_table(judged)["verdict"]) == [YES, YES, NO]

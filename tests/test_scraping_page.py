@@ -1,0 +1,314 @@
+"""The three pages of the scraping testbed: evidence and verdicts on made-up data, and that they render."""
+
+import re
+import runpy
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from committed import committed
+from reporting_feedback import (
+    ADAPTED,
+    NMSE,
+    comparison,
+    feedback_results,
+    orderings,
+    scores,
+    traces,
+    with_board,
+    without_corrections,
+    without_executions,
+)
+from reporting_refinement import COSTS, CURVES, history, refinement_results
+from reporting_refinement import parameters as refinement_parameters
+from reporting_refinement import scores as refined_scores
+from reporting_scraping import demonstration, noise_table, positions_only, segmentation_results
+
+from structlearn.ground.artefacts import write_metrics
+from structlearn.reporting.claims import NO, NOT_TESTED, UNDECIDED, UNKNOWN, YES, Evidence
+from structlearn.reporting.document import Panel, render, words_in_view
+from structlearn.reporting.publishing import publish_report
+from structlearn.testbeds.scraping.page import scraping_report as module
+from structlearn.testbeds.scraping.page.evidence import mean_ratio, weakest
+from structlearn.testbeds.scraping.page.scraping_report import scraping_report
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+
+NO_ABLATIONS = pd.DataFrame()
+PICTURE = np.full((8, 8, 3), 255, np.uint8)
+
+
+class AnyFigure(dict):
+    """Panels for whatever figure a template asks for."""
+
+    def __missing__(self, name):
+        return [Panel(f"figures/{name}.svg", 10, 10)]
+
+
+@pytest.fixture(scope="module")
+def settings(root):
+    """All parameters that the pages list."""
+    models = runpy.run_path(str(root / "stages/scraping/report.py"))["PARAMETERS"]
+    return {key: committed(model, key) for key, model in models.items()}
+
+
+@pytest.fixture(scope="module")
+def segmentation():
+    return segmentation_results([demonstration(seed) for seed in range(3)])
+
+
+@pytest.fixture(scope="module")
+def feedback():
+    return feedback_results()
+
+
+@pytest.fixture
+def made(monkeypatch, settings, segmentation):
+    """A report without its figures, which take long to draw."""
+    for name in ("segmentation_drawings", "feedback_drawings", "refinement_drawings"):
+        monkeypatch.setattr(module, name, lambda *results: {})
+
+    def make(feedback=None, refinement=None, segmentation=segmentation, ablations=NO_ABLATIONS):
+        return scraping_report(segmentation, feedback, refinement, ablations, settings)
+
+    return make
+
+
+def verdicts(report, page):
+    """By evidence, the verdict on a page's claims."""
+    return {one.claim.evidence: one.verdict for one in report.pages[page].judged}
+
+
+def cases(report, page, evidence):
+    (found,) = [one.cases for one in report.pages[page].judged if one.claim.evidence == evidence]
+    return {case: verdict for case, *_, verdict in found}
+
+
+def test_pages_are_those_that_have_data_and_link_no_others(made, feedback):
+    for report, names in (
+        (made(), {"index"}),
+        (made(without_corrections(feedback)), {"index", "feedback"}),
+        (made(without_executions(feedback)), {"index", "feedback"}),
+        (made(feedback, refinement_results()), {"index", "feedback", "refinement"}),
+    ):
+        assert set(report.pages) == names
+        for document in report.pages.values():
+            text = render(document, AnyFigure())
+            assert set(re.findall(r'href="(\w+)\.html"', text)) == names
+            assert set(re.findall(r'href="tables/(\w+)\.csv"', text)) <= {*report.tables, "claims"}
+            shown = re.sub(r"<(style|script)>.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
+            assert not re.search(r"\bnan\b", shown, re.IGNORECASE)
+            assert words_in_view(text) <= 1500
+            assert text == render(document, AnyFigure())
+
+
+@pytest.mark.parametrize("seeds", [(0,), (0, 1, 2)])
+def test_positions_alone_give_a_page_that_is_not_called_simulated(made, seeds):
+    own = segmentation_results([positions_only(demonstration(seed)) for seed in seeds])
+    report = made(segmentation=replace(own, noise=noise_table().iloc[:0]))
+    assert 'class="badge"' not in render(report.pages["index"], AnyFigure())
+    assert verdicts(report, "index")["least_cut_error"] == NOT_TESTED
+    assert not [
+        key for key in report.metrics if key.startswith(("cut_error", "sweep")) or key.endswith("deg")
+    ]
+
+
+def test_the_whole_report_shows_every_figure_and_headlines_are_few(
+    segmentation, feedback, settings, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(module, "scraping_still", lambda run, board_deg: PICTURE)
+    report = scraping_report(segmentation, feedback, refinement_results(), NO_ABLATIONS, settings)
+    publish_report(
+        tmp_path, report.pages, report.drawings, report.tables, report.metrics, report.headlines
+    )  # an unknown figure, table, source or value raises
+    text = "".join((tmp_path / f"{name}.html").read_text() for name in report.pages)
+    assert {re.sub(r"-\d+$", "", name) for name in re.findall(r'src="figures/([\w-]+)\.', text)} == set(
+        report.drawings
+    )
+    assert not re.search(r'(src|href)="(https?:)?//', text)
+
+
+def test_every_claim_holds_where_the_data_say_so(made, feedback, segmentation):
+    report = made(feedback, refinement_results())
+    assert set(verdicts(report, "feedback").values()) == {YES, NO}
+    refuted = {"level_board", "in_the_unroll", "level_board_after"}
+    for page in ("feedback", "refinement"):
+        for evidence, verdict in verdicts(report, page).items():
+            expected = NO if evidence in refuted else NOT_TESTED if evidence == "text_form" else YES
+            assert verdict == expected, evidence
+    found = verdicts(report, "index")
+    assert (found["smooth"], found["downsampling"], found["least_cut_error"]) == (NO, YES, YES)  # at 100 Hz
+
+
+def test_an_undecided_or_lost_sweep_over_noise_is_no_yes(made, segmentation):
+    for change, expected in (
+        (noise_table(advantage_ms=-5.0), NO),
+        (noise_table().query("seed == 0"), UNDECIDED),  # one person decides nothing
+        (_even_at_one_level(noise_table()), UNDECIDED),
+    ):
+        report = made(segmentation=replace(segmentation, noise=change))
+        assert verdicts(report, "index")["least_cut_error"] == expected
+
+
+def _even_at_one_level(table):
+    """The plain crossing errs at one level as much as the result, now more, now less."""
+    table = table.copy()
+    both = ["start_error_s", "end_error_s"]
+    at = table["noise_mm"] == 0.3
+    wls = table.loc[at & (table["method"] == "wls"), both].to_numpy()
+    swing = np.array([[1e-3], [-1e-3], [2e-4]])
+    table.loc[at & (table["method"] == "zvc"), both] = wls + swing * np.sign(wls)
+    return table
+
+
+def test_a_model_that_is_worse_refutes_its_claims(made, feedback):
+    table = comparison(NMSE | {"pmnn_100": 0.45, "ffnn_phase": 0.6})
+    report = made(replace(feedback, comparison=table, orderings=orderings(table)))
+    found = verdicts(report, "feedback")
+    assert {found[name] for name in ("best_structure", "order_of_structures", "phase_helps")} == {NO}
+
+
+def test_a_claim_about_one_primitive_is_not_one_about_both(made, feedback):
+    table = feedback.orderings.copy()
+    pair = (table["better"] == "ffnn_phase") & (table["worse"] == "ffnn") & (table["primitive"] == "turn")
+    table.loc[pair, "half_width"] = 1.0
+    report = made(replace(feedback, orderings=table))
+    assert cases(report, "feedback", "phase_helps") == {"Turn": UNDECIDED, "Scrape": YES}
+    assert verdicts(report, "feedback")["phase_helps"] == UNDECIDED
+    missing = replace(feedback, orderings=feedback.orderings[feedback.orderings["worse"] != "ffnn"])
+    assert verdicts(made(missing), "feedback")["phase_helps"] == NOT_TESTED
+
+
+def test_executions_decide_on_cost_force_torque_and_coupling(made, feedback):
+    dear = scores({"nominal": 4.0, "pointwise": 10.0, "unrolled": 5.0})
+    found = verdicts(made(with_board(feedback, scores=dear)), "feedback")
+    assert (found["lower_cost"], found["in_the_unroll"]) == (NO, YES)
+    weak = verdicts(made(with_board(feedback, scores=scores(force_n=1.1))), "feedback")
+    assert weak["force_held"] == NO
+    flat = scores()
+    flat["roll_torque_mn_m"] = np.where(flat["setting_deg"] == 5.0, 9.0, flat["roll_torque_mn_m"])
+    assert verdicts(made(with_board(feedback, scores=flat)), "feedback")["torque_monotone"] == NO
+    same = with_board(feedback, traces=traces(gain=0.0))
+    assert verdicts(made(same), "feedback")["tells_tilts_apart"] != YES
+    falling = with_board(feedback, traces=traces(gain=-2.0))  # one way is enough
+    assert verdicts(made(falling), "feedback")["tells_tilts_apart"] == YES
+
+
+def test_the_level_board_has_a_row_of_its_own(made, feedback):
+    table = feedback.board.scores.copy()
+    level = (table["setting_deg"] == 0.0) & (table["model"] != "nominal")
+    table.loc[level, "cost_rad"] = 1.0
+    assert verdicts(made(feedback), "feedback")["level_board"] == NO
+    assert verdicts(made(with_board(feedback, scores=table)), "feedback")["level_board"] == YES
+
+
+def changed(setting, **costs):
+    """The costs with those of some models in one setting replaced."""
+    return {model: COSTS[model] | ({setting: costs[model]} if model in costs else {}) for model in COSTS}
+
+
+@pytest.mark.parametrize(
+    ("costs", "evidence", "expected"),
+    [
+        (changed(10.0, after=60.0), "share_left", NO),
+        (changed(10.0, after=90.0), "lower_after", NO),
+        (changed(7.5, after=41.0), "seen_kept", NO),
+        (changed(5.0, after=30.0), "seen_kept", UNDECIDED),
+        (changed(8.8, after=50.0), "in_between", NO),
+        (changed(8.8, after=35.0), "in_between", UNDECIDED),
+        (changed(5.0, before=100.0), "nominal_is_worst", NO),
+        (changed(0.0, after=1.0), "level_board_after", YES),
+    ],
+)
+def test_costs_after_refinement_decide(made, feedback, costs, evidence, expected):
+    report = made(feedback, refinement_results(scores=refined_scores(costs)))
+    assert verdicts(report, "refinement")[evidence] == expected
+
+
+@pytest.mark.parametrize(
+    ("curve", "threshold", "expected"),
+    [
+        ((80.0, 50.0, 42.0, 42.0), 0.5, YES),
+        ((80.0, 50.0, 45.0, 44.9, 38.0), 0.5, NO),  # a later gain counts, however late
+        ((80.0, 50.0, 42.0, 50.0), 0.5, YES),  # got worse again: no improvement after the second
+        ((80.0, 50.0), 3.0, YES),  # stopped by the threshold
+        ((80.0, 50.0, 42.0), 0.5, NOT_TESTED),  # stopped because no iterations were left
+    ],
+)
+def test_converged_means_that_no_later_iteration_is_lower(made, feedback, curve, threshold, expected):
+    scales = {name: {"exploration": 1.0, "threshold_rad": threshold} for name in ADAPTED}
+    changes = {"history": history({"turn": curve}), "parameters": refinement_parameters(scales=scales)}
+    report = made(feedback, refinement_results(**changes))
+    assert cases(report, "refinement", "converged") == {"Turn": expected}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"scores": refined_scores(runs=1), "history": history(runs=1)},
+        {"history": history(faults={0: "diverged at 1.5 s", 3: "diverged at 0.2 s"})},
+        {"search": pd.DataFrame()},
+        {"scores": refined_scores(settings=(0.0, 5.0)), "examples": {}},
+        {"scores": refined_scores(settings=(0.0,)), "examples": {}},
+        {"history": history({name: CURVES[name][:1] for name in ADAPTED})},
+    ],
+    ids=["one run", "faults", "no search", "not where refined", "only level", "nothing to do"],
+)
+def test_whatever_was_refined_gives_a_page_and_metrics(made, feedback, changes, tmp_path):
+    report = made(feedback, refinement_results(**changes))
+    assert render(report.pages["refinement"], AnyFigure())
+    write_metrics(report.metrics, tmp_path / "metrics.json")  # raises on NaN
+    found = verdicts(report, "refinement")
+    if "scores" in changes:
+        assert found["lower_after"] in (UNDECIDED, NOT_TESTED)
+        assert found["in_between"] in (UNDECIDED, NOT_TESTED)
+
+
+def test_the_text_s_own_form_is_never_counted_as_tested(made, feedback):
+    quoted = pd.DataFrame([{"variant": "added_1", "turn_ratio": 0.123, "scrape_ratio": 0.456}])
+    report = made(feedback, refinement_results(), ablations=quoted)
+    assert verdicts(report, "refinement")["text_form"] == NOT_TESTED
+    assert "0.12" in render(report.pages["refinement"], AnyFigure())
+
+
+def test_the_weakest_decides():
+    clear, open_, lost = (
+        Evidence(5.0, 4.0, 6.0, 3),
+        Evidence(1.0, -3.0, 5.0, 3),
+        Evidence(-1.0, -2.0, -0.5, 3),
+    )
+    assert weakest([clear, open_]) == open_
+    assert weakest([clear, open_, lost]) == lost
+    assert weakest([clear, UNKNOWN]) == UNKNOWN
+    assert weakest([]) == UNKNOWN
+
+
+def test_a_ratio_of_means_has_an_interval_of_pairs():
+    rng = np.random.default_rng(0)
+    before = 80.0 + 10.0 * rng.normal(size=400)
+    found = mean_ratio(0.6 * before + rng.normal(size=400), before)
+    assert found.low < 0.6 < found.high
+    assert found.high - found.low < 0.01  # pairs: the spread of the runs cancels
+
+
+def test_metrics_are_the_means_given(made, feedback, segmentation):
+    values = made(feedback, refinement_results()).metrics
+    for key, representation in (("pmnn", "pmnn_100"), ("ffnn_phase", "ffnn_phase"), ("ffnn", "ffnn")):
+        for number in (2, 3):
+            name = f"{key}_prim{number}_generalization_nmse"
+            assert values[name] == pytest.approx(NMSE[representation], abs=2e-3)
+            assert values[f"{name}_best_step"] == pytest.approx(NMSE[representation] - 0.02, abs=2e-3)
+    for setting in ("2p5", "5", "10"):
+        assert values[f"cost_ratio_feedback_over_nominal_{setting}"] == pytest.approx(0.4, abs=0.02)
+        assert values[f"cost_ratio_unrolled_over_nominal_{setting}"] == pytest.approx(0.5, abs=0.02)
+    for name in ("prim2", "prim3"):
+        assert values[f"rl_cost_{BEFORE}_{name}"] == pytest.approx(80.0, abs=1.5)
+        assert values[f"rl_cost_{AFTER}_{name}"] == pytest.approx(42.0, abs=1.5)
+        assert values[f"search_cost_pi2_{name}"] == pytest.approx(46.0)
+        assert values[f"rl_iterations_{name}"] == 3
+    for primitive in ("down", "turn", "scrape"):
+        assert {f"fit_{primitive}_{name}" for name in ("mean_mm", "end_mm", "mean_deg")} <= set(values)
+    assert {"spread_mm_ls_down", "sweep_cut_error_ms_zvc_0p3mm", "cut_error_ms_wls"} <= set(values)
+    assert values["wls_wins_at_every_noise_level"] is True
+    assert values["demonstrations_left_out"] == 0
+    assert values["acceleration_jump_nominal"] < 0.05  # eq. IV.12; 100 Hz here

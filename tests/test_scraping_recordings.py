@@ -1,0 +1,437 @@
+import numpy as np
+import pandas as pd
+import pytest
+from committed import committed
+from rerun.chunk import RrdReader
+from scipy.spatial.transform import Rotation
+from viewer_files import PRIMITIVES as MOVEMENTS
+from viewer_files import contents, demonstration, values, view_names
+
+from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.ground import quaternion
+from structlearn.primitives.fitting import FitParameters, learn_primitive
+from structlearn.primitives.primitive_files import write_primitives
+from structlearn.primitives.trajectory import differentiated, differentiated_orientation
+from structlearn.recordings import write_recordings
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+from structlearn.tactile.electrodes import SKIN_RADIUS_MM
+from structlearn.testbeds.scraping.files import ScrapingFiles
+from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation, orientation_cost
+from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
+from structlearn.testbeds.scraping.recordings.executions_recording import (
+    write_executions,
+    write_refinement,
+    write_robot,
+)
+from structlearn.testbeds.scraping.recordings.nominal_recordings import write_demonstrations
+from structlearn.testbeds.scraping.recordings.scraping_scene import electrodes
+from structlearn.testbeds.scraping.recordings.search_recording import (
+    CHEAP,
+    Search,
+    cost_colours,
+    searches,
+)
+from structlearn.testbeds.scraping.recordings.shown_execution import Execution
+from structlearn.testbeds.scraping.recordings.shown_runs import read_feedback_runs, read_refined_runs
+from structlearn.testbeds.scraping.world import scraping_robot
+from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
+from structlearn.viewer.rrd import entity, rgba
+
+PRIMITIVES = ("down", "turn", "scrape")
+SEGMENTS = np.array([[0.0, 0.3], [0.3, 0.9], [0.9, 1.2]])
+RATE_HZ = 200
+FELT = (("turn", 0.6), ("scrape", 0.3))
+CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
+LENGTH = 40  # samples of a rollout, at 100 Hz
+
+
+def about_roll(degrees):
+    return quaternion.from_rotation_vector(np.radians(degrees)[..., None] * ROLL_AXIS)
+
+
+def board_run(name="01", hand_deg=10.0, tool_on_board_deg=0.0):
+    """The hand turns to `hand_deg` about the roll axis and slides along the board; the tool lies as asked."""
+    time = np.arange(1 + int(1.3 * RATE_HZ)) / RATE_HZ
+    share = time / time[-1]
+    position = CONTACT_M + 0.06 * share[:, None] * ROLL_AXIS
+    orientation = quaternion.product(about_roll(hand_deg * share), FLAT_ORIENTATION)
+    rotations = Rotation.from_quat(quaternion.to_xyzw(orientation)).as_matrix()
+    joints = [scraping_robot.joint_angles(position[at], rotations[at]) for at in (0, -1)]
+    return Demonstration(
+        name,
+        time,
+        position,
+        orientation=quaternion.sign_continuous(orientation),
+        joint_positions=joints[0] + share[:, None] * (joints[1] - joints[0]),
+        wrench=np.tile([0.0, 0.0, -1.0, 0.0, -0.003, 0.0], (len(time), 1)),
+        tool_to_board=about_roll(np.full(len(time), tool_on_board_deg)),
+        true_segments=SEGMENTS,
+        provenance={"origin": "simulated"},
+    )
+
+
+def traces(coupling=2.0):
+    """Ten samples per primitive with feedback; channel k deviates by k - 19 counts."""
+    tables = []
+    for name, duration in FELT:
+        columns = {"primitive": name, "time_s": np.linspace(0.0, duration, 10), "coupling": coupling}
+        channels = {f"channel_{channel:02d}": channel - 19.0 for channel in range(38)}
+        tables.append(pd.DataFrame(columns | channels))
+    return pd.concat(tables, ignore_index=True)
+
+
+def shown(kind=POINTWISE, board_deg=10.0, cost=None, **run):
+    return Execution(RUNS[kind], board_run(**run), board_deg, PRIMITIVES, traces(), cost)
+
+
+def refined(board_deg=10.0):
+    """The tool lies the flatter the more feedback there is; costs are shorter than the runs."""
+    return [
+        shown(
+            kind, board_deg, np.full(200, np.radians(off)), hand_deg=board_deg - off, tool_on_board_deg=-off
+        )
+        for kind, off in ((NOMINAL, board_deg), (BEFORE, 4.0), (AFTER, 1.0))
+    ]
+
+
+def rollouts(primitives=("turn", "scrape"), iterations=2, samples=3, failed=()):
+    """Constant coupling terms; `failed` has (primitive, iteration, kind, number)."""
+    history, felt = [], []
+    for primitive in primitives:
+        for iteration in range(iterations + 1):
+            kinds = {"sample": samples, "improved": 2} if iteration else {}
+            for kind, count in (kinds | {"feedback": 2}).items():
+                for number in range(count):
+                    keys = {"primitive": primitive, "iteration": iteration, "kind": kind, "number": number}
+                    bad = tuple(keys.values()) in failed
+                    cost = 10.0 - iteration + number
+                    history.append(keys | {"cost_rad": np.nan if bad else cost, "fault": "x" * bad})
+                    if not bad:
+                        columns = {"time_s": np.arange(LENGTH) / 100, "target": 10.0 * iteration + number}
+                        felt.append(pd.DataFrame(columns | {"cost_rad": cost / LENGTH} | keys))
+    return pd.DataFrame(history), pd.concat(felt, ignore_index=True)
+
+
+def colours(path, place, archetype="SeriesLines"):
+    """Colours as hex of an entity."""
+    return [f"#{colour >> 8:06x}" for colour in values(path, place, f"{archetype}:colors")[0]]
+
+
+def notes(path):
+    ((text,),) = values(path, "/notes", "TextDocument:text")
+    return text
+
+
+def test_traces_of_the_primitives_lie_on_the_clock_of_the_run():
+    one = shown()
+    assert one.felt["time_s"].iloc[[0, 9, 10, 19]].tolist() == pytest.approx([0.3, 0.9, 0.9, 1.2])
+    assert one.deviation.shape == (20, 38)
+    assert one.deviation[0, [0, 37]] == pytest.approx([-19.0, 18.0])
+
+
+def test_a_tool_flat_on_the_board_is_parallel_to_it_and_meets_the_hand_that_turned_as_far():
+    one = shown(hand_deg=10.0, tool_on_board_deg=0.0)
+    normal = quaternion.rotate(one.board_orientation, np.array([0.0, 0.0, 1.0]))
+    down = quaternion.rotate(one.tool_orientation, np.array([0.0, 0.0, 1.0]))
+    assert normal == pytest.approx([np.sin(np.radians(10.0)), 0.0, np.cos(np.radians(10.0))])
+    assert down == pytest.approx(np.tile(-normal, (len(down), 1)))
+    assert one.hand_roll[[0, -1]] == pytest.approx([0.0, 10.0], abs=1e-9)
+    assert one.roll_on_board == pytest.approx(0.0, abs=1e-9)
+    edge = one.grasp + EDGE_M * down  # with the hand turned as far as the board it is where the hand says
+    assert edge[-1] == pytest.approx(one.run.position[-1])
+
+
+def test_a_tool_that_gives_way_is_drawn_with_its_own_roll():
+    one = shown(hand_deg=0.0, tool_on_board_deg=-7.0)
+    across = quaternion.rotate(one.tool_orientation, np.array([1.0, 0.0, 0.0]))
+    lies = np.radians(10.0 - 7.0)  # of the edge in the base frame; the flat tool's x points to -x
+    assert across[-1] == pytest.approx([-np.cos(lies), 0.0, np.sin(lies)])
+    assert one.roll_on_board[-1] == pytest.approx(-7.0)
+
+
+def test_electrodes_lie_under_the_skin_and_face_each_other():
+    left, right = 1e3 * electrodes()
+    for side, finger in ((1.0, left), (-1.0, right)):
+        depth = side * finger[:, 0] - 10.0  # from the pad, into the finger; the axis is at the skin's radius
+        assert depth.min() > 0.0
+        assert (np.hypot(depth - SKIN_RADIUS_MM, finger[:, 1]) < SKIN_RADIUS_MM).all()
+        assert depth[18] < SKIN_RADIUS_MM / 2  # electrode 19 is among those under the flat of the pad
+    assert left[0, 1] == -right[0, 1]  # electrode 1 is at the side, and the two fingers are turned
+
+
+def test_executions_in_several_settings_share_one_time_line(tmp_path):
+    path, kinds = tmp_path / "feedback.rrd", (NOMINAL, CORRECTED, POINTWISE)
+    settings = {deg: [shown(kind, deg, hand_deg=deg) for kind in kinds] for deg in (10.0, 2.5)}
+    write_executions(path, settings, "Executions")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"time"}
+    samples = -(-len(settings[10.0][0].run.time) // 4)  # 50 Hz of 200
+    for tab in ("10 degrees", "2.5 degrees"):
+        for kind in kinds:
+            name, scene = RUNS[kind].name, entity(tab, "runs", RUNS[kind].name)
+            assert {f"{scene}/{part}" for part in ("board", "path", "hand/fingers", "tool/edge")} <= entities
+            assert rows[f"{scene}/hand"] == rows[f"{scene}/tool"] == samples
+            assert rows[f"{scene}/hand/electrodes"] == rows[entity(tab, "electrodes", name)] == 21
+            for signal in ("roll on board", "hand roll", "force", "torque"):
+                assert rows[entity(tab, signal, name)] == samples, signal
+                assert colours(path, entity(tab, signal, name)) == [RUNS[kind].colour]
+            assert rows[entity(tab, "coupling", name)] == 21
+            assert colours(path, f"{scene}/path", "LineStrips3D") == [RUNS[kind].colour]
+            assert f"{name} (simulated)" in view_names(path)
+            assert name in notes(path)
+        assert rows[entity(tab, "primitive")] == 4
+    assert "simulated" in notes(path)
+
+
+def test_runs_before_and_after_share_a_scene_and_the_search_has_a_time_line_of_its_own(tmp_path):
+    path = tmp_path / "refinement.rrd"
+    group = refined(5.0)
+    write_refinement(path, {5.0: group}, *rollouts(), "Test")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"time", "iteration"}
+    samples = -(-len(group[0].run.time) // 4)  # 50 Hz of 200
+    tab = "5 degrees"
+    after, before = (entity(tab, "runs", RUNS[kind].name) for kind in (AFTER, BEFORE))
+    assert {f"{after}/board", f"{after}/path", f"{after}/hand/electrodes"} <= entities
+    assert {f"{before}/hand/fingers", f"{before}/tool/body"} <= entities
+    assert not {f"{before}/board", f"{before}/path", f"{before}/hand/electrodes"} & entities  # a shadow
+    assert rows[f"{before}/hand"] == rows[f"{before}/tool"] == rows[f"{after}/tool"] == samples
+    for kind in (NOMINAL, BEFORE, AFTER):
+        cost = entity(tab, "cost", RUNS[kind].name)
+        assert rows[cost] == 50  # of 200 costs at 200 Hz
+        assert colours(path, cost) == [RUNS[kind].colour]
+    assert entity(tab, "force", RUNS[AFTER].name) not in entities
+    for name in ("turn", "scrape"):
+        for column in ("target", "cost_rad"):
+            drawn = f"/search/{name}/{column}"
+            assert [rows[f"{drawn}/{kind}"] for kind in ("sample", "improved", "feedback")] == [2, 2, 3]
+            assert rows[f"{drawn}/network\\ before"] == 2
+        for kind, look in ROLLOUTS.items():
+            assert colours(path, f"/search/{name}/costs/all/{kind}", "Points2D") == [look.colour]
+        assert f"/search/{name}/costs/failed" not in entities
+    names = view_names(path)
+    assert not any(name.startswith(RUNS[BEFORE].name) and "simulated" in name for name in names)
+    assert all("(simulated)" in name for name in names if "every rollout" in name)
+    assert "simulated" in notes(path)
+
+
+def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_path):
+    path = tmp_path / "refinement.rrd"
+    failed = [("turn", 1, "sample", 0), ("turn", 1, "improved", 1)]
+    history, samples = rollouts(("turn",), failed=failed)
+    write_refinement(path, {10.0: refined()}, history, samples)
+    _, entities, _ = contents(path)
+    assert not any(name.startswith("/search/scrape") for name in entities)
+    assert values(path, "/search/turn/costs/failed", "Points2D:labels") == [[], ["2 failed"], []]
+    strips = values(path, "/search/turn/target/sample", "LineStrips2D:strips")
+    assert [len(curves) for curves in strips] == [2, 3]
+    means = values(path, "/search/turn/costs/sample/mean", "Points2D:labels")
+    assert means == [["10.5"], ["9.0"]]  # of the two and of the three that did not fail
+    heights = [strip[0][1] for strip in strips[1]]
+    assert heights == sorted(heights)  # downwards: number 2, which costs most, is the highest and drawn first
+    drawn = values(path, "/search/turn/target/sample", "LineStrips2D:colors")[1]
+    (search,) = searches(history, samples)
+    assert drawn == cost_colours(np.array([10.0, 9.0, 8.0]), search.cost_range).tolist()
+    assert drawn[-1] == rgba([CHEAP])[0]
+
+
+def test_a_refinement_that_ended_before_it_began(tmp_path):
+    path = tmp_path / "refinement.rrd"
+    write_refinement(path, {10.0: refined()}, *rollouts(iterations=0))
+    rows, entities, _ = contents(path)
+    assert rows["/search/turn/target/feedback"] == 1
+    assert "/search/turn/target/sample" not in entities
+
+
+def test_curves_of_rollouts_that_were_not_cut_alike():
+    history, samples = rollouts(("turn",), iterations=1)
+    kept = ~((samples["kind"] == "sample") & (samples["number"] == 1) & (samples["time_s"] > 0.2))
+    curves = Search("turn", history, samples[kept]).curves(1, "sample", "target")
+    assert curves.shape == (LENGTH, 3)
+    assert curves[1].count() == 21
+    assert curves[2].tolist() == [12.0] * LENGTH
+
+
+def test_the_arm_of_the_robot_holds_the_hand(tmp_path):
+    path = tmp_path / "robot.rrd"
+    one = shown()
+    write_robot(path, one, "Robot")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"time"}
+    samples = -(-len(one.run.time) // 4)  # 50 Hz of 200
+    assert rows["/joints"] == rows["/run/hand"] == samples
+    assert "/arm/lbr_iiwa/visual_geometries/lbr_iiwa_link_7/visual_0" in entities
+    assert not any("collision" in name for name in entities)
+    assert "Robot (simulated)" in view_names(path)
+    assert "simulated" in notes(path)
+    assert colours(path, "/run/path", "LineStrips3D") == [RUNS[POINTWISE].colour]
+
+    pose = np.eye(4)  # of the first sample, down the chain of frames as the viewer goes
+    joints = arm_transforms(path)
+    assert joints["arm/lbr_iiwa_link_0"][0] == "tf#/"
+    for number in range(1, 8):
+        parent, transform = joints[f"arm/lbr_iiwa_link_{number}"]
+        assert parent == f"arm/lbr_iiwa_link_{number - 1}"
+        pose = pose @ transform
+    flange_to_edge = scraping_robot.HAND_TO_FLANGE_M + scraping_robot.GRASP_M + scraping_robot.EDGE_M
+    assert (pose @ [0.0, 0.0, flange_to_edge, 1.0])[:3] == pytest.approx(one.run.position[0], abs=1e-5)
+
+
+def arm_transforms(path):
+    """By frame: the frame that it is in, and the first transform (4, 4) between them."""
+    found = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.entity_path.startswith("/arm/frames/"):
+            columns = chunk.to_record_batch().to_pydict()
+            first = {name.split(":")[-1]: values[0] for name, values in columns.items() if values[0]}
+            transform = np.eye(4)
+            if "quaternion" in first:
+                transform[:3, :3] = Rotation.from_quat(first["quaternion"][0]).as_matrix()
+                transform[:3, 3] = first["translation"][0]
+            found[first["child_frame"][0]] = (first["parent_frame"][0], transform)
+    return found
+
+
+@pytest.mark.parametrize("joints", [None, np.zeros((261, 6))])
+def test_a_robot_of_another_make_is_refused(tmp_path, joints):
+    other = Demonstration(**{**vars(board_run()), "joint_positions": joints})
+    with pytest.raises(ValueError, match="01: needs the positions of 7 joints"):
+        write_robot(tmp_path / "robot.rrd", Execution(RUNS[NOMINAL], other, 10.0, PRIMITIVES, traces()))
+
+
+def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonstration(tmp_path):
+    path = tmp_path / "alignment.rrd"
+    parameters = committed(SegmentParameters, "segment", primitives=MOVEMENTS)
+    demonstrations = [demonstration("1"), demonstration("2", delay=0.1), demonstration("3", delay=-0.1)]
+    segmentation = cut(demonstrations, parameters)
+    write_alignment(path, demonstrations, segmentation, parameters, "Alignment")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"demonstration"}
+    for primitive in ("down", "along"):
+        assert rows[f"/{primitive}/guess/curve"] == rows[f"/{primitive}/pairs"] == 2
+        assert f"/{primitive}/reference/curve" in entities
+        for method in ("zvc", "wls"):
+            bars = f"/{primitive}/guess/{method}"
+            assert colours(path, bars, "LineStrips2D") == [CUT_METHODS[method].colour]
+            assert values(path, f"{bars}/name", "Points2D:labels")[0] == 2 * [CUT_METHODS[method].name]
+    assert not any(path.startswith("/between") for path in entities)
+    assert "simulated" in notes(path)
+
+    over_the_board = tmp_path / "demonstrations.rrd"
+    write_demonstrations(over_the_board, demonstrations, segmentation, "Demonstrations")
+    hand = f"/hands/{segmentation.reference}"
+    assert {"/scenery/board", f"{hand}/palm", f"{hand}/tool/edge"} <= contents(over_the_board)[1]
+    assert "simulated" in notes(over_the_board)
+
+    kept = segmentation.cuts[segmentation.cuts["demonstration"] != "3"]
+    left = type(segmentation)(kept, segmentation.pairs, pd.DataFrame(), segmentation.reference)
+    write_alignment(path, demonstrations, left, parameters)
+    assert contents(path)[0]["/down/guess/curve"] == 1
+
+
+def streams(run):
+    stamps = np.round(1e9 * run.time).astype(np.int64)
+    signals = {
+        "pose": np.hstack([run.position, run.orientation]),
+        "joint_positions": run.joint_positions,
+        "wrench": run.wrench,
+        "tool_to_board": run.tool_to_board,
+    }
+    return Recording(
+        run.name,
+        tuple(Stream(f"/{kind}", kind, stamps, values) for kind, values in signals.items()),
+        run.true_segments,
+        run.provenance,
+    )
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Learned primitives alone."""
+    one = board_run(hand_deg=0.0)
+    paths = (
+        differentiated(one.position, one.dt, 5.0),
+        differentiated_orientation(one.orientation, one.dt, 5.0),
+    )
+    parameters = committed(FitParameters, "fit_primitives")
+    folder = tmp_path / "primitives/scraping"
+    folder.mkdir(parents=True)
+    learned = [learn_primitive(name, [paths, paths], parameters) for name in PRIMITIVES]
+    write_primitives(learned, folder / "primitives.safetensors")
+    return ScrapingFiles(CLOCK, tmp_path)
+
+
+def write_runs(files, place, setting, names=("01", "02"), **run):
+    folder = files.data / "raw/scraping" / place
+    write_recordings([streams(board_run(name, **run)) for name in names], folder / setting)
+
+
+def write_traces(files, kind, models, settings):
+    """Of two runs; the coupling term says the model's."""
+    tables = [
+        traces(coupling).assign(model=model, setting_deg=setting, run=run)
+        for model, coupling in models.items()
+        for setting in settings
+        for run in ("01", "02")
+    ]
+    (files.data / "feedback/scraping" / kind).mkdir(parents=True)
+    pd.concat(tables).to_parquet(files.data / "feedback/scraping" / kind / "traces.parquet")
+
+
+def test_runs_with_feedback_are_found_where_the_stages_wrote_them(files):
+    for model in (NOMINAL, POINTWISE):
+        write_runs(files, f"closed_loop/{model}", "0")  # nothing to correct
+    for place in (f"closed_loop/{NOMINAL}", f"closed_loop/{POINTWISE}", "corrections"):
+        for setting in ("2.5", "10"):
+            write_runs(files, place, setting)
+    write_traces(files, "evaluation", {NOMINAL: 0.0, POINTWISE: 2.0}, (0.0, 2.5, 10.0))
+    datasets = files.data / "feedback/scraping/dataset"
+    datasets.mkdir()
+    for name, own in traces().groupby("primitive"):
+        columns = {"phase": 0.5, "phase_velocity": -1.0}
+        corrected = [
+            own.drop(columns=["coupling", "primitive"]).assign(
+                **columns, setting_deg=setting, demonstration=number, target=number + 3.0
+            )
+            for setting in (2.5, 10.0)
+            for number in (0, 1)
+        ]
+        pd.concat(corrected).to_parquet(datasets / f"{name}.parquet")
+
+    runs = read_feedback_runs(files)
+    assert list(runs) == [10.0, 2.5]
+    assert [one.look for one in runs[2.5]] == [RUNS[kind] for kind in (NOMINAL, CORRECTED, POINTWISE)]
+    assert [one.felt["coupling"].tolist() for one in runs[2.5]] == [[0.0] * 20, [3.0] * 20, [2.0] * 20]
+    assert runs[10.0][1].board_deg == 10.0
+    assert runs[10.0][1].cost is None
+    write_executions(files.data / "feedback.rrd", runs)
+
+
+def test_refined_runs_are_found_where_the_stages_wrote_them(files):
+    write_runs(files, "unrolls", "", names=("01",), hand_deg=0.0)
+    rolls = {NOMINAL: -9.0, BEFORE: -4.0, AFTER: -1.0}
+    for model, roll in rolls.items():
+        for setting in ("5", "10") if model != AFTER else ("10",):  # at 5 degrees not all were executed
+            write_runs(files, f"refined/{model}", setting, tool_on_board_deg=roll)
+    write_traces(files, "refined", rolls, (5.0, 10.0))
+
+    runs = read_refined_runs(files)
+    assert list(runs) == [10.0]
+    assert [one.look for one in runs[10.0]] == [RUNS[kind] for kind in rolls]
+    for one, roll in zip(runs[10.0], rolls.values(), strict=True):
+        assert set(one.felt["coupling"]) == {roll}
+        assert one.cost == pytest.approx(np.radians(-roll), abs=1e-6)  # the nominal tool is flat
+    after = runs[10.0][2]
+    nominal = nominal_orientation([board_run(hand_deg=0.0)])
+    assert after.cost == pytest.approx(orientation_cost(after.run, nominal), abs=1e-6)
+    write_refinement(files.data / "refinement.rrd", runs, *rollouts(("turn",)))
+
+
+def test_without_executions_nothing_is_shown(files):
+    assert read_feedback_runs(files) == read_refined_runs(files) == {}

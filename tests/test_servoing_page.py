@@ -1,0 +1,331 @@
+"""The page of the servoing testbed, on a toy finger and tables whose numbers are known."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from committed import committed
+from tactile_toy import toy_dataset
+
+from structlearn.ground.artefacts import read_metrics
+from structlearn.reporting.document import environment, words_in_view
+from structlearn.reporting.publishing import publish_report
+from structlearn.simulation.touch_demonstrator import ToucherParameters
+from structlearn.tactile.electrodes import SKINS
+from structlearn.tactile.geodesics import GeodesicParameters
+from structlearn.tactile.latent_comparison import SPLITS, LatentParameters
+from structlearn.tactile.latent_models import TRAINED_WITH
+from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.testbeds.servoing.files import OtherSkinTables
+from structlearn.testbeds.servoing.names import OURS, TEXT
+from structlearn.testbeds.servoing.page import page, tables
+from structlearn.testbeds.servoing.page.figures import drawings
+from structlearn.testbeds.servoing.page.results import HEADLINES, PUBLISHED, ServoingResults
+from structlearn.testbeds.servoing.protocol.contact_errors import contact_bias
+from structlearn.testbeds.servoing.protocol.model_scores import ModelScores, skin_table
+from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_trials import (
+    MOTIONS,
+    Comparison,
+    ServoTrialParameters,
+    variants,
+)
+
+SKIN = SKINS["biotac"]
+SHIFT_M = 0.001
+WOBBLE = 0.02 * np.array([-1.0, 1.0, -0.5, 0.5])
+"""Relative deviations of the seeds, of mean zero."""
+
+CHOSEN = {
+    "toucher": committed(ToucherParameters, "toucher"),
+    "touch_dataset": committed(TouchDataParameters, "touch_dataset"),
+    "geodesics": committed(GeodesicParameters, "geodesics"),
+    "train_latent": committed(LatentParameters, "train_latent", seeds=4),
+    "servo": committed(ServoTrialParameters, "servo"),
+    "other_skins": committed(OtherSkinsParameters, "other_skins"),
+}
+
+
+def spread(value):
+    return value * (1.0 + WOBBLE)
+
+
+def latent_table(reconstruction=0.05, distances=0.005):
+    rows = [
+        (structure, seed, split, error, 2 * error, near, 0.5 * near)
+        for structure in (True, False)
+        for split in SPLITS
+        for seed, (error, near) in enumerate(
+            zip(spread(reconstruction), spread(distances if structure else 1.0), strict=True)
+        )
+    ]
+    columns = ["structure", "seed", "split", "reconstruction", "worst_electrode", "distances", "pressure"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def forward_table(with_structure=0.2, without=0.1, still=0.6, still_without=0.15, power=1):
+    """NMSE at three steps; with a power of the steps elsewhere."""
+    rows = []
+    kinds = [(kind, way) for kind, ways in TRAINED_WITH.items() for way in ways]
+    for structure, error, nothing in ((True, with_structure, still), (False, without, still_without)):
+        for kind, way, value in [(*pair, error) for pair in kinds] + [("unchanged", "none", nothing)]:
+            rows += [
+                (structure, seed, kind, way, steps, found * (steps / 3) ** power)
+                for steps in (1, 2, 3)
+                for seed, found in enumerate(spread(value))
+            ]
+    return pd.DataFrame(rows, columns=["structure", "seed", "forward", "trained_with", "steps", "nmse"])
+
+
+def direction_table(best="NJ", without_loss=0.7, forward=0.5):
+    rows = [
+        (structure, seed, inverse, way, comparison, part, factor * share * found)
+        for structure in (True, False)
+        for inverse in ("LL", "NG", "NJ")
+        for way, value in ((inverse, 0.1 if inverse == best else 0.3), ("none", without_loss))
+        for comparison, factor in (("forward", forward), ("encoder", 1.0), ("agreement", 0.2))
+        for part, share in (("translation", 1.5), ("rotation", 0.5))
+        for seed, found in enumerate(spread(value))
+    ]
+    columns = ["structure", "seed", "inverse", "trained_with", "comparison", "part", "distance"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def curve_table():
+    """Map distances fall below the published bound with the second point, reconstruction with the first."""
+    quantities = {"reconstruction": (0.2, 0.1, 0.05), "distances": (0.03, 0.01, 0.005)}
+    quantities["pressure"] = (0.1, 0.1, 0.1)
+    quantities |= {
+        f"forward {kind}-{way}": (0.4, 0.3, 0.2) for kind, ways in TRAINED_WITH.items() for way in ways
+    }
+    quantities |= {f"direction {one}-{one}": (0.5, 0.3, 0.1) for one in ("LL", "NG", "NJ")}
+    rows = [
+        (True, seed, name, found, step)
+        for name, values in quantities.items()
+        for step, value in zip((100, 200, 300), values, strict=True)
+        for seed, found in enumerate(spread(value))
+    ]
+    return pd.DataFrame(rows, columns=["structure", "seed", "quantity", "value", "step"])
+
+
+def comparison(reached=None, lifted=0):
+    """Trials of two seeds with six targets each; per controller a number of them is reached.
+
+    Args:
+        reached: by controller, even; others reach none.
+        lifted: trials of each controller in which the finger comes off.
+    """
+    trials, progress, paths = [], [], []
+    for variant in variants(CHOSEN["servo"].horizon):
+        keys = vars(variant)
+        hits = (reached or {}).get(variant, 0)
+        for number in range(12):
+            success = number % 6 < hits // 2
+            row = keys | {"seed": number // 6, "trial": number % 6, "motion": MOTIONS[number % 3]}
+            for name, along in (("start", -0.01), ("target", -0.004)):
+                place = SKIN.surface(along, 0.001 * number)
+                row |= dict(zip((f"{name}_x_m", f"{name}_y_m", f"{name}_z_m"), place, strict=True))
+            row |= {"position_error_mm": 0.5 if success else 2.5, "pressure_error": 0.05, "success": success}
+            row |= {"reach_s": 2.0 if success else np.nan, "path_mm": 6.6, "geodesic_mm": 6.0}
+            trials.append(row | {"lifted": number < lifted, "off_skin": False})
+        for time in (1.0, 2.0):
+            near = {"median_mm": 2.0 / time, "upper_mm": 3.0 / time, "within": hits / 12}
+            progress.append(keys | {"time_s": time} | near)
+        if variant in (TEXT, OURS):
+            for time in range(6):
+                place = dict(zip(("x_m", "y_m", "z_m"), SKIN.surface(-0.01 + 0.001 * time, 0.0), strict=True))
+                paths.append(keys | {"seed": 0, "trial": 0, "time_s": time} | place | {"load_n": 1.0})
+    return Comparison(*(pd.DataFrame(rows) for rows in (trials, progress, paths)))
+
+
+def skin_tables(text=0, ours=10):
+    """Of two skins; so many of twelve targets are reached by the text's controller and ours."""
+    parts = []
+    for name in ("sphere", "flat_pad"):
+        found = {
+            "latent": latent_table(),
+            "directions": direction_table(),
+            "trials": comparison({TEXT: text, OURS: ours}).trials,
+        }
+        parts.append({key: table.assign(skin=name) for key, table in found.items()})
+    return OtherSkinTables(
+        **{key: pd.concat([part[key] for part in parts], ignore_index=True) for key in parts[0]}
+    )
+
+
+@pytest.fixture(scope="module")
+def results():
+    rng = np.random.default_rng(0)
+    dataset = toy_dataset()
+    along, across = rng.uniform(-0.012, -0.004, len(dataset)), rng.uniform(-0.006, 0.006, len(dataset))
+    dataset = replace(dataset, contact_point=SKIN.surface(along, across), motion=dataset.contact % 2)
+    truth = pd.DataFrame({"trial": [f"t_{number}" for number in dataset.trial], "time_s": dataset.time})
+    truth[["x_m", "y_m", "z_m"]] = SKIN.surface(along - SHIFT_M, across)
+    mirrored = 1e2 * np.stack([across, along], axis=1) + 0.3
+    latent_map = pd.DataFrame({"x": mirrored[:, 0], "y": mirrored[:, 1], "z": dataset.pressure})
+    latent_map["electrode"] = dataset.signals.argmin(axis=1) + 1
+    models = ModelScores(latent_table(), forward_table(), direction_table(), curve_table(), latent_map)
+    reached = {OURS: 12, replace(OURS, structure=False): 6, replace(OURS, inverse="LL"): 12}
+    return ServoingResults(dataset, truth, models, comparison(reached), skin_tables(), CHOSEN)
+
+
+@pytest.fixture(scope="module")
+def recorded(results):
+    """Demonstrations that were not simulated: neither true contacts nor closed loops are known."""
+    return replace(results, truth=results.truth.iloc[:0], comparison=None)
+
+
+def with_models(results, **changes):
+    return replace(results, models=replace(results.models, **changes))
+
+
+def with_loops(results, reached, lifted=0):
+    return replace(results, comparison=comparison(reached, lifted))
+
+
+def verdicts(results):
+    judged = page.document(results, {}).judged
+    return {one.claim.evidence: one.verdict for one in judged}
+
+
+def published(results, folder):
+    shown, metrics = tables.tables(results), results.metrics()
+    drawn = drawings(results, np.zeros((10, 10, 3), np.uint8))
+    headlines = [name for name in HEADLINES if name in metrics]
+    publish_report(folder, {"index": page.document(results, shown)}, drawn, shown, metrics, headlines)
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_page_is_short_and_the_same_every_time(results, tmp_path):
+    first = published(results, tmp_path / "first")
+    assert first == published(results, tmp_path / "second")
+    html = first["index.html"].decode()
+    assert words_in_view(html) <= 1500
+    assert "nan" not in html.lower().split()
+    assert max(map(len, first.values())) < 1_000_000
+
+
+def test_page_without_any_success_can_be_drawn(results, tmp_path):
+    published(with_loops(results, {}), tmp_path)
+
+
+def test_of_recorded_demonstrations_neither_true_contacts_nor_closed_loops_are_shown(recorded, tmp_path):
+    files = published(recorded, tmp_path)
+    assert not [name for name in files if "loop_" in name or "scene" in name or "contact" in name]
+    assert verdicts(recorded)["able"] == verdicts(recorded)["stays"] == "not tested"
+    values = read_metrics(tmp_path / "metrics.json") | read_metrics(tmp_path / "details.json")
+    assert values["simulated"] is False
+    assert not [name for name in values if name.startswith(("servo_", "contact_point"))]
+
+
+def test_bounds_of_claims_are_those_that_are_published(results):
+    bounds = {one.claim.evidence: one.claim.bound for one in page.document(results, {}).judged}
+    assert bounds["reconstruction"] == PUBLISHED["reconstruction_nmse"]
+    assert bounds["distances"] == PUBLISHED["distances_nmse"]
+
+
+def test_card_names_metrics(results):
+    card = yaml.safe_load(Path(page.__file__).with_name("card.yaml").read_text())
+    facts = results.metrics()
+    made = [environment(page.PACKAGE).from_string(number["here"]).render(facts) for number in card["numbers"]]
+    assert made[1].split() == ["0", "%", "|", "100", "%", "of", "12"]
+
+
+def test_claims_on_predictions_can_say_yes_and_no(results):
+    yes = verdicts(results)
+    decided = ("reconstruction", "distances_aimed", "grows", "nj_predicts", "loss_directs", "easier")
+    assert {yes[name] for name in decided} == {yes["distances"]} == {"yes"}
+    assert yes["structure_predicts"] == "no"
+    assert yes["structure_predicts_relative"] == "yes"
+    assert yes["loss_predicts"] == "no"
+    table = latent_table(0.2, 0.015)
+    one = table.index[table["split"] == "validation"][2]
+    table.loc[one, "reconstruction"] = 0.26  # one seed of one split
+    no = verdicts(
+        with_models(
+            results,
+            latent=table,
+            forward=forward_table(0.1, 0.2, power=-1),
+            directions=direction_table(best="LL", without_loss=0.05, forward=1.5),
+        )
+    )
+    assert (no["distances"], no["structure_predicts"]) == ("yes", "yes")
+    assert {no[name] for name in decided} == {"no"}
+    raised = forward_table()
+    raised.loc[(raised["trained_with"] != "none") & raised["structure"], "nmse"] *= 1.5
+    assert verdicts(with_models(results, forward=raised))["loss_predicts"] == "yes"
+    undecided = verdicts(with_models(results, forward=forward_table(0.1, 0.1 + 1e-4, power=0)))
+    assert undecided["grows"] == "no"
+
+
+def test_claims_on_closed_loops_can_say_yes_and_no(results):
+    found = verdicts(results)
+    assert found["able"] == found["aimed"] == found["geometry"] == "no"  # the text's controller reaches none
+    assert found["loss_needed"] == "yes"  # without the loss it reaches none either
+    assert found["aimed_resting"] == "undecided"  # twelve of twelve are too few to say 95 %
+    assert found["stays"] == found["geometry_resting"] == "yes"
+    assert found["structure_serves_resting"] == "no"  # NG gains nothing
+    everything = {one: 12 for one in variants(3) if one.structure and one.with_loss}
+    better = verdicts(with_loops(results, everything, lifted=1))
+    assert better["able"] == better["structure_serves"] == better["structure_serves_resting"] == "yes"
+    assert better["loss_serves"] == "yes"
+    assert better["stays"] == better["nj_serves"] == better["horizon"] == "no"
+    other = {replace(OURS, inverse=name, horizon=3): 12 for name in ("LL", "NJ")} | {OURS: 6}
+    other |= {replace(OURS, with_loss=False): 12, replace(TEXT, with_loss=False): 12}
+    others = verdicts(replace(with_loops(results, other), skin_tables=skin_tables(text=12, ours=2)))
+    assert others["horizon"] == others["nj_serves"] == others["geometry"] == "yes"
+    assert others["geometry_resting"] == others["aimed_resting"] == "no"
+    assert others["loss_needed"] == others["loss_needed_resting"] == "no"
+
+
+def test_contact_errors_are_distances_between_estimate_and_truth(results):
+    shuffled = results.truth.sort_values("time_s", kind="stable")  # trials keep their order of appearance
+    errors = replace(results, truth=shuffled).contact_errors
+    np.testing.assert_allclose(errors["error_mm"], 1e3 * SHIFT_M, rtol=1e-4)
+    np.testing.assert_allclose(errors["along_mm"], 1e3 * SHIFT_M, rtol=1e-4)
+    np.testing.assert_allclose(errors["across_mm"], 0.0, atol=1e-4)
+    squares = contact_bias(errors)  # all of the error is the same everywhere
+    assert squares["squared_mm2"].sum() == pytest.approx(len(errors), rel=1e-3)
+    assert squares["samples"].sum() == len(errors)
+
+
+def test_map_is_laid_onto_the_skin(results):
+    np.testing.assert_allclose(results.map_on_skin, results.places, atol=1e-3)
+
+
+def test_tables_are_means_over_seeds(results):
+    latent = results.models.latent_table().set_index(["space", "split"])
+    assert latent.loc[("structure", "test"), "reconstruction"] == pytest.approx(0.05)
+    assert latent.loc[("structure", "test"), "distances_worst"] == pytest.approx(0.005 * 1.02)
+    forward = results.models.forward_table().set_index(["model", "space", "steps"])
+    assert forward.loc[("NL with NJ's loss", "structure", 3), "nmse"] == pytest.approx(0.2)
+    assert forward.loc[("NL", "no structure", 3), "relative"] == pytest.approx(0.1 / 0.15)
+    directions = results.models.direction_table().set_index(["inverse", "loss", "space"])
+    assert directions.loc[("NJ", True, "structure"), "encoder"] == pytest.approx(0.1)
+    assert directions.loc[("NJ", True, "structure"), "encoder_linear"] == pytest.approx(0.15)
+    skins = skin_table(results.skin_tables.latent, results.skin_tables.directions).set_index("skin")
+    assert skins.loc["sphere", "NJ_linear"] == pytest.approx(0.15)
+    chains = tables.test_chains(results)
+    assert chains["chains"].tolist() == [0, 3 * (400 - 3 * 31)]  # of 30 contacts, those with 7 as last digit
+
+
+def test_steps_until_a_bound_holds(results):
+    assert results.models.steps_until("reconstruction", 0.25) == 100
+    assert results.models.steps_until("distances", 0.02) == 200
+    assert results.models.steps_until("distances", 0.001) is None
+
+
+def test_controllers_are_counted_with_their_intervals(results):
+    ours = results.trials.table().set_index(list(vars(OURS))).loc[tuple(vars(OURS).values())]
+    assert ours["rate"] == ours["rate_mixed"] == 1.0
+    assert ours["low"] == pytest.approx(0.7575, abs=1e-4)  # Wilson for 12 of 12: 1 / (1 + 1.96^2 / 12)
+    assert ours["path_ratio"] == pytest.approx(1.1)
+    assert ours["reach_s"] == 2.0
+    values = results.metrics()
+    assert values["servo_success_rate_nostruct"] == 0.5
+    assert values["servo_success_rate_published"] == values["servo_contacts_lost"] == 0
+    assert values["cosine_distance_nj"] == pytest.approx(0.1)
+    assert values["forward_nmse_chain3_nostruct"] == pytest.approx(0.1)

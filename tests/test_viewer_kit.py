@@ -1,0 +1,146 @@
+import numpy as np
+import pytest
+import rerun as rr
+from committed import committed
+from rerun.error_utils import strict_mode
+from viewer_files import DT, ONLY_POSITION, PRIMITIVES, contents, demonstration, values, view_names
+
+from structlearn.palette import BLUE, ORANGE, SKY
+from structlearn.primitives import sequence
+from structlearn.primitives.fitting import FitParameters, learn_primitive
+from structlearn.primitives.trajectory import differentiated, differentiated_orientation
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import cut
+from structlearn.viewer.diagram import Diagram, rounded_range, tick_step
+from structlearn.viewer.electrode_colours import RESTING, deviation_colours
+from structlearn.viewer.learned_primitives import write_primitives
+from structlearn.viewer.notes import legend, origin_sentence, send_notes
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
+from structlearn.viewer.rrd import recording, send_primitive_lane, time_column
+
+THINNED = 2  # samples of 200 Hz per row in a recording
+
+
+def learned(demonstrations):
+    """One primitive from whole demonstrations, and its unrolled path."""
+    segments = [
+        (
+            differentiated(one.position, DT, 5.0),
+            None if one.orientation is None else differentiated_orientation(one.orientation, DT, 5.0),
+        )
+        for one in demonstrations
+    ]
+    primitives = [learn_primitive("whole", segments, committed(FitParameters, "fit_primitives"))]
+    return primitives, sequence.sequence_table(sequence.unroll(primitives, DT), ["whole"])
+
+
+def test_demonstrations_show_every_signal_on_one_time_line(tmp_path):
+    path = tmp_path / "all.rrd"
+    demonstrations = [demonstration("1"), demonstration("two words/2", delay=0.1)]
+    segmentation = cut(demonstrations, committed(SegmentParameters, "segment", primitives=PRIMITIVES))
+    write_demonstrations(path, demonstrations, segmentation, "Test")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"time"}  # no wall clock
+    samples = len(demonstrations[0].time) // THINNED
+    for kind in ("hands", "moved", "turned", "force", "torque", "tactile\\ 1", "tactile\\ 2"):
+        assert rows[f"/{kind}/1"] == samples, kind
+    assert rows["/position/z/1"] == samples + 5  # and the colours of rest, three primitives, rest
+    assert rows["/cuts/z/1"] == rows["/primitive/1"] == 4
+    assert {"/paths/1", "/paths/two\\ words\\/2"} <= entities
+    assert "Test (simulated)" in view_names(path)
+
+
+def test_demonstrations_without_orientation_wrench_and_tactile(tmp_path):
+    path = tmp_path / "positions.rrd"
+    write_demonstrations(path, [demonstration("1", **ONLY_POSITION), demonstration("2", **ONLY_POSITION)])
+    rows, entities, _ = contents(path)
+    assert rows["/hands/1"] == 350
+    assert not any(path.startswith(("/turned", "/force", "/tactile", "/primitive")) for path in entities)
+    assert "Demonstrations" in view_names(path)  # recorded: nothing is added to the title
+
+
+def test_mixed_origins_and_signals_are_told_apart(tmp_path):
+    path = tmp_path / "mixed.rrd"
+    odd = demonstration("odd", **{**ONLY_POSITION, "tactile": np.zeros((700, 5))})
+    write_demonstrations(path, [demonstration("1"), odd], None, "Mixed")
+    rows, entities, _ = contents(path)
+    assert rows["/tactile/odd"] == 350  # no multiple of a finger's electrodes: one plot
+    assert "/turned/odd" not in entities
+    assert {"Mixed (1 of 2 simulated)", "1 (simulated)", "odd"} <= set(view_names(path))
+
+
+@pytest.mark.parametrize("turn", [None, 0.5, 7.0])  # no orientation, quaternion and twist-swing primitive
+def test_primitives_run_on_time_and_phase(tmp_path, turn):
+    signals = ONLY_POSITION if turn is None else {"angle": turn}
+    demonstrations = [demonstration("1", **signals), demonstration("2", delay=0.1, **signals)]
+    primitives, table = learned(demonstrations)
+    path = tmp_path / "primitives.rrd"
+    write_primitives(path, demonstrations, primitives, {"nominal": table, "other": table}, "Primitives")
+    rows, entities, timelines = contents(path)
+    assert timelines == {"time", "phase"}
+    samples = rows["/hands/nominal"]
+    assert samples == len(table) // THINNED + 1  # with the last one
+    for entity in ("phase/nominal/p", "phase/other/u", "speed/nominal", "acceleration/other"):
+        assert rows[f"/{entity}"] == samples, entity
+    assert rows["/forcing/position"] == samples
+    assert ("/forcing/orientation" in entities) == (turn is not None)
+    assert {"/demonstrations/1", "/frames/whole", "/goals/whole", "/switches/nominal"} <= entities
+
+
+def test_errors_of_rerun_raise_and_strictness_ends_with_the_recording(tmp_path):
+    before = strict_mode()
+    with (
+        pytest.raises(ValueError, match="expected sequence"),
+        recording(tmp_path / "broken.rrd", "Broken") as stream,
+    ):
+        stream.log("points", rr.Points3D([[0.0, 0.0, 0.0]], colors="no colour"))
+    assert strict_mode() == before
+
+
+def test_notes_and_lanes(tmp_path):
+    path = tmp_path / "lane.rrd"
+    with recording(path, "Lane") as stream:
+        send_notes(stream, legend({"the one": SKY}))
+        send_primitive_lane(stream, "lane", [time_column(np.arange(3.0))], ["down", "turn", ""])
+        stream.send_blueprint(rr.blueprint.Blueprint(rr.blueprint.TextDocumentView()))
+    assert contents(path)[0] == {"/lane": 3}
+    assert values(path, "/lane", "StateConfiguration:values") == [["down", "turn"]]
+    shown = [f"#{colour >> 8:06x}" for colour in values(path, "/lane", "StateConfiguration:colors")[0]]
+    assert shown == [BLUE, ORANGE]  # of primitives in their order
+    assert values(path, "/notes", "TextDocument:text") == [["- light blue: the one"]]
+
+
+def test_what_a_panel_says_of_the_origin():
+    simulated, recorded = demonstration("1"), demonstration("2", provenance={})
+    sentences = [origin_sentence(runs) for runs in ([simulated], [recorded], [simulated, recorded])]
+    assert "simulated" in sentences[0]
+    assert "simulated" not in sentences[1]
+    assert sentences[2].startswith("1 of 2 ")
+
+
+def test_colours_of_deviations():
+    colours = deviation_colours(np.array([-50.0, -20.0, 0.0, 20.0, 500.0]), 20.0)
+    names = [f"#{colour >> 8:06x}" for colour in colours.tolist()]
+    assert names == [SKY, SKY, RESTING, ORANGE, ORANGE]
+    assert (colours & 0xFF == 0xFF).all()
+
+
+def test_a_diagram_turns_values_into_places_from_its_upper_left_corner():
+    diagram = Diagram((1.0, 3.0), (-10.0, 10.0), width=20.0, height=5.0)
+    assert diagram.points(np.array([1.0, 2.0, 3.0]), np.array([10.0, 0.0, -10.0])).tolist() == [
+        [0.0, 0.0],
+        [10.0, 2.5],
+        [20.0, 5.0],
+    ]
+
+
+@pytest.mark.parametrize(("low", "high", "step"), [(0.0, 6.0, 1.0), (0.0, 7.0, 2.0), (-20.0, 5.0, 5.0)])
+def test_ticks_are_1_2_or_5_times_a_power_of_ten(low, high, step):
+    assert tick_step(low, high) == pytest.approx(step)
+    assert tick_step(low / 1000, high / 1000) == pytest.approx(step / 1000)
+
+
+def test_ranges_hold_all_values_and_end_at_ticks():
+    assert rounded_range(np.array([-97.0, 171.0])) == pytest.approx((-100.0, 200.0))
+    assert rounded_range(np.array([3.0, 4.1]), least=0.0) == pytest.approx((0.0, 5.0))
+    assert rounded_range(np.zeros(3)) == (0.0, 1.0)
