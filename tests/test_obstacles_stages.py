@@ -48,17 +48,11 @@ def run_stages(root: Path, folder: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def written(root, tmp_path_factory):
     folder = tmp_path_factory.mktemp("obstacles")
-    return folder / "first", run_stages(root, folder / "first"), run_stages(root, folder / "second")
-
-
-def test_the_same_parameters_give_the_same_bytes(written):
-    _, first, second = written
-    assert first.keys() == second.keys()
-    assert [name for name in first if first[name] != second[name]] == []
+    return folder / "first", run_stages(root, folder / "first")
 
 
 def test_every_scenario_is_recorded_and_learned_from(written):
-    folder, files, _ = written
+    folder, files = written
     places = scenarios(committed(SceneParameters, "obstacle_scene", **SMALL["obstacle_scene"]))
     recorded = [name for name in files if name.endswith(".mcap")]
     assert len(recorded) == 3 + 3 * len(places)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from committed import committed, committed_finger
 from rerun.chunk import RrdReader
-from test_viewer import contents, view_names
+from viewer_files import contents, view_names
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError

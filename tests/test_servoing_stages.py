@@ -1,7 +1,6 @@
 """The stages of the servoing testbed as scripts, on a small world."""
 
 import json
-import re
 import runpy
 import shutil
 from dataclasses import fields
@@ -56,17 +55,11 @@ def run_stages(root: Path, folder: Path, parameters: dict, stages=STAGES) -> dic
 def written(root, tmp_path_factory):
     folder = tmp_path_factory.mktemp("servoing")
     first = run_stages(root, folder / "first", SMALL)
-    return folder / "first", first, run_stages(root, folder / "second", SMALL)
-
-
-def test_the_same_parameters_give_the_same_bytes(written):
-    _, first, second = written
-    assert first.keys() == second.keys()
-    assert [name for name in first if first[name] != second[name]] == []
+    return folder / "first", first
 
 
 def test_what_is_recorded_becomes_samples_with_distances(written):
-    folder, files, _ = written
+    folder, files = written
     assert len([name for name in files if name.endswith(".mcap")]) == 6
     dataset = read_dataset(folder / "data/servoing/touch.safetensors")
     assert dataset.contact.max() + 1 == 3 * 2 + 3 * 4
@@ -133,20 +126,6 @@ def test_own_recordings_go_the_same_way(root, written, tmp_path):
     html = (reports / "servoing/index.html").read_text()
     assert "servo.rrd" not in html
     assert 'class="badge"' not in html  # only the other skins are simulated, and say so
-
-
-def test_the_report_shows_what_the_stages_wrote(root, written, tmp_path):
-    shutil.copytree(written[0], tmp_path / "world")
-    run_stages(root, tmp_path / "world", SMALL, ("view", "report"))
-    reports = tmp_path / "world/reports"
-    assert (reports / "recordings/servoing/servo.rrd").exists()
-    html = (reports / "servoing/index.html").read_text()
-    for link in re.findall(r'(?:src|href)="([^"#]+)"', html):
-        assert link == "../index.html" or (reports / "servoing" / link).exists(), link
-    trials = read_table(tmp_path / "world/data/servoing/other_skins/trials.parquet")
-    rate = trials.query("form == 'resting' and inverse == 'NJ'")["success"].mean()
-    values = json.loads((reports / "servoing/metrics.json").read_text())
-    assert values["servo_success_rate_flat_pad"] == pytest.approx(rate)
 
 
 def test_a_missing_topic_is_named(root, written, tmp_path):

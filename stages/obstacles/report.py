@@ -4,8 +4,8 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files
-from structlearn.testbeds.obstacles.page.page import HEADLINES, document, read_published
 from structlearn.testbeds.obstacles.page.figures import figures
+from structlearn.testbeds.obstacles.page.page import HEADLINES, document, read_published
 from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters

@@ -37,7 +37,7 @@ def level_name(level: float) -> str:
 def rounded(value: float, number_format: str) -> str:
     """With a true minus sign, and none before a zero."""
     text = f"{value:{number_format}}"
-    return text.lstrip("-") if float(text) == 0.0 else text.replace("-", "\N{MINUS SIGN}")
+    return text.lstrip("-") if float(text.rstrip("%")) == 0.0 else text.replace("-", "\N{MINUS SIGN}")
 
 
 def with_interval(mean: float, half_width: float, number_format: str = ".1f") -> str:

@@ -55,10 +55,12 @@ def dynamics_page(
 def publish_dynamics(
     results: DynamicsResults, still: np.ndarray, parameters: Mapping[str, Parameters], folder: str | Path
 ) -> None:
-    """Publish the page with its figures, tables and metrics; for the arguments see `dynamics_page`.
+    """Publish the page with its figures, tables and metrics.
 
     Args:
+        results: what to show.
         still: (H, W, 3) bytes, of the arm.
+        parameters: by their key in `params.yaml`.
         folder: of the report.
     """
     shown, numbers = tables(results), metrics(results)
