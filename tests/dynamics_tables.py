@@ -1,6 +1,7 @@
 """Made-up results of the dynamics stages, as their tables are."""
 
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,6 @@ from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
-from structlearn.testbeds.recorded.protocol import panda_identification as recorded
 
 SEEDS, JOINTS = 3, 7
 
@@ -58,38 +58,30 @@ def trainings():
 def training_tables():
     errors, outcomes = [], []
     names = ["data", "model", "friction", "loss", "optimiser"]
-    for *key, reached, error in trainings():
-        for seed in range(SEEDS):
-            last = 15 if np.isnan(reached) else int(reached)
-            keys = dict(zip(names, key, strict=True)) | {"seed": seed}
-            final = error * (1.0 + 0.1 * seed)
-            outcome = {"epochs": reached, "epochs_but_last": 1.0, "nmse_mean": final, "nmse_max": 2.0 * final}
-            outcomes.append(keys | outcome)
-            for epoch in range(last + 1):
-                value = final if epoch == last else 100.0
-                errors += [
-                    keys | {"epoch": epoch, "joint": joint, "nmse": value} for joint in range(1, JOINTS + 1)
-                ]
+    for (*key, reached, error), seed in product(trainings(), range(SEEDS)):
+        last = 15 if np.isnan(reached) else int(reached)
+        keys = dict(zip(names, key, strict=True)) | {"seed": seed}
+        final = error * (1.0 + 0.1 * seed)
+        outcome = {"epochs": reached, "epochs_but_last": 1.0, "nmse_mean": final, "nmse_max": 2.0 * final}
+        outcomes.append(keys | outcome)
+        for epoch, joint in product(range(last + 1), range(1, JOINTS + 1)):
+            nmse = final if epoch == last else 100.0
+            errors.append(keys | {"epoch": epoch, "joint": joint, "nmse": nmse})
     return pd.DataFrame(errors), pd.DataFrame(outcomes)
 
 
 def body_tables():
     links, base = [], []
-    for model in STRUCTURES:
-        for seed in range(SEEDS):
-            possible = model in ("tri", "cov")
-            for number, name in enumerate(iiwa().tree.names):
-                row = {"model": model, "loss": "raw", "seed": seed, "link": name}
-                row |= {"mass_kg": 1.5 * (number + 1.0), "true_mass_kg": number + 1.0}
-                row |= {f"{prefix}centre_{axis}_m": 0.1 for prefix in ("", "true_") for axis in "xyz"}
-                row |= {
-                    f"{prefix}moment_{place}_kg_m2": 0.01 for prefix in ("", "true_") for place in (1, 2, 3)
-                }
-                row |= {"positive_mass": True, "positive_definite": model != "nostr", "triangle": possible}
-                links.append(row)
-            for name, truth in (("hx[a]", 0.001), ("Izz[a]", 0.02), ("m[b]", 2.0)):
-                row = {"model": model, "loss": "raw", "seed": seed, "parameter": name}
-                base.append(row | {"truth": truth, "value": 1.01 * truth})
+    centres = {f"{prefix}centre_{axis}_m": 0.1 for prefix in ("", "true_") for axis in "xyz"}
+    moments = {f"{prefix}moment_{place}_kg_m2": 0.01 for prefix in ("", "true_") for place in "123"}
+    for model, seed in product(STRUCTURES, range(SEEDS)):
+        keys = {"model": model, "loss": "raw", "seed": seed}
+        kept = {"positive_definite": model != "nostr", "triangle": model in ("tri", "cov")}
+        for number, name in enumerate(iiwa().tree.names):
+            masses = {"mass_kg": 1.5 * (number + 1.0), "true_mass_kg": number + 1.0, "positive_mass": True}
+            links.append(keys | {"link": name} | masses | centres | moments | kept)
+        for name, truth in (("hx[a]", 0.001), ("Izz[a]", 0.02), ("m[b]", 2.0)):
+            base.append(keys | {"parameter": name, "truth": truth, "value": 1.01 * truth})
     return pd.DataFrame(links), pd.DataFrame(base)
 
 
@@ -105,12 +97,11 @@ def tracking_tables():
             stopped = "speed limit" if (robot, model) == (ROBOT, "delan") else ""
             score = VELOCITY.get(model, 0.01)
             end = 10 if stopped else len(time)
-            for seed in range(SEEDS):
-                for task in ("sine", "reach"):
-                    numbers = {"position_nmse": 0.005, "velocity_nmse": score * (1.0 + 0.1 * seed)}
-                    key = {"robot": robot, "model": model, "seed": seed, "task": task}
-                    halted = {"stopped": stopped if task == "reach" else "", "duration_s": time[end - 1]}
-                    scores.append(key | numbers | halted)
+            for seed, task in product(range(SEEDS), ("sine", "reach")):
+                numbers = {"position_nmse": 0.005, "velocity_nmse": score * (1.0 + 0.1 * seed)}
+                key = {"robot": robot, "model": model, "seed": seed, "task": task}
+                halted = {"stopped": stopped if task == "reach" else "", "duration_s": time[end - 1]}
+                scores.append(key | numbers | halted)
             path = pd.DataFrame({"robot": robot, "model": model, "task": "reach", "time_s": time[:end]})
             for name in iiwa().tree.names:
                 path[name] = 0.2 * time[:end]
@@ -123,15 +114,10 @@ def tracking_tables():
 
 def online_table():
     """The strict structures learn ten times as fast as all others."""
-    rows = [
-        (model, loss, seed, batch, joint, (100.0 if model in ("spd", "tri", "cov") else 1000.0) * 0.8**batch)
-        for model in KINDS
-        for loss in LOSSES
-        for seed in range(SEEDS)
-        for batch in range(12)
-        for joint in range(1, JOINTS + 1)
-    ]
-    return pd.DataFrame(rows, columns=["model", "loss", "seed", "batch", "joint", "nmse"])
+    start = dict.fromkeys(KINDS, 1000.0) | dict.fromkeys(("spd", "tri", "cov"), 100.0)
+    keys = product(KINDS, LOSSES, range(SEEDS), range(12), range(1, JOINTS + 1))
+    table = pd.DataFrame(keys, columns=["model", "loss", "seed", "batch", "joint"])
+    return table.assign(nmse=table["model"].map(start) * 0.8 ** table["batch"])
 
 
 def payload_table(settled_after=3.0):
@@ -144,21 +130,17 @@ def payload_table(settled_after=3.0):
 
 
 def known_table():
-    rows = [
-        (model, joint, error)
-        for model, error in ((GROUND_TRUTH, 0.003), (DEFAULT, 0.3))
-        for joint in range(1, JOINTS + 1)
-    ]
+    rows = product(((GROUND_TRUTH, 0.003), (DEFAULT, 0.3)), range(1, JOINTS + 1))
+    rows = [(model, joint, error) for (model, error), joint in rows]
     return pd.DataFrame(rows, columns=["model", "joint", "nmse"])
 
 
 def friction_rows():
     rows = []
     for model, terms in (("cov", ("viscous",)), (f"cov{COULOMB}", ("viscous", "coulomb"))):
-        for seed in range(SEEDS):
-            for joint in range(1, JOINTS + 1):
-                factor = 4.0 if model == "cov" else 1.1
-                rows += [(model, seed, joint, term, factor * 0.5, 0.5) for term in terms]
+        value = 2.0 if model == "cov" else 0.55
+        keys = product([model], range(SEEDS), range(1, JOINTS + 1), terms)
+        rows += [(*key, value, 0.5) for key in keys]
     return pd.DataFrame(rows, columns=["model", "seed", "joint", "term", "value", "truth"])
 
 
@@ -195,51 +177,3 @@ def dynamics_results() -> DynamicsResults:
         tracking=committed(TrackingParameters, "track", seeds=SEEDS),
         carried=committed(PayloadParameters, "record_motion.payload"),
     )
-
-
-def recorded_results(consistent=1.2, coulomb=0.01):
-    """Errors on a recorded arm: of bodies that can exist `consistent` times those of least squares."""
-    factors = {recorded.LEAST_SQUARES: 1.0, "nostr": 1.0, "symm": 1.0} | dict.fromkeys(
-        ("spd", "tri", "cov"), consistent
-    )
-    frictions = {"viscous": 0.05, "coulomb": coulomb, "offset": 0.8 * coulomb}
-    models = [("urdf", "none", 4.0), ("mlp", "none", 0.1), ("mlp_scaled", "none", 0.07)]
-    models += [("delan", "viscous", 30.0), ("delan", "coulomb", 30.0)]
-    models += [
-        (model, friction, factor * error)
-        for friction, error in frictions.items()
-        for model, factor in factors.items()
-    ]
-    joints = np.arange(1, JOINTS + 1)
-    errors = [
-        {"model": model, "friction": friction, "seed": 0, "part": part, "joint": joint, "nmse": share * error}
-        for model, friction, error in models
-        for part, share in (("train", 0.5), ("test", 1.0))
-        for joint in joints
-    ]
-    time = np.arange(0.0, 4.0, 0.1)
-    traces = pd.DataFrame({"time_s": np.tile(time, JOINTS), "joint": np.repeat(joints, len(time))})
-    for model, friction, error in models:
-        name = model if friction == "none" else f"{model}_{friction}"
-        traces[name] = np.sin(traces["time_s"]) + error
-    rubbing = [("cov", "coulomb", joint, term, 0.3) for joint in joints for term in ("viscous", "coulomb")]
-    columns = ["model", "friction", "joint", "term", "value"]
-    return recorded.RecordedDynamicsResults(
-        errors=pd.DataFrame(errors),
-        friction=pd.DataFrame(rubbing, columns=columns),
-        links=body_tables()[0].assign(friction="coulomb"),
-        traces=traces.assign(measured=np.sin(traces["time_s"])),
-    )
-
-
-def slide_tables():
-    torques = [
-        (sign, fitted, joint, 5.0, 5.0, left)
-        for sign, left in ((1, 8.0), (-1, 1.2))
-        for fitted in (False, True)
-        for joint in range(1, JOINTS + 1)
-    ]
-    centre = dict.fromkeys(("centre_x_m", "centre_y_m", "centre_z_m"), 0.1)
-    payloads = pd.DataFrame({"sign": [1, -1], "mass_kg": [-11.8, 2.4], **centre})
-    columns = ["sign", "payload", "joint", "measured_n_m", "model_n_m", "left_n_m"]
-    return pd.DataFrame(torques, columns=columns), payloads

@@ -1,12 +1,16 @@
 """Movements with exact derivatives that the tests of the primitives share."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 
 from structlearn.ground import quaternion
 from structlearn.primitives import canonical
+from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
+from structlearn.primitives.twist_swing import fit_twist_swing
 
 quick = settings(max_examples=8, deadline=None, derandomize=True)
 few = settings(quick, max_examples=4)  # for examples that take 50 ms each
@@ -67,6 +71,24 @@ def wobbly_turn(rng, turn, wobble=0.2, duration=1.5, dt=0.005, base=quaternion.I
     forwards, backwards = quaternion.difference(after, here), quaternion.difference(here, before)
     velocity = quaternion.difference(after, before) / (2 * h)
     return OrientationTrajectory(time, here, velocity, (forwards - backwards) / h**2)
+
+
+def random_quaternion_primitive(rng, *batch, bound=30.0):
+    return QuaternionPrimitive(
+        weights=rng.uniform(-bound, bound, size=(*batch, 25, 3)),
+        start=random_orientations(rng),
+        goal=random_orientations(rng),
+        velocity=rng.normal(size=3),
+        acceleration=5 * rng.normal(size=3),
+        duration=float(rng.uniform(0.3, 4.0)),
+    )
+
+
+def random_twist_swing(rng, *batch, turns=1.7, bound=50.0):
+    taught = wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))
+    fitted = fit_twist_swing([taught])
+    weights = fitted.chart.weights + rng.uniform(-bound, bound, size=(*batch, 25, 3)) * [1.0, 0.1, 0.1]
+    return replace(fitted, chart=replace(fitted.chart, weights=weights))
 
 
 def fading_coupling(rng, duration, dt, bound, axes=3):

@@ -1,6 +1,7 @@
 """A small world of feedback results in memory, for the tests of the report."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -55,19 +56,18 @@ def execution(seed: int, setting: float = 0.0, corrected: float = 0.0) -> Demons
     )
 
 
-def dataset(seed: int = 0) -> CouplingDataset:
+def dataset() -> CouplingDataset:
     """Three demonstrations per setting; one channel and the target grow with the setting."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     parts = []
-    for setting in SETTINGS:
-        for number in range(3):
-            time = 0.02 * np.arange(60 + number)
-            p, u = canonical.phase(time, canonical.time_constant(time[-1]))
-            deviation = rng.normal(0.0, 1.0, (len(time), CHANNELS))
-            deviation[:, TELLING] -= 4.0 * setting
-            target = setting * np.sin(np.pi * time / time[-1]) + 0.1 * number
-            parts.append((deviation, p, u, target, np.full(len(time), setting), np.full(len(time), number)))
-            parts[-1] += (time,)
+    for setting, number in product(SETTINGS, range(3)):
+        time = 0.02 * np.arange(60 + number)
+        p, u = canonical.phase(time, canonical.time_constant(time[-1]))
+        deviation = rng.normal(0.0, 1.0, (len(time), CHANNELS))
+        deviation[:, TELLING] -= 4.0 * setting
+        target = setting * np.sin(np.pi * time / time[-1]) + 0.1 * number
+        keys = np.full(len(time), setting), np.full(len(time), number)
+        parts.append((deviation, p, u, target, *keys, time))
     return CouplingDataset(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -93,13 +93,9 @@ def comparison(nmse: dict[str, float] = NMSE, folds: int = 8) -> pd.DataFrame:
     """Errors that spread over the folds by a tenth of the smallest difference between representations."""
     rng = np.random.default_rng(1)
     rows = []
-    for primitive in ADAPTED:
-        for representation in REPRESENTATIONS:
-            for stopping in STOPPINGS:
-                for fold in range(folds):
-                    error = nmse[representation] + 1e-3 * rng.normal()
-                    error -= 0.02 * (stopping == "generalization")
-                    rows.append((representation, fold, stopping, 100, 0.1, 0.11, 0.12, error, 2.0, primitive))
+    for primitive, name, stopping, fold in product(ADAPTED, REPRESENTATIONS, STOPPINGS, range(folds)):
+        error = nmse[name] + 1e-3 * rng.normal() - 0.02 * (stopping == "generalization")
+        rows.append((name, fold, stopping, 100, 0.1, 0.11, 0.12, error, 2.0, primitive))
     columns = ["representation", "fold", "stopping", "step", "train", "validation", "test", "generalization"]
     return pd.DataFrame(rows, columns=[*columns, "dimensions", "primitive"])
 
@@ -113,15 +109,12 @@ def scores(cost_rad: dict[str, float] = COST_RAD, force_n: float = 1.01) -> pd.D
     """Cost in proportion to the setting; a fixed one at 0 degrees, where feedback only costs."""
     rng = np.random.default_rng(2)
     rows = []
-    for model, cost in cost_rad.items():
-        for setting in (0.0, *SETTINGS):
-            for run in range(RUNS):
-                for primitive in ADAPTED:
-                    level = 2.0 if model == "nominal" else 8.0
-                    total = (cost * setting if setting else level) + 0.1 * rng.normal()
-                    roll = -setting if model == "nominal" else 0.1
-                    row = (f"{run:02d}", primitive, total, 0.01 * total, roll, force_n, 0.02, 0.3 * setting)
-                    rows.append((*row, model, setting))
+    for model, setting, run, primitive in product(cost_rad, (0.0, *SETTINGS), range(RUNS), ADAPTED):
+        level = 2.0 if model == "nominal" else 8.0
+        total = (cost_rad[model] * setting if setting else level) + 0.1 * rng.normal()
+        roll = -setting if model == "nominal" else 0.1
+        row = (f"{run:02d}", primitive, total, 0.01 * total, roll, force_n, 0.02, 0.3 * setting)
+        rows.append((*row, model, setting))
     columns = ["run", "primitive", "cost_rad", "mean_deg", "end_roll_deg", "force_n", "force_std_n"]
     return pd.DataFrame(rows, columns=[*columns, "roll_torque_mn_m", "model", "setting_deg"])
 
@@ -130,28 +123,21 @@ def traces(gain: float = 2.0) -> pd.DataFrame:
     """Coupling terms in proportion to the setting."""
     rng = np.random.default_rng(3)
     tables = []
-    for model in COST_RAD:
-        for primitive in ADAPTED:
-            for setting in (0.0, *SETTINGS):
-                for run in range(RUNS):
-                    time = 0.02 * np.arange(50)
-                    coupling = np.zeros(50) if model == "nominal" else gain * setting + 0.1 * rng.normal()
-                    keys = {"model": model, "primitive": primitive, "setting_deg": setting}
-                    keys |= {"run": f"{run:02d}", "time_s": time, "coupling": coupling}
-                    keys |= {f"channel_{index:02d}": rng.normal(size=50) for index in range(CHANNELS)}
-                    tables.append(pd.DataFrame(keys))
+    for model, primitive, setting, run in product(COST_RAD, ADAPTED, (0.0, *SETTINGS), range(RUNS)):
+        coupling = 0.0 if model == "nominal" else gain * setting + 0.1 * rng.normal()
+        keys = {"model": model, "primitive": primitive, "setting_deg": setting, "run": f"{run:02d}"}
+        keys |= {"time_s": 0.02 * np.arange(50), "coupling": coupling}
+        keys |= {f"channel_{index:02d}": rng.normal(size=50) for index in range(CHANNELS)}
+        tables.append(pd.DataFrame(keys))
     return pd.concat(tables, ignore_index=True)
 
 
-def path_errors(better: str = "unrolled") -> pd.DataFrame:
+def path_errors() -> pd.DataFrame:
+    """The model that is trained in the unroll is better."""
     rng = np.random.default_rng(4)
-    rows = []
-    for model in ("pointwise", "unrolled"):
-        for primitive in ADAPTED:
-            for setting in SETTINGS:
-                for number in range(3):
-                    error = (0.2 if model == better else 0.5) + 0.01 * rng.normal()
-                    rows.append((model, primitive, setting, number, error))
+    level = {"pointwise": 0.5, "unrolled": 0.2}
+    keys = product(level, ADAPTED, SETTINGS, range(3))
+    rows = [(*key, level[key[0]] + 0.01 * rng.normal()) for key in keys]
     columns = ["model", "primitive", "setting_deg", "demonstration", "error_deg"]
     return pd.DataFrame(rows, columns=columns)
 
@@ -206,12 +192,6 @@ def without_executions(results: FeedbackResults) -> FeedbackResults:
 
 def without_corrections(results: FeedbackResults) -> FeedbackResults:
     """One's own executions alone."""
-    nothing = pd.DataFrame()
-    return replace(
-        without_executions(results),
-        datasets={},
-        checks={},
-        networks={},
-        comparison=nothing,
-        orderings=nothing,
-    )
+    nothing = {"datasets": {}, "checks": {}, "networks": {}}
+    nothing |= {"comparison": pd.DataFrame(), "orderings": pd.DataFrame()}
+    return replace(without_executions(results), **nothing)

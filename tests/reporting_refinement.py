@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -17,7 +18,6 @@ from structlearn.testbeds.scraping.world.layout import CONTACT_M
 
 REFINED_DEG = 10.0
 LEARNED = (5.0, 7.5)
-UNSEEN = 8.8
 SETTINGS = (0.0, 5.0, 7.5, 8.8, 10.0)
 RUNS = 4
 SAMPLES = 6
@@ -69,51 +69,37 @@ def history(
 
 
 def scores(
-    costs: Mapping[str, Mapping[float, float]] = COSTS,
-    settings: Sequence[float] = SETTINGS,
-    runs: int = RUNS,
-    primitives: Sequence[str] = ADAPTED,
+    costs: Mapping[str, Mapping[float, float]] = COSTS, settings: Sequence[float] = SETTINGS, runs: int = RUNS
 ) -> pd.DataFrame:
     """Executions whose costs differ between runs by more than between models, so that pairs matter."""
     rng = np.random.default_rng(6)
     conditions = {setting: rng.normal(size=runs) for setting in SETTINGS}
-    rows = [
-        {
-            "run": f"{run + 1:02d}",
-            "primitive": primitive,
-            "cost_rad": costs[model][setting] + conditions[setting][run] + 0.05 * rng.normal(),
-            "model": model,
-            "setting_deg": setting,
-        }
-        for model in (NOMINAL, BEFORE, AFTER)
-        for setting in settings
-        for run in range(runs)
-        for primitive in primitives
-    ]
-    return pd.DataFrame(rows)
-
-
-def search(ends: Mapping[str, float], seeds: int = 3, spread: float = 1.0) -> pd.DataFrame:
-    """Searches that go from 80 rad to `ends` by method; seeds differ by `spread` at the end."""
     rows = []
-    for primitive in ADAPTED:
-        for method, per_update in ((PI2, 38), (CMA_ES, 13)):
-            updates = 114 // per_update
-            for seed in range(seeds):
-                for update in range(updates + 1):
-                    cost = 80.0 + (ends[method] + spread * seed - 80.0) * update / updates
-                    best = cost - 5.0 if update else np.nan
-                    keys = (primitive, method, seed, update, update * per_update)
-                    rows.append((*keys, cost, best, int(update > 1)))
+    for model, setting, run, primitive in product((NOMINAL, BEFORE, AFTER), settings, range(runs), ADAPTED):
+        cost = costs[model][setting] + conditions[setting][run] + 0.05 * rng.normal()
+        rows.append((f"{run + 1:02d}", primitive, cost, model, setting))
+    return pd.DataFrame(rows, columns=["run", "primitive", "cost_rad", "model", "setting_deg"])
+
+
+def search(ends: Mapping[str, float], seeds: int = 3) -> pd.DataFrame:
+    """Searches that go from 80 rad to `ends` by method; seeds differ by 1 rad at the end."""
+    rows = []
+    for primitive, (method, per_update), seed in product(ADAPTED, ((PI2, 38), (CMA_ES, 13)), range(seeds)):
+        updates = 114 // per_update
+        for update in range(updates + 1):
+            cost = 80.0 + (ends[method] + seed - 80.0) * update / updates
+            best = cost - 5.0 if update else np.nan
+            keys = (primitive, method, seed, update, update * per_update)
+            rows.append((*keys, cost, best, int(update > 1)))
     columns = ["primitive", "method", "seed", "update", "rollouts", "cost_rad", "best_rad", "failed"]
     return pd.DataFrame(rows, columns=columns)
 
 
-def examples(runs: int = RUNS) -> dict[str, list]:
+def examples() -> dict[str, list]:
     """Executions at 10 degrees whose tool turns with the hand, the edge where it meets the board."""
     made = {}
     for model, turned in CORRECTED.items():
-        own = [execution(seed, REFINED_DEG, corrected=turned) for seed in range(1, runs + 1)]
+        own = [execution(seed, REFINED_DEG, corrected=turned) for seed in range(1, RUNS + 1)]
         made[model] = [replace(run, position=run.position + CONTACT_M) for run in own]
     return made
 

@@ -1,6 +1,7 @@
 """A small scraping testbed in memory, for the tests of the report."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -64,12 +65,11 @@ def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:
     """A sweep of three people at two levels in which `wls` is better than all others by a little."""
     rng = np.random.default_rng(0)
     rows = []
-    for level in (0.0, 0.3):
-        for seed in range(3):
-            person = rng.uniform(0.03, 0.05)
-            for method in METHODS:
-                error = person + (0.0 if method == "wls" else 1e-3 * (advantage_ms + rng.uniform(0, 0.2)))
-                rows.append(("02", "down", method, error, -error, level, seed))
+    for level, seed in product((0.0, 0.3), range(3)):
+        person = rng.uniform(0.03, 0.05)
+        for method in METHODS:
+            error = person + (0.0 if method == "wls" else 1e-3 * (advantage_ms + rng.uniform(0, 0.2)))
+            rows.append(("02", "down", method, error, -error, level, seed))
     rows.append(("03", np.nan, "left_out", np.nan, np.nan, 0.3, 0))
     columns = ["demonstration", "primitive", "method", "start_error_s", "end_error_s", "noise_mm", "seed"]
     return pd.DataFrame(rows, columns=columns)

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio
 import pybullet_data
 
-from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
 from structlearn.simulation.arm import Payload
 
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
@@ -112,3 +112,13 @@ def carrying(robot: Robot, payload: Payload) -> LinkInertias:
     )
     mass[-1], moment[-1], inertia[-1] = loaded.mass, loaded.mass * loaded.lever, loaded.inertia
     return LinkInertias(mass, moment, inertia)
+
+
+def pendulum(mass: float, length: float, moment: float) -> tuple[KinematicTree, LinkInertias]:
+    """A hinge about y: tau = (I + m l^2) qdd + m g l sin(q)."""
+    one = np.ones(1)
+    tree = KinematicTree(
+        ("hinge",), np.array([-1]), np.eye(3)[None], np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]]),
+        np.array([False]), -3.0 * one, 3.0 * one, 9.0 * one, np.array([0.0, 0.0, -9.81]),
+    )  # fmt: skip
+    return tree, LinkInertias(mass * one, np.array([[0.0, 0.0, -mass * length]]), moment * np.eye(3)[None])

@@ -68,3 +68,9 @@ def toy_geodesics(dataset: TouchDataset, bins: int = 4, size: int = 300, seed: i
     plane = np.stack([points[..., 0], RADIUS * np.arctan2(points[..., 1], -points[..., 2])], axis=-1)
     distance = np.linalg.norm(plane[:, :, None] - plane[:, None], axis=-1)
     return Geodesics(chosen, distance.astype(np.float32))
+
+
+def doubled(dynamics):
+    """The same models in double precision, as finite differences need."""
+    arrays = {name: values.double() for name, values in dynamics.network.to_arrays().items()}
+    return type(dynamics)(type(dynamics.network).from_arrays(arrays))

@@ -59,92 +59,65 @@ def clock(count: int = 400) -> np.ndarray:
     return 10**9 + np.arange(count) * 3_333_333
 
 
-def test_truncated_file(root, project, capsys):
-    write_bag("bags/one.mcap", pose_messages(clock(), pose_rows(400), TOPIC))
-    whole = Path("bags/one.mcap").read_bytes()
-    Path("bags/one.mcap").write_bytes(whole[: len(whole) // 2])
-    assert "bags/one.mcap" in complaint(root, "scraping/record_nominal.py", capsys)
+BAG = Path("bags/one.mcap")
+MESSAGES = pose_messages(clock(), pose_rows(400), TOPIC)
+WORDS = [(TOPIC, "std_msgs/msg/String", {"data": "x"}, stamp) for stamp in (1, 2)]
+NO_MESSAGE = [(TOPIC, "geometry_msgs/msg/PoseStamped")]
 
 
-def test_unknown_message_type(root, project, capsys):
-    write_bag("bags/one.mcap", [(TOPIC, "std_msgs/msg/String", {"data": "x"}, s) for s in (1, 2)])
-    message = complaint(root, "scraping/record_nominal.py", capsys)
-    assert "bags/one.mcap" in message
-    assert TOPIC in message
-    assert "String" in message
+def truncated() -> None:
+    write_bag(BAG, MESSAGES)
+    BAG.write_bytes(BAG.read_bytes()[: BAG.stat().st_size // 2])
 
 
-def test_missing_topic(root, project, capsys):
-    write_bag("bags/one.mcap", pose_messages(clock(), pose_rows(400), "/other"))
-    message = complaint(root, "scraping/record_nominal.py", capsys)
-    assert TOPIC in message
-    assert "/other" in message  # what the file does have
-
-
-def test_empty_recording(root, project, capsys):
-    write_bag("bags/one.mcap", [], empty=[(TOPIC, "geometry_msgs/msg/PoseStamped")])
-    assert TOPIC in complaint(root, "scraping/record_nominal.py", capsys)
-
-
-def test_empty_folder(root, project, capsys):
-    assert "holds no .mcap file" in complaint(root, "scraping/record_nominal.py", capsys)
-
-
-def spoiled(change) -> tuple[np.ndarray, np.ndarray]:
+def faulty(row: int, stamp_of: int | None = None, factor: float = 1.0) -> None:
+    """A bag of which one row has the stamp of another row or its pose multiplied."""
     stamps, rows = clock(), pose_rows(400)
-    change(stamps, rows)
-    return stamps, rows
+    stamps[row] = stamps[row if stamp_of is None else stamp_of]
+    rows[row] *= factor
+    messages = pose_messages(stamps, rows, TOPIC)
+    logged = zip(messages, clock().tolist(), strict=True)  # the recorder's own clock is sound
+    write_bag(BAG, [(*message[:3], log_time) for message, log_time in logged])
 
 
-def set_row(stamps, rows, row, **values):
-    if "stamp" in values:
-        stamps[row] = values["stamp"]
-    if "pose" in values:
-        rows[row] = values["pose"]
-
-
-FAULTS = {
-    "nan": (lambda s, r: set_row(s, r, 7, pose=np.full(7, np.nan)), ["row 7"]),
-    "clock back": (lambda s, r: set_row(s, r, 20, stamp=s[18]), ["row 20"]),
-    "duplicate": (lambda s, r: set_row(s, r, 20, stamp=s[19]), ["row 20"]),
-    "norm": (lambda s, r: set_row(s, r, 5, pose=1.5 * r[5]), ["row 5", "norm"]),
+BAGS = {
+    "truncated": (truncated, [str(BAG)]),
+    "unknown type": (lambda: write_bag(BAG, WORDS), [str(BAG), TOPIC, "String"]),
+    "other topic": (
+        lambda: write_bag(BAG, pose_messages(clock(), pose_rows(400), "/other")),
+        [TOPIC, "/other"],  # what the file does have
+    ),
+    "no messages": (lambda: write_bag(BAG, [], empty=NO_MESSAGE), [TOPIC]),
+    "no file": (lambda: None, ["holds no .mcap file"]),
+    "one sample": (lambda: write_bag(BAG, MESSAGES[:1]), ["one", "sample"]),
+    "nan": (lambda: faulty(7, factor=np.nan), [str(BAG), "row 7"]),
+    "clock back": (lambda: faulty(20, stamp_of=18), [str(BAG), "row 20"]),
+    "duplicate": (lambda: faulty(20, stamp_of=19), [str(BAG), "row 20"]),
+    "norm": (lambda: faulty(5, factor=1.5), [str(BAG), "row 5", "norm"]),
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_faulty_samples(root, project, capsys, fault):
-    change, words = FAULTS[fault]
-    messages = pose_messages(*spoiled(change), TOPIC)
-    logged = zip(messages, clock().tolist(), strict=True)  # the recorder's own clock is sound
-    write_bag("bags/one.mcap", [(*message[:3], log_time) for message, log_time in logged])
+@pytest.mark.parametrize(("write", "words"), BAGS.values(), ids=BAGS)
+def test_bags_that_cannot_be_recorded(root, project, capsys, write, words):
+    write()
     message = complaint(root, "scraping/record_nominal.py", capsys)
-    for word in ["bags/one.mcap", *words]:
+    for word in words:
         assert word in message
 
 
-def test_one_sample(root, project, capsys):
-    write_bag("bags/one.mcap", pose_messages(clock(1), pose_rows(1), TOPIC))
-    message = complaint(root, "scraping/record_nominal.py", capsys)
-    assert "one" in message
-    assert "sample" in message
-
-
-def test_gap(root, project, capsys):
-    stamps, rows = clock(), pose_rows(400)
-    stamps[200:] += 10**9
-    write_bag("bags/one.mcap", pose_messages(stamps, rows, TOPIC))
+@pytest.mark.parametrize(
+    ("stamps", "rows", "words"),
+    [
+        (clock() + 10**9 * (np.arange(400) >= 200), pose_rows(400), ["gap", "row 199"]),
+        (clock(), np.tile(pose_rows(1), (400, 1)), ["one: primitive 'down': its speed never exceeds"]),
+    ],
+)
+def test_recordings_that_cannot_be_cut(root, project, capsys, stamps, rows, words):
+    write_bag(BAG, pose_messages(stamps, rows, TOPIC))
     runpy.run_path(str(root / "stages/scraping/record_nominal.py"), run_name="__main__")
     message = complaint(root, "scraping/segment.py", capsys)
-    assert "gap" in message
-    assert "row 199" in message
-
-
-def test_too_few_crossings(root, project, capsys):
-    still = np.tile(pose_rows(1), (400, 1))
-    write_bag("bags/one.mcap", pose_messages(clock(), still, TOPIC))
-    runpy.run_path(str(root / "stages/scraping/record_nominal.py"), run_name="__main__")
-    message = complaint(root, "scraping/segment.py", capsys)
-    assert "one: primitive 'down': its speed never exceeds" in message
+    for word in words:
+        assert word in message
 
 
 @pytest.mark.parametrize(
@@ -166,9 +139,7 @@ def test_wrong_column_count_in_a_text_log(root, project, capsys, monkeypatch):
     folder.mkdir(parents=True)
     (folder / "1.txt").write_text("0 1 2 3 4 5 6 7 8 9\n0.001 1 2 3\n")
     monkeypatch.setenv("RECORDED_DATA", str(project / "public"))
-    message = complaint(root, "recorded/import_recordings.py", capsys)
-    assert "1.txt" in message
-    assert "line 2" in message
+    assert "1.txt: line 2" in complaint(root, "recorded/import_recordings.py", capsys)
 
 
 def test_missing_public_recordings(root, project, capsys, monkeypatch):
@@ -226,57 +197,57 @@ def feedback(project) -> Path:
     return project
 
 
-def own_corrections(project: Path, settings, topics) -> None:
-    """A user's corrected demonstrations: bags with a pose and nothing else."""
-    change_parameters(project, "record", topics=NO_TOPICS | {"pose": TOPIC} | topics)
-    change_parameters(project, "record_corrections", source="corrections", settings_deg=[2.5, 5])
+@pytest.mark.parametrize(
+    ("settings", "topics", "words"),
+    [
+        (["5"], {}, "corrections/2.5: no such file or folder"),
+        (
+            ["2.5", "5"],
+            {"tactile": FINGERS},
+            "corrections/2.5/one.mcap: has no topic '/fingers/left' for tactile",
+        ),
+    ],
+)
+def test_what_a_users_corrections_lack(root, feedback, capsys, settings, topics, words):
+    """Bags with a pose and nothing else."""
+    change_parameters(feedback, "record", topics=NO_TOPICS | {"pose": TOPIC} | topics)
+    change_parameters(feedback, "record_corrections", source="corrections", settings_deg=[2.5, 5])
     for setting in settings:
         folder = Path("corrections") / setting
         folder.mkdir(parents=True)
-        write_bag(folder / "one.mcap", pose_messages(clock(), pose_rows(400), TOPIC))
+        write_bag(folder / "one.mcap", MESSAGES)
+    assert words in complaint(root, "scraping/record_corrections.py", capsys)
 
 
-def test_a_setting_that_the_user_has_no_folder_for(root, feedback, capsys):
-    own_corrections(feedback, ["5"], {})
-    message = complaint(root, "scraping/record_corrections.py", capsys)
-    assert "corrections/2.5: no such file or folder" in message
-
-
-def test_corrections_without_a_tactile_topic_that_was_named(root, feedback, capsys):
-    own_corrections(feedback, ["2.5", "5"], {"tactile": FINGERS})
-    message = complaint(root, "scraping/record_corrections.py", capsys)
-    assert "corrections/2.5/one.mcap: has no topic '/fingers/left' for tactile" in message
-
-
-def touchless(folder: str) -> None:
+def touchless(folder: Path | str) -> None:
     write_recordings(simulate_demonstrations(committed(DemonstratorParameters, "simulate", count=1)), folder)
 
 
-def test_corrections_without_touch(root, feedback, capsys):
-    """Nobody named a tactile topic, so the bags were taken over: it is missed where it is needed."""
-    touchless("data/raw/scraping/corrections/5")
-    message = complaint(root, "scraping/coupling_dataset.py", capsys)
-    assert message == "error: 01: has no tactile stream, which feedback is learned from"
+CORRECTIONS = Path("data/raw/scraping/corrections")
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        # nobody named a tactile topic, so the bags were taken over: it is missed where it is needed
+        ("5", "error: 01: has no tactile stream, which feedback is learned from"),
+        ("five", f"{CORRECTIONS}/five: a setting's folder has a number as its name"),
+        (None, f"{CORRECTIONS}: no such folder; run the stage that writes it"),
+    ],
+)
+def test_corrections_that_cannot_be_learned_from(root, feedback, capsys, setting, words):
+    if setting is not None:
+        touchless(CORRECTIONS / setting)
+    assert words in complaint(root, "scraping/coupling_dataset.py", capsys)
 
 
 def test_expected_traces_without_touch(root, feedback, capsys):
-    write_bag("bags/one.mcap", pose_messages(clock(), pose_rows(400), TOPIC))
+    write_bag(BAG, MESSAGES)
     change_parameters(feedback, "expected_traces", source="bags")
     touchless("data/raw/scraping/unrolls")
     change_parameters(feedback, "record", topics=NO_TOPICS | {"pose": TOPIC, "tactile": FINGERS})
     message = complaint(root, "scraping/expected_traces.py", capsys)
-    assert "bags/one.mcap: has no topic '/fingers/left' for tactile" in message
-
-
-def test_a_folder_beside_the_settings(root, feedback, capsys):
-    touchless("data/raw/scraping/corrections/five")
-    message = complaint(root, "scraping/coupling_dataset.py", capsys)
-    assert "data/raw/scraping/corrections/five: a setting's folder has a number as its name" in message
-
-
-def test_corrections_that_no_stage_has_written(root, feedback, capsys):
-    message = complaint(root, "scraping/coupling_dataset.py", capsys)
-    assert "data/raw/scraping/corrections: no such folder; run the stage that writes it" in message
+    assert f"{BAG}: has no topic '/fingers/left' for tactile" in message
 
 
 @pytest.mark.parametrize("stage", ["train_feedback", "compare_models"])
@@ -294,38 +265,32 @@ def test_a_truncated_dataset(root, feedback, capsys, stage):
     assert f"{file}: not a readable Parquet file" in message
 
 
-def spoil_networks(change) -> Path:
-    file = DATA / "models/unrolled.safetensors"
-    change(file)
-    return file
+def poison(path: Path) -> None:
+    networks = read_networks(path)
+    networks["turn"].phase_weights[3, 1] = np.nan
+    write_networks(list(networks.items()), path)
 
 
-def test_a_truncated_models_file(root, feedback, capsys):
-    file = spoil_networks(lambda path: path.write_bytes(path.read_bytes()[:-100]))
-    message = complaint(root, "scraping/evaluate_feedback.py", capsys)
-    assert f"{file}: not a readable safetensors file" in message
+NETWORKS = DATA / "models/unrolled.safetensors"
 
 
-def test_a_network_with_a_value_that_is_none(root, feedback, capsys):
-    def poison(path: Path) -> None:
-        networks = read_networks(path)
-        networks["turn"].phase_weights[3, 1] = np.nan
-        write_networks(list(networks.items()), path)
-
-    file = spoil_networks(poison)
-    message = complaint(root, "scraping/evaluate_feedback.py", capsys)
-    assert f"{file}: turn.phase_weights holds a value that is not finite" in message
-
-
-def test_a_missing_models_file(root, feedback, capsys):
-    file = spoil_networks(Path.unlink)
-    assert f"{file}: no such file; run" in complaint(root, "scraping/evaluate_feedback.py", capsys)
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda path: path.write_bytes(path.read_bytes()[:-100]), "not a readable safetensors file"),
+        (poison, "turn.phase_weights holds a value that is not finite"),
+        (Path.unlink, "no such file; run"),
+    ],
+)
+def test_a_models_file_that_cannot_be_used(root, feedback, capsys, change, words):
+    change(NETWORKS)
+    assert f"{NETWORKS}: {words}" in complaint(root, "scraping/evaluate_feedback.py", capsys)
 
 
 def test_networks_of_another_sensor(root, feedback, capsys):
     change_parameters(feedback, "record", source="simulated")
     three = constant_network(channels=3)
-    spoil_networks(lambda path: write_networks([(name, three) for name in NAMES[1:]], path))
+    write_networks([(name, three) for name in NAMES[1:]], NETWORKS)
     change_parameters(feedback, "evaluate_feedback", settings_deg=[0], runs=1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STRUCTLEARN_BACKEND", "sequential")

@@ -27,18 +27,13 @@ def sets():
     network = random_network(np.random.default_rng(0))
     made = []
     for model, networks, share in ((NOMINAL, {}, 1.0), ("pointwise", {"turn": network}, 1 / 3)):
+        rolls = {setting: -share * np.radians(setting) for setting in (5.0, 10.0)}
         runs = {
-            setting: [
-                execution(
-                    f"{number:02d}", roll=-share * np.radians(setting) * (1 + 0.1 * number), seed=number
-                )
-                for number in (1, 2)
-            ]
-            for setting in (5.0, 10.0)
+            setting: [execution(f"{n:02d}", roll=roll * (1 + 0.1 * n), seed=n) for n in (1, 2)]
+            for setting, roll in rolls.items()
         }
-        made.append(
-            ExecutedSet(model, networks, runs, {setting: cuts(group) for setting, group in runs.items()})
-        )
+        segments = {setting: cuts(group) for setting, group in runs.items()}
+        made.append(ExecutedSet(model, networks, runs, segments))
     return made
 
 

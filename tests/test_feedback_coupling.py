@@ -25,41 +25,41 @@ def orientation_pair(rng, dt=0.002):
     return nominal, wobbly_turn(rng, 1.2, wobble=0.4, duration=1.2, dt=dt)
 
 
-def position_error(seed, dt, goal=None):
+def position_error(seed, dt, goal):
     """Largest distance between a demonstration and the nominal primitive with its target as coupling."""
     nominal, path = vector_pair(np.random.default_rng(seed), dt)
     target = position_target(path, nominal, goal)
+    state = {"velocity": path.velocity[0], "acceleration": path.acceleration[0]}
     unrolled = nominal.unroll(
-        path.dt, path.position[0], goal, path.duration, path.velocity[0], path.acceleration[0],
-        coupling=lambda k, x, xd: target[k],
-    )  # fmt: skip
+        path.dt, path.position[0], goal, path.duration, coupling=lambda k, x, xd: target[k], **state
+    )
     return np.linalg.norm(unrolled.position - path.position, axis=1).max()
 
 
-def orientation_error(seed, dt, goal=None):
+def orientation_error(seed, dt, goal):
     nominal, path = orientation_pair(np.random.default_rng(seed), dt)
     target = orientation_target(path, nominal, goal)
+    state = {"velocity": path.angular_velocity[0], "acceleration": path.angular_acceleration[0]}
     unrolled = nominal.unroll(
-        path.dt, path.orientation[0], goal, path.duration, path.angular_velocity[0],
-        path.angular_acceleration[0], coupling=lambda k, q, w: target[k],
-    )  # fmt: skip
+        path.dt, path.orientation[0], goal, path.duration, coupling=lambda k, q, w: target[k], **state
+    )
     return quaternion.angle_between(unrolled.orientation, path.orientation).max()
 
 
-@pytest.mark.parametrize("goal", [None, np.array([0.4, 0.3, 0.1])])
+@pytest.mark.parametrize(
+    ("error", "goal", "limit"),
+    [
+        (position_error, None, 0.01),  # m, of a reach of half a metre
+        (position_error, np.array([0.4, 0.3, 0.1]), 0.01),
+        (orientation_error, None, 0.03),  # rad
+        (orientation_error, quaternion.from_rotation_vector(np.array([0.1, -0.2, 1.3])), 0.03),
+    ],
+)
 @pytest.mark.parametrize("seed", range(3))
-def test_a_primitive_with_its_target_as_coupling_is_the_demonstration(seed, goal):
+def test_a_primitive_with_its_target_as_coupling_is_the_demonstration(error, goal, limit, seed):
     """But for the hold of the coupling over a step, which shrinks with the step."""
-    coarse, fine = position_error(seed, COARSE, goal), position_error(seed, FINE, goal)
-    assert coarse < 0.01  # m, of a reach of half a metre
-    assert fine < 0.35 * coarse
-
-
-@pytest.mark.parametrize("goal", [None, quaternion.from_rotation_vector(np.array([0.1, -0.2, 1.3]))])
-@pytest.mark.parametrize("seed", range(3))
-def test_an_orientation_with_its_target_as_coupling_is_the_demonstration(seed, goal):
-    coarse, fine = orientation_error(seed, COARSE, goal), orientation_error(seed, FINE, goal)
-    assert coarse < 0.03  # rad
+    coarse, fine = error(seed, COARSE, goal), error(seed, FINE, goal)
+    assert coarse < limit
     assert fine < 0.35 * coarse
 
 

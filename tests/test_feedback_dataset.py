@@ -1,10 +1,8 @@
 import numpy as np
-import pytest
 from feedback_toy import toy_dataset
 
 from structlearn.feedback import coupling_dataset
 from structlearn.ground import artefacts
-from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 
 
@@ -15,21 +13,6 @@ def test_a_stored_dataset_is_the_same_bit_for_bit(tmp_path):
     for name, values in vars(data).items():
         np.testing.assert_array_equal(getattr(found, name), values)
     assert found.demonstration.dtype.kind == "i"
-
-
-def test_channels_keep_their_order_beyond_ten():
-    data = toy_dataset(channels=12)
-    assert [name for name in coupling_dataset.to_table(data) if name.startswith("channel")][9:] == [
-        "channel_09",
-        "channel_10",
-        "channel_11",
-    ]
-
-
-def test_a_file_that_is_no_table_is_named(tmp_path):
-    (tmp_path / "data.parquet").write_text("x,y\n1,2\n")
-    with pytest.raises(InputError, match=r"data\.parquet: not a readable Parquet file"):
-        coupling_dataset.from_table(artefacts.read_table(tmp_path / "data.parquet"))
 
 
 def test_a_mask_and_indices_choose_the_same_samples():

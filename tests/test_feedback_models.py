@@ -17,12 +17,7 @@ from structlearn.ground.errors import InputError
 FEW = FeedbackParameters(
     hidden=(8,),
     pointwise=committed(TrainingParameters, "compare_models", steps=200, evaluate_every=100, seed=1),
-    unrolled=committed(
-        UnrolledTrainingParameters,
-        "train_feedback.unrolled",
-        steps=60,
-        seed=1,
-    ),
+    unrolled=committed(UnrolledTrainingParameters, "train_feedback.unrolled", steps=60, seed=1),
     validation_share=0.25,
 )
 

@@ -29,13 +29,11 @@ def files(tmp_path):
     return skill, tmp_path
 
 
+FILES = {"primitives": "primitives.safetensors", "expected": "expected", "networks": "networks.safetensors"}
+
+
 def read(folder, axis, **other):
-    names = {
-        "primitives": "primitives.safetensors",
-        "expected": "expected",
-        "networks": "networks.safetensors",
-    }
-    return read_skill(*(folder / name for name in (names | other).values()), axis)
+    return read_skill(*(folder / name for name in (FILES | other).values()), axis)
 
 
 def test_a_skill_that_is_read_runs_as_the_one_that_was_written(files):
@@ -97,6 +95,11 @@ def unturned(skill):
     return replace(skill, primitives=[*skill.primitives[:2], replace(skill.primitives[2], orientation=None)])
 
 
+def five_channels(skill):
+    fewer = random_skill(np.random.default_rng(1), channels=5)
+    return replace(skill, expected=skill.expected | {"scrape": fewer.expected["tilt"]})
+
+
 def with_network(skill, network, name="tilt"):
     return replace(skill, networks=skill.networks | {name: network})
 
@@ -117,14 +120,7 @@ FAULTS = {
         lambda skill: with_network(skill, open_loop(np.ones(25)), "up"),
         "a network for 'up'",
     ),
-    "channels": (
-        lambda skill: replace(
-            skill,
-            expected=skill.expected
-            | {"scrape": random_skill(np.random.default_rng(1), channels=5).expected["tilt"]},
-        ),
-        "'scrape' has expected traces of 5 channels, others 6",
-    ),
+    "channels": (five_channels, "'scrape' has expected traces of 5 channels, others 6"),
     "inputs": (
         lambda skill: with_network(skill, random_network(np.random.default_rng(1), 7)),
         "network of 'tilt' takes 7 channels, but its expected traces have 6",

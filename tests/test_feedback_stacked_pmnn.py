@@ -57,11 +57,6 @@ def test_an_exported_network_stays_when_its_stack_goes_on():
         np.testing.assert_array_equal(values, kept)
 
 
-def test_where_the_phase_rests_there_is_no_coupling():
-    inputs, _ = batch()
-    assert stack().forward(inputs, torch.zeros(MODELS, BATCH, KERNELS)).abs().max() == 0.0
-
-
 def test_the_phase_layer_is_spared_from_dropout():
     whole, alone = stack(), stack(())  # no regular hidden layer: nothing is dropped
     assert torch.equal(alone.forward(*batch(), training=True), alone.forward(*batch()))

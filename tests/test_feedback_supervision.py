@@ -33,14 +33,14 @@ from structlearn.recordings.demonstration import Demonstration
 DT = 1 / 300
 BEFORE, AFTER = 1.0, 1.0  # s of rest around the primitive
 CHANNELS = 4
-PARAMETERS = committed(
-    SupervisionParameters,
-    "coupling_dataset",
-    primitives=("turn",),
-    settings_deg=(5.0,),
-    smoothing_hz=20.0,
-    target_hz=20.0,
-)
+
+
+def parameters(**changes):
+    own = {"primitives": ("turn",), "settings_deg": (5.0,)}
+    return committed(SupervisionParameters, "coupling_dataset", **own | changes)
+
+
+PARAMETERS = parameters(smoothing_hz=20.0, target_hz=20.0)
 
 
 def turn_path(duration):
@@ -77,13 +77,9 @@ def demonstration(primitive, expected, name="01", duration=2.4, axis=Y, size=8.0
     samples, before, after = (round(span / DT) for span in (duration, BEFORE, AFTER))
     time = DT * np.arange(samples + after + 1)  # it settles after its end
     coupling = known_coupling(time, duration, size)[:, None] * axis
+    rest = {"velocity": 0.0, "acceleration": 0.0}
     path = primitive.orientation.unroll(
-        DT,
-        duration=duration,
-        velocity=0.0,
-        acceleration=0.0,
-        coupling=lambda k, q, w: coupling[k],
-        until=time[-1],
+        DT, duration=duration, coupling=lambda k, q, w: coupling[k], until=time[-1], **rest
     )
     rows = np.maximum(np.arange(before + len(time)) - before, 0)
     tactile = np.zeros((len(rows), CHANNELS))
@@ -131,10 +127,7 @@ def test_a_run_that_was_not_corrected_asks_for_nothing(primitive, expected):
 def supervised(primitive, expected):
     """Two demonstrations in one setting, one in another, of different durations."""
     made = {
-        5.0: [
-            demonstration(primitive, expected, "01", 2.0),
-            demonstration(primitive, expected, "02", 2.4),
-        ],
+        5.0: [demonstration(primitive, expected, name, span) for name, span in (("01", 2.0), ("02", 2.4))],
         10.0: [demonstration(primitive, expected, "01", 2.2, size=16.0)],
     }
     runs = {setting: [run for run, _ in rows] for setting, rows in made.items()}
@@ -180,22 +173,9 @@ def test_a_correction_about_another_axis_shows_in_the_checks(primitive, expected
 
 
 def test_the_axis_of_the_parameters_has_norm_one():
-    skew = committed(
-        SupervisionParameters,
-        "coupling_dataset",
-        primitives=("turn",),
-        settings_deg=(5.0,),
-        axis=(0.0, 3.0, 4.0),
-    )
-    np.testing.assert_allclose(skew.unit_axis, [0.0, 0.6, 0.8])
+    np.testing.assert_allclose(parameters(axis=(0.0, 3.0, 4.0)).unit_axis, [0.0, 0.6, 0.8])
     with pytest.raises(ValidationError, match="axis must have a direction"):
-        committed(
-            SupervisionParameters,
-            "coupling_dataset",
-            primitives=("turn",),
-            settings_deg=(5.0,),
-            axis=(0.0, 0.0, 0.0),
-        )
+        parameters(axis=(0.0, 0.0, 0.0))
 
 
 def test_expected_traces_are_learned_per_primitive_and_without_offset():
@@ -207,14 +187,14 @@ def test_expected_traces_are_learned_per_primitive_and_without_offset():
         Demonstration(f"{number}", time, np.zeros((len(time), 3)), tactile=wave + rng.normal(0, 100, 2))
         for number in range(3)
     ]
-    labels = [run.name for run in runs]
+    segments, labels = {"first": (0.0, 1.6), "second": (1.6, 4.0)}, [run.name for run in runs]
     cuts = {
-        name: pd.DataFrame([[start, end]] * 3, columns=["start_s", "end_s"], index=labels)
-        for name, (start, end) in {"first": (0.0, 1.6), "second": (1.6, 4.0)}.items()
+        name: pd.DataFrame([segment] * 3, columns=["start_s", "end_s"], index=labels)
+        for name, segment in segments.items()
     }
     learned = learn_expected(runs, cuts, 10.0)
     assert list(learned) == ["first", "second"]
-    for name, first, last in (("first", 0.0, 1.6), ("second", 1.6, 4.0)):
+    for name, (first, last) in segments.items():
         rows = slice(round(first / DT), round(last / DT) + 1)
         unrolled = expected_traces(learned[name], rows.stop - rows.start, DT)
         np.testing.assert_allclose(unrolled, wave[rows] - wave[:5].mean(axis=0), atol=0.7)
@@ -229,24 +209,23 @@ def test_cuts_a_little_outside_the_recording_end_at_its_ends(primitive, expected
 
 
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("change", "turn", "complaint"),
     [
-        ({"tactile": None}, "07: has no tactile stream"),
-        ({"orientation": None}, "07: 'turn' needs orientations"),
-        ({"tactile": np.zeros((1321, 3))}, "07: has 3 tactile channels, the expected traces have 4"),
+        ({"tactile": None}, fit_quaternion, "07: has no tactile stream"),
+        ({"orientation": None}, fit_quaternion, "07: 'turn' needs orientations"),
+        (
+            {"tactile": np.zeros((1321, 3))},
+            fit_quaternion,
+            "07: has 3 tactile channels, the expected",
+        ),
+        ({}, fit_twist_swing, "07: 'turn' needs orientations, and a turn of less than half"),
     ],
 )
-def test_what_is_missing_is_named(primitive, expected, change, complaint):
+def test_what_is_missing_is_named(primitive, expected, change, turn, complaint):
     run, cut = demonstration(primitive, expected, "07")
+    other = replace(primitive, orientation=turn([turn_path(2.0)]))
     with pytest.raises(InputError, match=complaint):
-        corrected_primitive(replace(run, **change), cut, primitive, expected, PARAMETERS)
-
-
-def test_a_primitive_that_turns_too_far_is_refused(primitive, expected):
-    run, cut = demonstration(primitive, expected, "07")
-    far = replace(primitive, orientation=fit_twist_swing([turn_path(2.0)]))
-    with pytest.raises(InputError, match="07: 'turn' needs orientations, and a turn of less than half"):
-        corrected_primitive(run, cut, far, expected, PARAMETERS)
+        corrected_primitive(replace(run, **change), cut, other, expected, PARAMETERS)
 
 
 def test_expected_traces_need_fingers(primitive, expected):

@@ -8,7 +8,7 @@ from primitives_movements import ramp, wobbly_turn
 from pydantic import ValidationError
 
 from structlearn.feedback.coupling import orientation_target
-from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import TrainingParameters, train_final
 from structlearn.feedback.unrolled_training import (
@@ -56,12 +56,6 @@ def dataset_of(time, target, setting=10.0, demonstration=0, deviation=None):
     )
 
 
-def joined(parts):
-    return CouplingDataset(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
-    )
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_the_demonstrated_roll_follows_from_the_coupling_targets_alone(seed):
     rng = np.random.default_rng(seed)
@@ -83,7 +77,7 @@ def test_demonstrations_are_told_apart_sorted_and_resampled():
         time = np.arange(count) / 100
         columns = np.column_stack([np.full(count, 10 * setting + number), time / time[-1]])
         parts.append(dataset_of(time, columns[:, 1] ** 2, setting, number, columns))
-    rows = joined(parts)
+    rows = concatenated(parts)
     shuffled = rows.where(np.random.default_rng(0).permutation(len(rows.time)))
     paths = corrected_paths(shuffled, 31)
     assert list(zip(paths.setting, paths.demonstration, strict=True)) == [(2.5, 0), (5.0, 0), (5.0, 1)]
@@ -134,7 +128,7 @@ def random_dataset(numbers, settings=(2.5, 5.0, 10.0), samples=60, channels=6, t
             seen += 0.03 * rng.normal(size=channels) + 0.03 * rng.normal(size=seen.shape)
             target = 4.0 * change + transformation.ALPHA * (transformation.BETA * roll + 2.0 * rate)
             parts.append(dataset_of(time, target, setting, number, seen))
-    return joined(parts)
+    return concatenated(parts)
 
 
 def random_paths(numbers=6, settings=(2.5, 5.0, 10.0), samples=60, seed=0):
@@ -154,16 +148,11 @@ def rms_deg(network, paths):
 
 def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
     paths = random_paths(numbers=1, settings=(5.0,))
-    network = untrained(paths)
-    time = np.linspace(0.0, 1.7, 60)
-    coupling = network.coupling(paths.deviation[0], kernels.unit_features(60))
+    network, zero = untrained(paths), np.zeros(1)
+    dt, tau = 1.7 / 59, canonical.time_constant(1.7)
+    coupling = network.coupling(paths.deviation[0], kernels.unit_features(60))[:, None]
     path = transformation.unroll(
-        np.zeros(1),
-        np.zeros(1),
-        np.zeros((60, 1)),
-        time[1],
-        canonical.time_constant(1.7),
-        coupling=lambda k, x, xd: coupling[k : k + 1],
+        zero, zero, np.zeros((60, 1)), dt, tau, coupling=lambda k, x, xd: coupling[k]
     )
     expected = np.sqrt(np.mean((path.position[:, 0] - paths.correction[0]) ** 2))
     np.testing.assert_allclose(unrolled_error(network, paths), [expected], rtol=1e-9)
@@ -180,17 +169,8 @@ def test_no_demonstration_number_is_trained_and_validated_on():
     np.testing.assert_array_equal(training.target, again.target)
 
 
-def test_one_demonstration_number_cannot_be_split():
-    with pytest.raises(InputError, match="at least two demonstration numbers"):
-        split(random_paths(numbers=1), 0.5, seed=0)
-
-
 QUICK = committed(
-    UnrolledTrainingParameters,
-    "train_feedback.unrolled",
-    steps=300,
-    learning_rate=3e-3,
-    dropout=0.0,
+    UnrolledTrainingParameters, "train_feedback.unrolled", steps=300, learning_rate=3e-3, dropout=0.0
 )
 
 

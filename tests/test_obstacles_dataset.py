@@ -49,10 +49,8 @@ def dataset(sets, baseline):
 def test_smooth_path_has_the_derivatives_of_a_known_movement():
     time = np.arange(41) / 25
     position = np.outer(np.sin(np.pi * time), [1.0, 0.5, 0.0])
-    path = smooth_path(
-        Demonstration("sine", time, position),
-        committed(AvoidanceDataParameters, "obstacle_dataset", smoothing_hz=50),
-    )
+    sharp = committed(AvoidanceDataParameters, "obstacle_dataset", smoothing_hz=50)
+    path = smooth_path(Demonstration("sine", time, position), sharp)
     inside = slice(10, -10)
     expected = -(np.pi**2) * np.outer(np.sin(np.pi * path.time), [1.0, 0.5, 0.0])
     np.testing.assert_allclose(path.acceleration[inside], expected[inside], atol=0.01 * np.pi**2)
@@ -74,20 +72,13 @@ def test_everything_is_in_the_frame_of_the_baseline(baseline, dataset, sets):
 
 def test_unrolled_with_its_target_the_baseline_is_the_demonstration(baseline, sets):
     scenario, (demonstration, *_) = sets[0]
-    own = committed(
-        AvoidanceDataParameters, "obstacle_dataset", rate_hz=1000, keep_every=1
-    )  # the coupling is held over a step
+    # the coupling is held over a step
+    own = committed(AvoidanceDataParameters, "obstacle_dataset", rate_hz=1000, keep_every=1)
     path = local_path(smooth_path(demonstration, own), baseline)
     one = samples(demonstration, scenario.obstacle.cloud(), baseline, own)
-    unrolled = baseline.local.unroll(
-        path.dt,
-        start=path.position[0],
-        goal=path.position[-1],
-        duration=path.duration,
-        velocity=path.velocity[0],
-        acceleration=path.acceleration[0],
-        coupling=lambda step, x, v: one.target[step],
-    )
+    ends, state = (path.position[0], path.position[-1]), (path.velocity[0], path.acceleration[0])
+    coupling = {"coupling": lambda step, x, v: one.target[step]}
+    unrolled = baseline.local.unroll(path.dt, *ends, path.duration, *state, **coupling)
     np.testing.assert_allclose(unrolled.position, path.position, atol=6e-4)
     assert np.abs(path.position[:, 2]).max() > 0.1  # where the baseline alone is not
 
@@ -98,12 +89,10 @@ def test_unhindered_reaches_ask_for_little(baseline, dataset):
 
 
 def test_keys_and_phase(dataset):
-    assert len(dataset) == len(dataset.features) == len(dataset.target)
-    assert sorted(zip(dataset.scenario, dataset.demonstration, strict=True)) == list(
-        zip(dataset.scenario, dataset.demonstration, strict=True)
-    )
-    assert set(dataset.scenario) == {0, 1}
-    assert set(dataset.demonstration) == {0, 1, 2}
+    keys = list(zip(dataset.scenario, dataset.demonstration, strict=True))
+    assert len(dataset.features) == len(dataset.target) == len(keys)
+    assert keys == sorted(keys)
+    assert set(keys) == {(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)}
     one = dataset.where((dataset.scenario == 1) & (dataset.demonstration == 2))
     assert one.phase[0] == 1.0
     np.testing.assert_allclose(np.diff(one.time), 0.08, atol=2e-3)
@@ -122,13 +111,11 @@ def test_a_table_gives_the_dataset_back(dataset, tmp_path):
 
 
 def test_a_reach_along_gravity_has_a_frame_of_its_own():
-    scene = committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
+    upright = {"start_m": (0, 0, 0), "goal_m": (0, 0, 0.7), "settings": 1}
+    scene = committed(SceneParameters, "obstacle_scene", **upright)
     vertical = fit_baseline(demonstrations(None, scene), PARAMETERS)
     assert vertical.frame == "side"
-    (scenario,) = scenarios(
-        committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, 0.7), settings=1),
-        ("cube",),
-    )
+    (scenario,) = scenarios(scene, ("cube",))
     found = avoidance_dataset([(scenario.obstacle, demonstrations(scenario, scene))], vertical, PARAMETERS)
     assert np.isfinite(found.features).all()
     assert found.features[0, 12] == pytest.approx(0.0, abs=0.3)

@@ -55,9 +55,8 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
         between = np.linalg.norm(position[b, : end + 1, None] - clouds.points[b], axis=-1)
         assert table["clearance_m"][b] == pytest.approx(between.min())
         assert table["goal_distance_m"][b] == pytest.approx(np.linalg.norm(position[b, end] - paths.goal[b]))
-        assert table["late_goal_distance_m"][b] == pytest.approx(
-            np.linalg.norm(position[b, late] - paths.goal[b])
-        )
+        missed = np.linalg.norm(position[b, late] - paths.goal[b])
+        assert table["late_goal_distance_m"][b] == pytest.approx(missed)
         changed = (paths.asked[b, : end + 1] != paths.coupling[b, : end + 1]).any(axis=1)
         assert table["restrained"][b] == np.mean(changed)
     assert (table["hit"] == (table["obstacle_distance"] <= 0)).all()
@@ -88,14 +87,8 @@ def test_demonstrations_of_any_length_are_scored():
 
 
 def test_a_summary_has_the_columns_of_the_tables():
-    rows = pd.DataFrame(
-        {
-            "obstacle_distance": [-0.2, 0.0, 4.2],
-            "hit": [True, True, False],
-            "clearance_m": [0.01, 0.0, 0.3],
-            "goal_distance_m": [0.01, 0.03, 0.02],
-        }
-    )
+    rows = pd.DataFrame({"obstacle_distance": [-0.2, 0.0, 4.2], "hit": [True, True, False]})
+    rows = rows.assign(clearance_m=[0.01, 0.0, 0.3], goal_distance_m=[0.01, 0.03, 0.02])
     expected = {"goal_max": 0.03, "goal_mean": 0.02, "obstacle_min": -0.2, "obstacle_mean": 4 / 3, "hits": 2}
     assert summary(rows) == pytest.approx(expected | {"clearance_min_m": 0.0})
     late = summary(rows.assign(late_goal_distance_m=[0.001, 0.004, 0.002]), nmse_train=0.1, nmse_test=0.2)

@@ -22,9 +22,7 @@ PARAMETERS = committed(
     "obstacle_training",
     per_setting=QUICK,
     per_shape=QUICK,
-    all_shapes=committed(
-        NetworkParameters, "obstacle_training.per_setting", hidden=(5,), training={"iterations": 4}
-    ),
+    all_shapes=QUICK.model_copy(update={"hidden": (5,)}),
     phase_modulated=committed(
         TrainingParameters, "compare_models", steps=40, evaluate_every=20, chunk_samples=5
     ),

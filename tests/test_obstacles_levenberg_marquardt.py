@@ -12,6 +12,10 @@ KEY = "obstacle_training.per_setting.training"
 SIZES = (3, 6, 4, 2)
 
 
+def chosen(**changes):
+    return committed(LevenbergMarquardtParameters, KEY, **changes)
+
+
 def problem(count=80, noise=0.05, seed=0):
     rng = np.random.default_rng(seed)
     inputs = rng.uniform(-1.0, 1.0, (count, 3))
@@ -23,12 +27,7 @@ def test_minima_are_as_good_as_scipys(monkeypatch):
     for name, value in (("TOLERANCE", 1e-7), ("PATIENCE", 150), ("FIRST_DAMPING", 10.0)):
         monkeypatch.setattr(lm, name, value)
     samples = problem()
-    parameters = committed(
-        LevenbergMarquardtParameters,
-        KEY,
-        rule="validation",
-        iterations=150,
-    )
+    parameters = chosen(rule="validation", iterations=150)
     found, reference = [], []
     for seed in range(4):  # a start may end in a poor local minimum, of either
         layers = lm.initial_layers(SIZES, np.random.default_rng(seed))
@@ -56,11 +55,7 @@ def test_linear_problem_is_solved_in_closed_form(monkeypatch):
     inputs = np.hstack([samples.inputs, np.ones((50, 1))])
     best, *_ = np.linalg.lstsq(inputs, samples.target, rcond=None)
     start = lm.initial_layers((3, 2), rng)
-    parameters = committed(
-        LevenbergMarquardtParameters,
-        KEY,
-        rule="validation",
-    )
+    parameters = chosen(rule="validation")
     (found,) = lm.train_from(start, samples, parameters, samples).layers
     np.testing.assert_allclose(found, best, atol=1e-6)
 
@@ -71,12 +66,7 @@ def test_error_never_rises(monkeypatch):
     layers = lm.initial_layers(SIZES, np.random.default_rng(0))
     errors = []
     for iterations in range(1, 15):
-        parameters = committed(
-            LevenbergMarquardtParameters,
-            KEY,
-            rule="validation",
-            iterations=iterations,
-        )
+        parameters = chosen(rule="validation", iterations=iterations)
         errors.append(lm.train_from(layers, samples, parameters, samples).train_error)
     assert np.diff(errors).max() <= 0.0
     assert errors[-1] < 0.2 * lm.squared_error(layers, samples) / samples.target.size
@@ -84,7 +74,7 @@ def test_error_never_rises(monkeypatch):
 
 def test_validation_keeps_the_weights_that_did_best_there(monkeypatch):
     samples, held = problem(30, noise=0.3), problem(300, noise=0.0, seed=1)
-    parameters = committed(LevenbergMarquardtParameters, KEY, rule="validation", iterations=80)
+    parameters = chosen(rule="validation", iterations=80)
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
     stopped = lm.train_from(layers, samples, parameters, held)
     monkeypatch.setattr(lm, "PATIENCE", 80)
@@ -100,21 +90,8 @@ def test_evidence_finds_the_noise_and_does_not_overfit(monkeypatch):
     monkeypatch.setattr(lm, "PATIENCE", 60)
     samples, held = problem(60, noise=0.3), problem(400, noise=0.0, seed=1)
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
-    regular = lm.train_from(
-        layers,
-        samples,
-        committed(LevenbergMarquardtParameters, KEY, iterations=60),
-    )
-    free = lm.train_from(
-        layers,
-        samples,
-        committed(
-            LevenbergMarquardtParameters,
-            KEY,
-            rule="validation",
-        ),
-        samples,
-    )
+    regular = lm.train_from(layers, samples, chosen(iterations=60))
+    free = lm.train_from(layers, samples, chosen(rule="validation"), samples)
     weights = sum(layer.size for layer in layers)
     assert 0.0 < regular.determined_weights < min(weights, samples.target.size)
     assert lm.squared_error(regular.layers, held) < 0.5 * lm.squared_error(free.layers, held)
@@ -123,7 +100,7 @@ def test_evidence_finds_the_noise_and_does_not_overfit(monkeypatch):
 
 def test_training_repeats_exactly():
     samples, held = problem(), problem(seed=1)
-    parameters = committed(LevenbergMarquardtParameters, KEY, rule="validation", iterations=10)
+    parameters = chosen(rule="validation", iterations=10)
     first = lm.train(samples, (6, 4), parameters, held)
     again = lm.train(samples, (6, 4), parameters, held)
     for found, repeated in zip(first.layers, again.layers, strict=True):
@@ -136,26 +113,12 @@ def test_dead_nodes_and_too_few_samples_do_no_harm():
     layers = lm.initial_layers((3, 20, 10, 2), np.random.default_rng(0))
     layers[0][-1] = -100.0  # no node of the first layer is ever active
     samples = problem(5)
-    found = lm.train_from(
-        layers,
-        samples,
-        committed(LevenbergMarquardtParameters, KEY, iterations=20),
-    )
+    found = lm.train_from(layers, samples, chosen(iterations=20))
     assert all(np.isfinite(layer).all() for layer in found.layers)
 
 
 def test_rule_and_validation_samples_belong_together():
     samples = problem(10)
-    with pytest.raises(ValueError, match="validation samples"):
-        lm.train(
-            samples,
-            (4,),
-            committed(LevenbergMarquardtParameters, KEY, rule="validation"),
-        )
-    with pytest.raises(ValueError, match="validation samples"):
-        lm.train(
-            samples,
-            (4,),
-            committed(LevenbergMarquardtParameters, KEY),
-            samples,
-        )
+    for arguments in ((chosen(rule="validation"),), (chosen(), samples)):
+        with pytest.raises(ValueError, match="validation samples"):
+            lm.train(samples, (4,), *arguments)

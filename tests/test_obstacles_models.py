@@ -19,6 +19,11 @@ from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 
 QUICK = {"iterations": 6}
+SPLIT = committed(SplitParameters, "obstacle_training.split", test_share=0.2)
+
+
+def chosen(**changes):
+    return committed(NetworkParameters, "obstacle_training.per_setting", **changes)
 
 
 @pytest.fixture(autouse=True)
@@ -49,20 +54,15 @@ def toy_dataset(scenarios=2, demonstrations=5, samples=25, noise=0.05, size=(0.0
 
 def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
     dataset = toy_dataset(scenarios=3, demonstrations=10)
-    mask = network_training.held_out_rows(
-        dataset, committed(SplitParameters, "obstacle_training.split", test_share=0.2)
-    )
-    chosen = []
+    mask = network_training.held_out_rows(dataset, SPLIT)
+    found = []
     for one, its in zip(network_training.by_scenario(dataset), np.split(mask, 3), strict=True):
         tested = {int(number) for number in np.unique(one.demonstration[its])}
         assert len(tested) == 2
         assert not tested & set(one.demonstration[~its].tolist())  # no demonstration is on both sides
-        chosen.append(tested)
-    assert len({tuple(sorted(one)) for one in chosen}) > 1  # scenarios draw on their own
-    alone = network_training.held_out_rows(
-        network_training.by_scenario(dataset)[1],
-        committed(SplitParameters, "obstacle_training.split", test_share=0.2),
-    )
+        found.append(tested)
+    assert len({tuple(sorted(one)) for one in found}) > 1  # scenarios draw on their own
+    alone = network_training.held_out_rows(network_training.by_scenario(dataset)[1], SPLIT)
     np.testing.assert_array_equal(alone, np.split(mask, 3)[1])
     assert not np.array_equal(
         mask, network_training.held_out_rows(dataset, SplitParameters(test_share=0.2, seed=1))
@@ -72,10 +72,8 @@ def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
 def test_one_demonstration_cannot_be_split():
     dataset = toy_dataset(demonstrations=1)
     with pytest.raises(InputError, match="scenario 0 has one demonstration only"):
-        network_training.held_out_rows(dataset, committed(SplitParameters, "obstacle_training.split"))
-    parameters = committed(
-        NetworkParameters, "obstacle_training.per_setting", training={"rule": "validation"}
-    )
+        network_training.held_out_rows(dataset, SPLIT)
+    parameters = chosen(training={"rule": "validation"})
     with pytest.raises(InputError, match="none would be left to validate"):
         network_training.train_member(network_training.by_scenario(dataset)[0], parameters, (0, 0))
 
@@ -83,9 +81,7 @@ def test_one_demonstration_cannot_be_split():
 @pytest.mark.parametrize("rule", ["validation", "evidence"])
 def test_a_network_learns_the_same_alone_and_among_others(rule):
     sets = network_training.by_scenario(toy_dataset())
-    parameters = committed(
-        NetworkParameters, "obstacle_training.per_setting", hidden=(6, 4), training={"rule": rule} | QUICK
-    )
+    parameters = chosen(hidden=(6, 4), training={"rule": rule} | QUICK)
     stack = network_training.fit_networks(sets, parameters, "test")
     again = network_training.fit_networks(sets[:1], parameters, "test")
     for layer, alone in zip(stack.layers, again.layers, strict=True):
@@ -95,14 +91,7 @@ def test_a_network_learns_the_same_alone_and_among_others(rule):
 
 def test_members_are_averaged():
     sets = network_training.by_scenario(toy_dataset(scenarios=1))
-    parameters = committed(
-        NetworkParameters,
-        "obstacle_training.per_setting",
-        hidden=(6, 4),
-        members=3,
-        inputs="phase",
-        training=QUICK,
-    )
+    parameters = chosen(hidden=(6, 4), members=3, inputs="phase", training=QUICK)
     stack = network_training.fit_networks(sets, parameters, "test")
     its = sets[0]
     alone = [
@@ -119,16 +108,10 @@ def test_members_are_averaged():
 
 def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
     dataset = toy_dataset(scenarios=1, demonstrations=15)
-    mask = network_training.held_out_rows(dataset, committed(SplitParameters, "obstacle_training.split"))
+    mask = network_training.held_out_rows(dataset, SPLIT)
     errors = {}
     for inputs in ("features", "phase"):
-        parameters = committed(
-            NetworkParameters,
-            "obstacle_training.per_setting",
-            hidden=(10, 6),
-            inputs=inputs,
-            training={"iterations": 20},
-        )
+        parameters = chosen(hidden=(10, 6), inputs=inputs, training={"iterations": 20})
         stack = network_training.fit_networks([dataset.where(~mask)], parameters, "test")
         errors[inputs] = network_training.fit_errors([dataset], [mask], [stack])
     for table in errors.values():
@@ -169,9 +152,7 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
         return SimpleNamespace(layers=())
 
     monkeypatch.setattr(network_training, "train", train)
-    parameters = committed(
-        NetworkParameters, "obstacle_training.per_setting", training={"rule": "validation"} | QUICK
-    )
+    parameters = chosen(training={"rule": "validation"} | QUICK)
     network_training.train_member(dataset, parameters, (0, 0))
     trains, validates = ({row.tobytes() for row in its.inputs} for its in seen)
     assert not trains & validates

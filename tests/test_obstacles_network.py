@@ -49,15 +49,9 @@ def by_hand(networks, index, features, p, u):
     return networks.output_mean[index] + networks.output_scale[index] * np.array(values)
 
 
-@pytest.mark.parametrize(
-    "columns",
-    [
-        avoidance_network.FEATURES,
-        avoidance_network.FEATURES_AND_PHASE,
-        avoidance_network.FEATURES_AND_PHASE_VELOCITY,
-    ],
-)
+@pytest.mark.parametrize("columns", ["FEATURES", "FEATURES_AND_PHASE", "FEATURES_AND_PHASE_VELOCITY"])
 def test_network_of_each_sample_node_by_node(columns):
+    columns = getattr(avoidance_network, columns)
     networks, (features, p, u) = random_networks(columns=columns), states(3)
     found = networks(features, p, u)
     for b in range(3):
@@ -66,10 +60,8 @@ def test_network_of_each_sample_node_by_node(columns):
 
 def test_one_network_serves_all_samples_and_many_must_match():
     networks, (features, p, u) = random_networks(), states(5)
-    alone = networks.take([1])
-    np.testing.assert_allclose(
-        alone(features, p, u), networks.take([1] * 5)(features, p, u), rtol=1e-12, atol=1e-12
-    )
+    alone, each = networks.take([1]), networks.take([1] * 5)
+    np.testing.assert_allclose(alone(features, p, u), each(features, p, u), rtol=1e-12, atol=1e-12)
     with pytest.raises(ValueError, match="5 samples for 3 networks"):
         networks(features, p, u)
 

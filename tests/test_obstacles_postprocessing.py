@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 from pydantic import ValidationError
 
-from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters, post_processed
+from structlearn.avoidance.postprocessing import PostprocessingParameters, post_processed
 
 DECAY = committed(PostprocessingParameters, "obstacle_evaluation.postprocessing").passed_decay_per_m2
 
@@ -42,8 +42,3 @@ def test_nothing_grows_and_a_batch_is_its_members(rng, decay):
 def test_parameters_out_of_range_are_refused(fault):
     with pytest.raises(ValidationError):
         committed(PostprocessingParameters, "obstacle_evaluation.postprocessing", **fault)
-
-
-def test_the_text_has_no_limits():
-    assert TEXT_ONLY.end_limit_m is None
-    assert TEXT_ONLY.late_limit_m is None

@@ -6,12 +6,11 @@ from pydantic import ValidationError
 
 from structlearn.avoidance.human_inspired import HumanInspiredModels
 from structlearn.avoidance.learned_models import AvoidanceModels
-from structlearn.avoidance.postprocessing import PostprocessingParameters
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.protocol.avoidance_scores import closest_approaches
+from structlearn.testbeds.obstacles.protocol.avoidance_scores import closest_approaches, scores
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 PARAMETERS = committed(
@@ -44,18 +43,15 @@ MODELS = AvoidanceModels(
 
 def closest(situation):
     primitive = baseline()
-    path = avoidance_protocols.unrolled(
-        situation, avoidance_protocols.no_coupling, primitive, PARAMETERS, PARAMETERS.postprocessing
-    )
+    model, limits = avoidance_protocols.no_coupling, PARAMETERS.postprocessing
+    path = avoidance_protocols.unrolled(situation, model, primitive, PARAMETERS, limits)
     until = path.path.time <= primitive.duration
     return closest_approaches(path.path.time[until], path.path.position[:, until], situation.obstacles)[0]
 
 
 def test_moving_spheres_are_where_the_unseen_ones_are_when_the_hand_is_there():
-    unseen, moving = (
-        avoidance_protocols.unseen(baseline()),
-        avoidance_protocols.moving(baseline(), PARAMETERS),
-    )
+    unseen = avoidance_protocols.unseen(baseline())
+    moving = avoidance_protocols.moving(baseline(), PARAMETERS)
     assert len(moving.numbers) == 2 * len(unseen.numbers)
     resting = np.tile(closest(unseen), 2)
     assert (closest(moving) <= resting + 1e-3).all()  # they get nearer still before or after
@@ -88,10 +84,10 @@ def test_models_meet_what_they_are_for():
     named = [(one.model, one.learned_from) for one in avoidance_protocols.contenders(MODELS, known)]
     sources = ("setting", "cube", "all")
     assert named == [("none", ""), *(("human_inspired", source) for source in sources)]
-    own = next(
-        one for one in avoidance_protocols.contenders(MODELS, known) if one.learned_from == "setting"
-    ).coupling
-    np.testing.assert_array_equal(own.weights, MODELS.human_inspired["setting"].weights[2:4])  # the cubes
+    (_, own, *_) = avoidance_protocols.contenders(MODELS, known)
+    np.testing.assert_array_equal(
+        own.coupling.weights, MODELS.human_inspired["setting"].weights[2:4]
+    )  # the cubes
     unknown = avoidance_protocols.contenders(MODELS, avoidance_protocols.unseen(baseline()))
     assert [one.learned_from for one in unknown] == ["", *SHAPES, "all"]
 
@@ -99,26 +95,22 @@ def test_models_meet_what_they_are_for():
 def test_every_contender_is_scored_in_every_situation_with_its_rules():
     primitive = baseline()
     for situation in avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS):
-        scores, paths = avoidance_protocols.evaluate(situation, MODELS, primitive, PARAMETERS)
-        contenders, count = (
-            len(list(avoidance_protocols.contenders(MODELS, situation))),
-            len(situation.numbers),
-        )
+        scored, paths = avoidance_protocols.evaluate(situation, MODELS, primitive, PARAMETERS)
+        contenders = len(list(avoidance_protocols.contenders(MODELS, situation)))
+        count = len(situation.numbers)
         both = situation.protocol in ("trained", "unseen")
-        assert len(scores) == contenders * count * (1 + both)
-        assert not scores.isna().any().any()
+        assert len(scored) == contenders * count * (1 + both)
+        assert not scored.isna().any().any()
         keys = ["model", "learned_from", "scenario", "speed_m_s"]
-        assert (scores.groupby([*keys, "rules"]).size() == 1).all()
-        limited = scores[scores["rules"] == "limited"]
+        assert (scored.groupby([*keys, "rules"]).size() == 1).all()
+        limited = scored[scored["rules"] == "limited"]
         samples = paths.groupby(keys, sort=False)
         assert samples.ngroups == len(limited)
         assert samples["time_s"].max().min() == pytest.approx(1.5 * primitive.duration, abs=0.05)
         assert (paths["coupling_x"] == 0.0).all()
         if situation.protocol == "unseen":  # the table's distances are those of the written paths
-            centre = (
-                primitive.start
-                + situation.obstacles[0].centre @ avoidance_protocols.baseline_axes(primitive).T
-            )
+            axes = avoidance_protocols.baseline_axes(primitive)
+            centre = primitive.start + situation.obstacles[0].centre @ axes.T
             own = paths[(paths["learned_from"] == "sphere") & (paths["scenario"] == 30)]
             own = own[own["time_s"] <= primitive.duration]
             away = np.linalg.norm(own[["x_m", "y_m", "z_m"]] - centre[29], axis=1).min()
@@ -130,19 +122,17 @@ def test_every_contender_is_scored_in_every_situation_with_its_rules():
 def test_goals_are_reached_whatever_a_model_asks_for(seed):
     primitive, rng = baseline(), np.random.default_rng(seed)
     wild = random_network(rng, 80.0)
+    limits = PARAMETERS.postprocessing
+    allowed = {"goal_distance_m": limits.end_limit_m, "late_goal_distance_m": limits.late_limit_m}
     for situation in avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS):
-        limits = PARAMETERS.postprocessing
         bare, coupled = (
-            avoidance_protocols.avoidance_scores.scores(
+            scores(
                 avoidance_protocols.unrolled(situation, model, primitive, PARAMETERS, limits),
                 situation.obstacles,
             )
             for model in (avoidance_protocols.no_coupling, wild)
         )
-        for column, limit in (
-            ("goal_distance_m", limits.end_limit_m),
-            ("late_goal_distance_m", limits.late_limit_m),
-        ):
+        for column, limit in allowed.items():
             assert (coupled[column] <= bare[column] + limit + 1e-9).all()
 
 
@@ -160,10 +150,4 @@ def test_demonstrations_are_scored_one_by_one():
 
 def test_a_late_goal_beyond_the_last_look_is_refused():
     with pytest.raises(ValidationError, match="late_factor must be at most"):
-        committed(
-            AvoidanceEvaluationParameters,
-            "obstacle_evaluation",
-            postprocessing=committed(
-                PostprocessingParameters, "obstacle_evaluation.postprocessing", late_factor=2.0
-            ),
-        )
+        committed(AvoidanceEvaluationParameters, "obstacle_evaluation", postprocessing={"late_factor": 2.0})

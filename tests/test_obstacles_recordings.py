@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from obstacles_world import PLACES, PRIMITIVE, TESTED, evaluation, people
-from viewer_files import contents, values, view_names
+from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.ground.errors import InputError
@@ -48,15 +48,6 @@ def shown(reaches):
     ).assign(target_x=0.0, target_y=np.arange(6.0), target_z=1.0)
     chosen = chosen_scenarios(PLACES, [place.name for place in PLACES[::2]])
     return shown_scenarios(chosen, [people()] * 3, samples, reaches, 30)
-
-
-def colour(path, entity, component):
-    """The first of an entity's colours, without its opacity."""
-    return f"#{values(path, entity, component)[0][0] >> 8:06x}"
-
-
-def text(path, entity="/notes"):
-    return values(path, entity, "TextDocument:text")[0][0]
 
 
 def test_reaches_are_those_of_the_tables(reaches):
@@ -102,15 +93,15 @@ def test_demonstrations_stand_beside_their_obstacle_and_the_bare_reach(tmp_path,
         tab = f"/{one.scenario.shape}\\/01"
         samples = len(one.demonstrations[0].time)
         assert {f"{tab}/obstacle/solid", f"{tab}/demonstrated", f"{tab}/{bare}/path"} <= entities
-        assert {rows[f"{tab}/{part}/2"] for part in ("hands", "distance", "left\\ of", "above")} == {samples}
+        assert rows[f"{tab}/hands/2"] == samples
         assert rows[f"{tab}/distance/{bare}"] == len(without_avoidance(one.reaches).time)
         cloud = values(path, f"{tab}/obstacle/cloud", "Points3D:positions")[0]
         assert one.scenario.obstacle.signed_distance(np.array(cloud)) == pytest.approx(0.0, abs=1e-6)
-        assert colour(path, f"{tab}/demonstrated", "LineStrips3D:colors") == DEMONSTRATIONS.colour
-        assert colour(path, f"{tab}/{bare}/path", "LineStrips3D:colors") == SOURCES[""].colour
+        assert colour_of(path, f"{tab}/demonstrated", "LineStrips3D") == DEMONSTRATIONS.colour
+        assert colour_of(path, f"{tab}/{bare}/path", "LineStrips3D") == SOURCES[""].colour
     assert values(path, "/places", "Points3D:labels") == [["01", "02"]]
     assert "what is shown" in view_names(path)
-    assert "simulated" in text(path)
+    assert "simulated" in note(path)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -145,14 +136,13 @@ def test_models_stand_beside_the_demonstrations_that_they_learned_from(tmp_path,
             scene = f"{tab}/{reach.model}/{label}"
             assert rows[f"{scene}/hand"] == rows[f"{tab}/distance/{reach.model}/{label}"] == samples
             assert rows[f"{tab}/terms/{reach.model}/upwards/{label}"] == samples
-            assert colour(path, f"{scene}/path", "LineStrips3D:colors") == look.colour
-            assert f" {model_name(reach.model, reach.learned_from)} |" in text(path, f"/notes{tab}")
+            assert colour_of(path, f"{scene}/path", "LineStrips3D") == look.colour
+            assert f" {model_name(reach.model, reach.learned_from)} |" in note(path, f"/notes{tab}")
         origins = values(path, f"{tab}/network/per\\ setting/coupling", "Arrows3D:origins")[0]
         np.testing.assert_allclose(origins, one.reaches[1].position[:: drawn.ARROW_EVERY], atol=1e-6)
         assert rows[f"{tab}/demonstrated\\ terms/to\\ the\\ left/1"] == 1
-    assert {f"{look.name} (simulated)" for kind, look in KINDS.items() if kind != "none"} <= set(
-        view_names(path)
-    )
+    names = {f"{look.name} (simulated)" for kind, look in KINDS.items() if kind != "none"}
+    assert names <= set(view_names(path))
 
 
 def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reaches):
@@ -162,7 +152,7 @@ def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reach
     assert timelines == {"sphere"}
     for name in (*SHAPES, "all"):
         assert rows[f"/one/paths/{name}"] == rows[f"/closest/{name}"] == 63
-        assert colour(path, f"/all/{name}", "LineStrips3D:colors") == SOURCES[name].colour
+        assert colour_of(path, f"/all/{name}", "LineStrips3D") == SOURCES[name].colour
     assert rows["/one/sphere"] == rows["/closest/no\\ avoidance"] == 63
     hit = {number for _, number in hit_settings(reaches, "unseen")}
     assert 0 < len(hit) < 63
@@ -170,20 +160,14 @@ def test_every_unseen_sphere_is_a_step_with_its_colour_and_paths(tmp_path, reach
     colours = values(path, "/one/sphere/cloud", "Points3D:colors")
     assert [f"#{one[0] >> 8:06x}" for one in colours] == expected
     assert len(values(path, "/notes/sphere", "TextDocument:text")) == 63
-    assert f"| {KINDS['none'].name} | {len(hit)} |" in text(path)
-    assert "simulated" in text(path)
+    assert f"| {KINDS['none'].name} | {len(hit)} |" in note(path)
+    assert "simulated" in note(path)
 
 
 def test_situations_that_change_run_on_the_time_line(tmp_path, reaches):
     path = tmp_path / "beyond.rrd"
-    situations = [
-        make(PRIMITIVE, TESTED)
-        for make in (
-            avoidance_protocols.moving,
-            avoidance_protocols.pairs,
-            avoidance_protocols.goal_change,
-        )
-    ]
+    makers = (avoidance_protocols.moving, avoidance_protocols.pairs, avoidance_protocols.goal_change)
+    situations = [make(PRIMITIVE, TESTED) for make in makers]
     write_changing_avoidance(path, situations, reaches, PRIMITIVE, "Beyond")
     rows, _, timelines = contents(path)
     assert timelines == {"time"}
@@ -201,7 +185,7 @@ def test_situations_that_change_run_on_the_time_line(tmp_path, reaches):
                 assert rows[f"{scene}/spheres/{number}"] == samples
             assert rows[f"{scene}/reaches/all\\ shapes/trail"] == samples
             assert rows[f"{scene}/goal"] == (2 if situation.goal_change else 1)
-        assert "simulated" in text(path, f"/notes/{situation.protocol}")
+        assert "simulated" in note(path, f"/notes/{situation.protocol}")
 
 
 def test_chosen_reaches_are_spread_over_those_that_hit(reaches):

@@ -4,6 +4,7 @@ from committed import committed
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.ground.errors import InputError
+from structlearn.testbeds.obstacles.files import read_scenarios
 from structlearn.testbeds.obstacles.world.scenarios import (
     END_CLEARANCE_M,
     FAR_CLEARANCE_M,
@@ -16,7 +17,12 @@ from structlearn.testbeds.obstacles.world.scenarios import (
     unseen_clouds,
 )
 
-SCENE = committed(SceneParameters, "obstacle_scene")
+
+def scene(**changes):
+    return committed(SceneParameters, "obstacle_scene", **changes)
+
+
+SCENE = scene()
 
 
 def distance_to_line(points):
@@ -47,8 +53,8 @@ def test_start_and_goal_are_left_free_and_far_obstacles_are_far():
 
 
 def test_positions_follow_the_seed_only():
-    again = scenarios(committed(SceneParameters, "obstacle_scene"))
-    other = scenarios(committed(SceneParameters, "obstacle_scene", seed=99))
+    again = scenarios(scene())
+    other = scenarios(scene(seed=99))
     for one, same, different in zip(scenarios(SCENE), again, other, strict=True):
         np.testing.assert_array_equal(one.obstacle.centre, same.obstacle.centre)
         np.testing.assert_array_equal(one.obstacle.rotation, same.obstacle.rotation)
@@ -57,10 +63,7 @@ def test_positions_follow_the_seed_only():
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
 def test_all_settings_may_be_far_or_near(share):
-    assert (
-        len(scenarios(committed(SceneParameters, "obstacle_scene", settings=5, near_share=share), ("cube",)))
-        == 5
-    )
+    assert len(scenarios(scene(settings=5, near_share=share), ("cube",))) == 5
 
 
 def test_unseen_grid_lies_along_the_reach_with_its_ends_outside():
@@ -92,9 +95,9 @@ def test_a_reach_without_length_is_refused():
     with pytest.raises(InputError, match="a reach of 0 m has no direction"):
         reach_frame(SCENE.start, SCENE.start)
     with pytest.raises(InputError, match="has no direction"):
-        scenarios(committed(SceneParameters, "obstacle_scene", goal_m=SCENE.start_m))
+        scenarios(scene(goal_m=SCENE.start_m))
     with pytest.raises(InputError, match=r"no obstacle fits between start and goal of a reach of 0\.1 m"):
-        scenarios(committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0.1, 0, 0)))
+        scenarios(scene(start_m=(0, 0, 0), goal_m=(0.1, 0, 0)))
 
 
 @pytest.mark.parametrize("height", [0.7, -0.7])
@@ -103,13 +106,9 @@ def test_a_reach_along_gravity_anchors_the_side(height):
     np.testing.assert_allclose(axes[:, 0], [0, 0, np.sign(height)])
     np.testing.assert_allclose(axes[:, 1], [0, 1, 0])
     np.testing.assert_allclose(np.linalg.det(axes), 1.0)
-    assert (
-        len(
-            scenarios(
-                committed(
-                    SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5
-                )
-            )
-        )
-        == 15
-    )
+    assert len(scenarios(scene(start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5))) == 15
+
+
+def test_recordings_that_are_missing_are_named(tmp_path):
+    with pytest.raises(InputError, match=r"/0\d: no such file or folder"):
+        read_scenarios(scenarios(scene(settings=1)), tmp_path)

@@ -102,15 +102,13 @@ def test_the_goal_is_reached_whatever_the_model_and_wherever_the_obstacle(rng, s
 
 def test_the_text_s_rules_alone_do_not_bring_it_to_the_goal():
     level_with_goal = spheres([[0.64, 0.1, 0.0]])
-    miss = [
-        np.linalg.norm(paths.path.position[0, -1] - paths.goal[0])
-        for paths in (
-            unroll(PRIMITIVE, constant(0, 10.0, 0), [level_with_goal], DT, parameters)
-            for parameters in (TEXT_ONLY, LIMITS)
-        )
-    ]
-    assert miss[0] > 0.05  # 10 / (ALPHA BETA) = 64 mm
-    assert miss[1] < 0.005
+
+    def miss(parameters):
+        paths = unroll(PRIMITIVE, constant(0, 10.0, 0), [level_with_goal], DT, parameters)
+        return np.linalg.norm(paths.path.position[0, -1] - paths.goal[0])
+
+    assert miss(TEXT_ONLY) > 0.05  # 10 / (ALPHA BETA) = 64 mm
+    assert miss(LIMITS) < 0.005
 
 
 def test_a_model_that_leads_back_in_time_is_not_held_back():
@@ -118,13 +116,8 @@ def test_a_model_that_leads_back_in_time_is_not_held_back():
         beside = np.exp(-0.5 * (features[:, 0] / 0.08) ** 2)
         return 30.0 * beside[:, None] * np.array([0.0, 1.0, -0.5])
 
-    limits = committed(
-        PostprocessingParameters,
-        "obstacle_evaluation.postprocessing",
-        end_limit_m=0.035,
-        late_limit_m=0.0035,
-        return_coupling=10.0,
-    )
+    bounds = {"end_limit_m": 0.035, "late_limit_m": 0.0035, "return_coupling": 10.0}
+    limits = committed(PostprocessingParameters, "obstacle_evaluation.postprocessing", **bounds)
     paths = unroll(PRIMITIVE, model, [spheres([[0.3, -0.02, 0.0]])], DT, limits)
     assert paths.path.position[0, :, 1].max() > 0.05
     np.testing.assert_array_equal(paths.asked[:, :END], paths.coupling[:, :END])
@@ -190,10 +183,8 @@ def test_the_terms_of_several_obstacles_are_summed():
 
 def test_a_change_of_goal_adds_the_step_response_of_a_triple_pole():
     change = GoalChange(0.8, GOAL + np.array([0.05, -0.1, 0.08]))
-    paths, own = (
-        unroll(PRIMITIVE, no_coupling, [spheres([[0.3, 0.2, 0.0]])], DT, goal_change=change),
-        baseline_path(),
-    )
+    own = baseline_path()
+    paths = unroll(PRIMITIVE, no_coupling, [spheres([[0.3, 0.2, 0.0]])], DT, goal_change=change)
     elapsed = 12.5 * np.maximum(own.time - 0.8, 0.0) / TAU
     response = 1 - np.exp(-elapsed) * (1 + elapsed + elapsed**2 / 2)
     way = (change.goals - GOAL) @ paths.frame[0]

@@ -22,7 +22,7 @@ from made_up_environment import (
     wanted,
 )
 
-from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import concatenated
 from structlearn.feedback.skill import open_loop
 from structlearn.feedback.supervised_training import TrainingParameters, train_final
 from structlearn.ground.errors import InputError
@@ -36,36 +36,23 @@ from structlearn.primitives import kernels
 
 SCALE = committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=4.0)
 KINDS = (FEEDBACK, SAMPLE, IMPROVED)
+TRAINING = {"steps": 200, "batch_size": 32, "evaluate_every": 50, "dropout": 0.0, "learning_rate": 3e-3}
 PARAMETERS = RefinementParameters(
     iterations=2,
     search=committed(PI2Parameters, "refine.search", samples=20),
     evaluation_runs=3,
     added_runs=2,
-    training=committed(
-        TrainingParameters,
-        "compare_models",
-        steps=200,
-        batch_size=32,
-        evaluate_every=50,
-        dropout=0.0,
-        learning_rate=3e-3,
-    ),
+    training=committed(TrainingParameters, "compare_models", **TRAINING),
 )
+ONCE = PARAMETERS.model_copy(update={"iterations": 1})
 
 
 @pytest.fixture(scope="module")
 def demonstrations():
     rng = np.random.default_rng(0)
-    parts = [
-        dataset(felt(setting, rng), wanted(setting), setting, n) for setting in LEARNED for n in range(2)
-    ]
-    return CouplingDataset(
-        *(np.concatenate(columns) for columns in zip(*map(columns_of, parts), strict=True))
+    return concatenated(
+        [dataset(felt(setting, rng), wanted(setting), setting, n) for setting in LEARNED for n in range(2)]
     )
-
-
-def columns_of(part):
-    return list(vars(part).values())
 
 
 @pytest.fixture(scope="module")
@@ -75,11 +62,20 @@ def initial(demonstrations):
 
 
 @pytest.fixture(scope="module")
-def uninterrupted(initial, demonstrations):
+def refined(initial, demonstrations):
+    """Refinement in an environment, by default with the parameters and the seed of the whole run."""
+
+    def run(environment, parameters=PARAMETERS, scale=SCALE, seed=3, **others):
+        return refine(environment, initial, demonstrations, parameters, scale, seed, **others)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(refined):
     """A whole run: environment, states that were reported, result."""
     environment, states = MadeUp(), []
-    result = refine(environment, initial, demonstrations, PARAMETERS, SCALE, seed=3, report=states.append)
-    return environment, states, result
+    return environment, states, refined(environment, report=states.append)
 
 
 def assert_same(one, other):
@@ -100,23 +96,18 @@ def arrays(network):
 
 
 def test_an_open_loop_policy_is_compressed_into_itself():
+    """Also from samples that stop short of the end: data thinned to the sensor's rate may lack the last."""
     policy = np.random.default_rng(1).normal(0.0, 20.0, KERNELS)
-    found = compress(MadeUp().rollouts([open_loop(policy)] * 2, [(0,), (1,)]), KERNELS)
-    np.testing.assert_allclose(found, policy, rtol=1e-10)
+    runs = MadeUp().rollouts([open_loop(policy)] * 2, [(0,), (1,)])
+    short = replace(runs[0], samples=runs[0].samples.where(np.arange(TICKS - 1)))
+    for executed in (runs, [short, runs[1]]):
+        np.testing.assert_allclose(compress(executed, KERNELS), policy, rtol=1e-10)
 
 
 def test_a_policy_has_as_many_kernels_as_the_forcing_term():
     policy = np.random.default_rng(1).normal(0.0, 20.0, kernels.KERNEL_COUNT)
     samples = dataset(np.zeros((TICKS, CHANNELS)), kernels.features(*PHASE) @ policy, NEW)
     np.testing.assert_allclose(compress([Rollout(np.zeros(TICKS), samples)]), policy, rtol=1e-9)
-
-
-def test_samples_that_stop_short_of_the_end_are_compressed_into_the_policy_too():
-    """Data thinned to the sensor's rate need not hold the last tick."""
-    policy = np.random.default_rng(1).normal(0.0, 20.0, KERNELS)
-    (run,) = MadeUp().rollouts([open_loop(policy)], [(0,)])
-    short = replace(run, samples=run.samples.where(np.arange(TICKS - 1)))
-    np.testing.assert_allclose(compress([short, run], KERNELS), policy, rtol=1e-10)
 
 
 def test_several_runs_are_compressed_into_their_mean_and_failed_ones_left_out():
@@ -133,14 +124,9 @@ def test_the_cost_falls_and_what_was_learned_before_stays(uninterrupted, initial
     assert [state.iteration for state in states] == [0, 1, 2]
     assert norms[0] > norms[1] > norms[2]
     assert norms[2] < 0.6 * norms[0]
-    error = {
-        name: np.abs(
-            network.coupling(demonstrations.deviation, demonstrations.modulation(KERNELS))
-            - demonstrations.target
-        ).mean()
-        for name, network in (("before", initial), ("after", result.network))
-    }
-    assert error["after"] < 2.0 * error["before"] + 0.05 * np.abs(demonstrations.target).max()
+    known, target = (demonstrations.deviation, demonstrations.modulation(KERNELS)), demonstrations.target
+    before, after = (np.abs(one.coupling(*known) - target).mean() for one in (initial, result.network))
+    assert after < 2.0 * before + 0.05 * np.abs(target).max()
 
 
 def test_the_history_has_a_row_per_rollout(uninterrupted):
@@ -192,7 +178,7 @@ def test_the_improved_policy_is_better_than_the_average_one_tried(uninterrupted)
         assert cost[IMPROVED] < cost[SAMPLE]
 
 
-def test_seeds_follow_from_iteration_kind_and_number(uninterrupted, initial, demonstrations):
+def test_seeds_follow_from_iteration_kind_and_number(uninterrupted, refined):
     """Those of networks from kind and number alone: all iterations meet equal conditions."""
     environment, _, result = uninterrupted
     seeds = [seed for _, seed in environment.calls]
@@ -202,23 +188,19 @@ def test_seeds_follow_from_iteration_kind_and_number(uninterrupted, initial, dem
     ]
     policies = [seed for seed, row in zip(seeds, rows, strict=True) if row.kind != FEEDBACK]
     assert len(set(policies)) == len(policies)
-    more = PARAMETERS.model_copy(update={"evaluation_runs": 4, "iterations": 1})
     other = MadeUp()
-    refine(other, initial, demonstrations, more, SCALE, seed=8)
+    refined(other, ONCE.model_copy(update={"evaluation_runs": 4}), seed=8)
     assert {seed for seed in seeds if seed[0] < 2} < {seed for _, seed in other.calls}
 
 
-def test_the_same_seed_gives_the_same_to_the_last_bit(uninterrupted, initial, demonstrations):
-    assert_same(refine(MadeUp(), initial, demonstrations, PARAMETERS, SCALE, seed=3), uninterrupted[2])
-    once = PARAMETERS.model_copy(update={"iterations": 1})
-    other = refine(MadeUp(), initial, demonstrations, once, SCALE, seed=4)
+def test_the_same_seed_gives_the_same_to_the_last_bit(uninterrupted, refined):
+    assert_same(refined(MadeUp()), uninterrupted[2])
+    other = refined(MadeUp(), ONCE, seed=4)
     assert not np.array_equal(other.policies, uninterrupted[1][1].policies)
 
 
 @pytest.mark.parametrize("finished", [0, 1])
-def test_a_run_that_was_cut_off_goes_on_as_if_it_had_not_been(
-    finished, uninterrupted, initial, demonstrations, tmp_path
-):
+def test_a_run_that_was_cut_off_goes_on_as_if_it_had_not_been(finished, uninterrupted, refined, tmp_path):
     checkpoint = Checkpoint(tmp_path / "iterations")
 
     def save_and_die(progress):
@@ -227,37 +209,31 @@ def test_a_run_that_was_cut_off_goes_on_as_if_it_had_not_been(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        refine(MadeUp(), initial, demonstrations, PARAMETERS, SCALE, seed=3, report=save_and_die)
+        refined(MadeUp(), report=save_and_die)
     environment, states = MadeUp(), []
-    resumed = refine(
-        environment, initial, demonstrations, PARAMETERS, SCALE, 3, checkpoint.last(), report=states.append
-    )
+    resumed = refined(environment, resume=checkpoint.last(), report=states.append)
     assert_same(resumed, uninterrupted[2])
     assert min(seed[0] for _, seed in environment.calls if seed[1]) == finished + 1
     assert [state.iteration for state in states] == [1, 2][finished:]
 
 
-def test_a_finished_run_has_nothing_left_to_do(uninterrupted, initial, demonstrations):
-    result = uninterrupted[2]
+def test_a_finished_run_has_nothing_left_to_do(uninterrupted, refined):
     idle = MadeUp()
-    assert refine(idle, initial, demonstrations, PARAMETERS, SCALE, 3, resume=result) is result
+    assert refined(idle, resume=uninterrupted[2]) is uninterrupted[2]
     assert idle.calls == []
 
 
-def test_the_threshold_ends_it(uninterrupted, initial, demonstrations):
+def test_the_threshold_ends_it(uninterrupted, refined):
     norms = [state.norm_rad for state in uninterrupted[1]]
+    more = PARAMETERS.model_copy(update={"iterations": 5})
     for stop, threshold in enumerate((1.01 * norms[0], 0.5 * (norms[0] + norms[1]))):
-        more = PARAMETERS.model_copy(update={"iterations": 5})
-        enough = SCALE.model_copy(update={"threshold_rad": threshold})
-        result = refine(MadeUp(), initial, demonstrations, more, enough, seed=3)
-        assert result.iteration == stop
+        result = refined(MadeUp(), more, SCALE.model_copy(update={"threshold_rad": threshold}))
         assert_same(result, uninterrupted[1][stop])
 
 
-def test_failed_rollouts_are_left_out_and_recorded(initial, demonstrations):
+def test_failed_rollouts_are_left_out_and_recorded(refined):
     failing = {(0, 0, 1), (1, 1, 0), (1, 1, 5), (1, 2, 1)}
-    once = PARAMETERS.model_copy(update={"iterations": 1})
-    result = refine(MadeUp(failing.__contains__), initial, demonstrations, once, SCALE, seed=3)
+    result = refined(MadeUp(failing.__contains__), ONCE)
     failed = result.history[result.history["fault"] != ""]
     found = zip(failed["iteration"], map(KINDS.index, failed["kind"]), failed["number"], strict=True)
     assert set(found) == failing | {(1, 0, 1)}  # the network of iteration 1 meets what fails
@@ -270,7 +246,7 @@ def test_failed_rollouts_are_left_out_and_recorded(initial, demonstrations):
     assert result.norm_rad == pytest.approx(np.mean([last["norm_rad"].iloc[0], last["norm_rad"].iloc[2]]))
 
 
-def test_a_failed_sample_has_no_say_in_the_update(initial, demonstrations, monkeypatch):
+def test_a_failed_sample_has_no_say_in_the_update(refined, monkeypatch):
     """The mean is a convex combination of those that were executed; all their ticks count."""
     seen = []
     original = refinement.pi2.update
@@ -281,31 +257,28 @@ def test_a_failed_sample_has_no_say_in_the_update(initial, demonstrations, monke
         return found
 
     monkeypatch.setattr(refinement.pi2, "update", update)
-    once = PARAMETERS.model_copy(update={"iterations": 1})
-    refine(MadeUp(lambda seed: seed == (1, 1, 4)), initial, demonstrations, once, SCALE, seed=3)
+    refined(MadeUp(lambda seed: seed == (1, 1, 4)), ONCE)
     ((costs, failed),) = seen
     assert costs.shape == (PARAMETERS.search.samples, TICKS)
     np.testing.assert_array_equal(np.flatnonzero(failed), [4])
 
 
 @pytest.mark.parametrize(
-    ("phase", "named"),
-    [((0, 0), (0, 0, 0)), ((1, 1), (1, 1, 0)), ((1, 2), (1, 2, 0))],
+    ("failing", "named"),
+    [
+        (lambda seed: seed[:2] == (0, 0), (0, 0, 0)),
+        (lambda seed: seed[:2] == (1, 1), (1, 1, 0)),
+        (lambda seed: seed[1] == 1 and seed[2] != 7, (1, 1, 0)),  # one sample is not enough for an update
+        (lambda seed: seed[:2] == (1, 2), (1, 2, 0)),
+    ],
 )
-def test_where_all_fail_the_fault_is_named(phase, named, initial, demonstrations):
-    environment = MadeUp(lambda seed: seed[:2] == phase)
+def test_where_too_few_succeed_the_fault_is_named(failing, named, refined):
     with pytest.raises(InputError, match=rf"ValueError: \({', '.join(map(str, named))}\) diverged"):
-        refine(environment, initial, demonstrations, PARAMETERS, SCALE, seed=3)
-
-
-def test_one_sample_is_not_enough_for_an_update(initial, demonstrations):
-    environment = MadeUp(lambda seed: seed[1] == 1 and seed[2] != 7)
-    with pytest.raises(InputError, match=r"\(1, 1, 0\) diverged"):
-        refine(environment, initial, demonstrations, PARAMETERS, SCALE, seed=3)
+        refined(MadeUp(failing))
 
 
 def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
-    initial, demonstrations, monkeypatch
+    initial, demonstrations, refined, monkeypatch
 ):
     trained = []
 
@@ -315,8 +288,7 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
 
     monkeypatch.setattr(refinement, "train_final", remember)
     environment = MadeUp(lambda seed: seed == (1, 2, 1))
-    three = PARAMETERS.model_copy(update={"added_runs": 3})
-    result = refine(environment, initial, demonstrations, three, SCALE, seed=3)
+    result = refined(environment, PARAMETERS.model_copy(update={"added_runs": 3}))
     kept = len(demonstrations.target)
     for (data, start), added in zip(trained, (2, 3), strict=True):
         assert start is initial

@@ -1,21 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from primitives_movements import (
-    fading_coupling,
-    normalised_error,
-    quick,
-    random_orientations,
-    reach,
-    rngs,
-)
+from primitives_movements import fading_coupling, normalised_error, quick, random_orientations, reach, rngs
 
 from structlearn.ground import quaternion
 from structlearn.ground.frames import local_frame
-from structlearn.primitives.position import PositionPrimitive, fit_position, in_local_frame
+from structlearn.primitives.position import fit_position, in_local_frame
 
 DT = 0.005
+SIGNALS = ("position", "velocity", "acceleration")
 START, LEVEL, STEEP = np.array([0.1, 0.2, 0.3]), np.array([0.5, 0.4, 0.35]), np.array([0.12, 0.2, 0.8])
 REACHES = pytest.mark.parametrize(("goal", "kind"), [(LEVEL, "up"), (STEEP, "side"), (START, "world")])
 
@@ -48,13 +44,7 @@ def test_a_smooth_demonstration_is_reproduced(goal, kind, rng):
 
 def random_primitive(rng, goal=LEVEL):
     fitted = fit_position([demonstration(rng, goal)])
-    weights = rng.uniform(-300, 300, size=(25, 3))
-    return PositionPrimitive(
-        type(fitted.local)(**{**vars(fitted.local), "weights": weights}),
-        fitted.frame,
-        fitted.start,
-        fitted.goal,
-    )
+    return replace(fitted, local=replace(fitted.local, weights=rng.uniform(-300, 300, size=(25, 3))))
 
 
 @REACHES
@@ -65,16 +55,9 @@ def test_the_goal_is_reached_whatever_the_weights(goal, kind, coupled, rng):
     primitive = random_primitive(rng, goal)
     start, new_goal, duration = rng.normal(size=3), rng.normal(size=3), rng.uniform(0.3, 4.0)
     dt = duration / 100
-    path = primitive.unroll(
-        dt,
-        start,
-        new_goal,
-        duration,
-        velocity=rng.normal(size=3),
-        acceleration=rng.normal(size=3),
-        coupling=fading_coupling(rng, duration, dt, bound=300.0) if coupled else None,
-        until=5 * duration,
-    )
+    state = {"velocity": rng.normal(size=3), "acceleration": rng.normal(size=3)}
+    coupling = fading_coupling(rng, duration, dt, bound=300.0) if coupled else None
+    path = primitive.unroll(dt, start, new_goal, duration, coupling=coupling, until=5 * duration, **state)
     np.testing.assert_allclose(path.position[-1], new_goal, atol=1e-6)
 
 
@@ -95,9 +78,8 @@ def test_turning_the_world_about_the_vertical_turns_the_path(rng):
     turn = quaternion.from_rotation_vector([0.0, 0.0, rng.uniform(-3, 3)])
     shift = rng.normal(size=3)
     path = primitive.unroll(DT)
-    moved = primitive.unroll(
-        DT, quaternion.rotate(turn, primitive.start) + shift, quaternion.rotate(turn, primitive.goal) + shift
-    )
+    start, goal = (quaternion.rotate(turn, end) + shift for end in (primitive.start, primitive.goal))
+    moved = primitive.unroll(DT, start, goal)
     np.testing.assert_allclose(moved.position, quaternion.rotate(turn, path.position) + shift, atol=1e-9)
     np.testing.assert_allclose(moved.velocity, quaternion.rotate(turn, path.velocity), atol=1e-8)
     np.testing.assert_allclose(moved.acceleration, quaternion.rotate(turn, path.acceleration), atol=1e-7)
@@ -109,17 +91,12 @@ def test_turning_the_world_about_the_vertical_turns_the_path(rng):
 def test_turning_start_goal_and_frame_together_turns_the_path(goal, kind, rng):
     primitive = random_primitive(rng, goal)
     turn, shift = random_orientations(rng), rng.normal(size=3)
-    velocity, acceleration = rng.normal(size=(2, 3))
+    state = {name: rng.normal(size=3) for name in ("velocity", "acceleration")}
+    turned = {name: quaternion.rotate(turn, value) for name, value in state.items()}
     frame = local_frame(primitive.start, primitive.goal, primitive.frame)
-    path = primitive.unroll(DT, velocity=velocity, acceleration=acceleration)
-    moved = primitive.unroll(
-        DT,
-        quaternion.rotate(turn, primitive.start) + shift,
-        quaternion.rotate(turn, primitive.goal) + shift,
-        velocity=quaternion.rotate(turn, velocity),
-        acceleration=quaternion.rotate(turn, acceleration),
-        frame=quaternion.rotate(turn, frame.T).T,
-    )
+    start, goal = (quaternion.rotate(turn, end) + shift for end in (primitive.start, primitive.goal))
+    path = primitive.unroll(DT, **state)
+    moved = primitive.unroll(DT, start, goal, frame=quaternion.rotate(turn, frame.T).T, **turned)
     np.testing.assert_allclose(moved.position, quaternion.rotate(turn, path.position) + shift, atol=1e-9)
 
 
@@ -130,12 +107,9 @@ def test_demonstrations_in_other_directions_are_one_primitive(rng):
     taught_again = []
     for angle in (0.0, 0.5, -0.4):
         turn = quaternion.from_rotation_vector([0.0, 0.0, angle])
-        signals = {
-            name: quaternion.rotate(turn, value) for name, value in vars(taught).items() if name != "time"
-        }
-        taught_again.append(type(taught)(taught.time, **signals))
-    primitive = fit_position(taught_again)
-    alone = fit_position([taught])
+        signals = {name: quaternion.rotate(turn, vars(taught)[name]) for name in SIGNALS}
+        taught_again.append(replace(taught, **signals))
+    primitive, alone = fit_position(taught_again), fit_position([taught])
     np.testing.assert_allclose(primitive.local.weights[1:], alone.local.weights[1:], atol=1e-3)
     path = primitive.unroll(DT, taught.position[0], taught.position[-1])
     assert np.linalg.norm(path.position - taught.position, axis=1).max() < 1e-3  # IV.6.1

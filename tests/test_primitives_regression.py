@@ -79,32 +79,8 @@ def test_local_weights_fit_each_kernel_alone(rng):
         np.testing.assert_allclose(found[i], expected, rtol=1e-9)
 
 
-@given(rngs)
-@quick
-def test_no_weights_fit_better_than_the_joint_ones(rng):
-    targets = [rng.normal(size=(200, 1)).cumsum(axis=0) for _ in range(3)]
-    matrix, target = stacked((200, 200, 200), 25), np.concatenate(targets)
-
-    def loss(weights):
-        return np.sum((matrix @ weights - target) ** 2)
-
-    joint = forcing_weights(targets)
-    assert loss(joint) <= loss(forcing_weights(targets, None, "local"))
-    assert loss(joint) <= loss(joint + rng.normal(size=(25, 1)))
-
-
 @pytest.mark.parametrize("method", ["joint", "local"])
 def test_a_forcing_proportional_to_the_phase_velocity_has_equal_weights(method):
     _, u = phase(np.linspace(0.0, 1.0, 300), time_constant(1.0))
     found = forcing_weights([7.0 * u[:, None]], None, method)
     np.testing.assert_allclose(found[1:], 7.0, rtol=1e-3)
-
-
-@given(rngs)
-@quick
-def test_the_order_of_the_demonstrations_does_not_matter(rng):
-    targets = [rng.normal(size=(samples, 2)) for samples in (80, 120, 80, 95)]
-    order = rng.permutation(4)
-    np.testing.assert_allclose(
-        forcing_weights([targets[i] for i in order]), forcing_weights(targets), rtol=1e-6, atol=1e-6
-    )

@@ -96,42 +96,27 @@ def test_a_stored_vector_primitive_unrolls_bit_for_bit_as_before(tmp_path):
         np.testing.assert_array_equal(getattr(found.unroll(DT), name), values)
 
 
-def foreign_files(folder):
-    """Files that are none of ours, by name."""
-    weights = {"layer.weights": np.ones(3)}
-    artefacts.write_tensors(weights, folder / "network.safetensors", "a network")
-    artefacts.write_tensors(weights, folder / "list.safetensors", json.dumps([1, 2]))
-    claim = json.dumps({"pose_primitives": [{"name": "a", "frame": "up", "orientation": "quaternion"}]})
-    artefacts.write_tensors(weights, folder / "claim.safetensors", claim)
-    (folder / "text.safetensors").write_text("x,y\n1,2\n" * 20)
-    return sorted(folder.iterdir())
+READERS = {
+    "pose primitives": primitive_files.read_primitives,
+    "vector primitive": primitive_files.read_vector_primitive,
+}
 
 
-def test_a_foreign_file_is_named(tmp_path):
-    paths = foreign_files(tmp_path)
-    assert len(paths) == 4
-    for read, content in (
-        (primitive_files.read_primitives, "holds no pose primitives"),
-        (primitive_files.read_vector_primitive, "holds no vector primitive"),
-    ):
-        for path in paths:
-            complaint = "not a readable safetensors file" if path.stem == "text" else content
-            with pytest.raises(InputError, match=rf"{path.name}: {complaint}"):
-                read(path)
-
-
-def test_one_kind_of_primitive_is_not_read_as_the_other(tmp_path):
-    primitive_files.write_primitives(learned(), tmp_path / "poses.safetensors")
-    primitive_files.write_vector_primitive(
-        expected_traces(), tmp_path / "traces.safetensors", "expected traces"
-    )
-    with pytest.raises(InputError, match=r"traces\.safetensors: holds no pose primitives"):
-        primitive_files.read_primitives(tmp_path / "traces.safetensors")
-    with pytest.raises(InputError, match=r"poses\.safetensors: holds no vector primitive"):
-        primitive_files.read_vector_primitive(tmp_path / "poses.safetensors")
-
-
-@pytest.mark.parametrize("read", [primitive_files.read_primitives, primitive_files.read_vector_primitive])
-def test_a_missing_file_is_named(tmp_path, read):
-    with pytest.raises(InputError, match=r"nothing\.safetensors: no such file"):
-        read(tmp_path / "nothing.safetensors")
+@pytest.mark.parametrize("kind", READERS)
+def test_a_foreign_file_is_named(tmp_path, kind):
+    """Also one of the other kind, and one that claims to hold what it does not."""
+    claim = {"pose_primitives": [{"name": "a", "frame": "up", "orientation": "quaternion"}]}
+    for name, description in (("network", "a network"), ("list", "[1, 2]"), ("claim", json.dumps(claim))):
+        weights = {"layer.weights": np.ones(3)}
+        artefacts.write_tensors(weights, tmp_path / f"{name}.safetensors", description)
+    if kind == "pose primitives":
+        primitive_files.write_vector_primitive(expected_traces(), tmp_path / "other.safetensors", "traces")
+    else:
+        primitive_files.write_primitives(learned(), tmp_path / "other.safetensors")
+    (tmp_path / "text.safetensors").write_text("x,y\n1,2\n" * 20)
+    for name in ("network", "list", "claim", "other", "text", "nothing"):
+        problems = {"text": "not a readable safetensors file", "nothing": "no such file"}
+        with pytest.raises(
+            InputError, match=rf"{name}\.safetensors: {problems.get(name, f'holds no {kind}')}"
+        ):
+            READERS[kind](tmp_path / f"{name}.safetensors")

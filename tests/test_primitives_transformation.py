@@ -4,6 +4,7 @@ from hypothesis import given
 from primitives_movements import few, quick, reach, rngs
 from scipy.integrate import solve_ivp
 
+from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, forcing_target, initial_goal, unroll
 
 
@@ -12,8 +13,15 @@ def random_situation(rng, axes=2):
     return {"start": start, "goal": goal, "velocity": velocity, "acceleration": 5 * acceleration}
 
 
+def assert_path(found, expected, *tolerances):
+    """Position, velocity and, with a third tolerance, acceleration."""
+    names = ("position", "velocity", "acceleration")
+    for name, atol in zip(names, tolerances, strict=False):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=atol)
+
+
 def text_solution(times, forcing, tau, start, goal, velocity, acceleration, first=None, **options):
-    """The text's equations (eq. IV.1, IV.10, IV.12) by scipy: positions and velocities (T, D)."""
+    """The text's equations (eq. IV.1, IV.10, IV.12) by scipy, without accelerations."""
     axes = len(start)
     first = forcing(0.0) if first is None else first
 
@@ -25,7 +33,7 @@ def text_solution(times, forcing, tau, start, goal, velocity, acceleration, firs
     state = np.concatenate([start, velocity, initial_goal(start, velocity, acceleration, tau, first)])
     options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12, **options}
     solution = solve_ivp(rates, (times[0], times[-1]), state, t_eval=times, **options)
-    return solution.y[:axes].T, solution.y[axes : 2 * axes].T
+    return Trajectory(times, solution.y[:axes].T, solution.y[axes : 2 * axes].T, np.empty(0))
 
 
 def test_the_constants_are_the_text_s_and_critically_damped():
@@ -44,9 +52,7 @@ def test_smooth_forcing_gives_the_text_s_path(rng):
     times = dt * np.arange(300)
     situation = random_situation(rng)
     path = unroll(forcing=np.stack([forcing(t) for t in times]), dt=dt, tau=tau, **situation)
-    position, velocity = text_solution(times, forcing, tau, **situation)
-    np.testing.assert_allclose(path.position, position, atol=2e-4)
-    np.testing.assert_allclose(path.velocity, velocity, atol=2e-3)
+    assert_path(path, text_solution(times, forcing, tau, **situation), 2e-4, 2e-3)
 
 
 @given(rngs)
@@ -60,9 +66,7 @@ def test_forcing_that_is_linear_between_samples_is_integrated_exactly(rng):
     def forcing(t):
         return np.array([np.interp(t, times, column) for column in samples.T])
 
-    position, velocity = text_solution(times, forcing, tau, **situation, max_step=dt / 2)
-    np.testing.assert_allclose(path.position, position, atol=1e-6)
-    np.testing.assert_allclose(path.velocity, velocity, atol=1e-5)
+    assert_path(path, text_solution(times, forcing, tau, **situation, max_step=dt / 2), 1e-6, 1e-5)
 
     fine = np.stack([forcing(t) for t in dt / 8 * np.arange(65)])
     finer = unroll(forcing=fine, dt=dt / 8, tau=tau, **situation)
@@ -144,9 +148,7 @@ def test_constant_coupling_is_constant_forcing(rng):
     situation = random_situation(rng)
     times = dt * np.arange(20)
     path = unroll(forcing=np.zeros((20, 2)), dt=dt, tau=tau, coupling=lambda *_: c, **situation)
-    position, velocity = text_solution(times, lambda t: c, tau, **situation)
-    np.testing.assert_allclose(path.position, position, atol=1e-8)
-    np.testing.assert_allclose(path.velocity, velocity, atol=1e-7)
+    assert_path(path, text_solution(times, lambda t: c, tau, **situation), 1e-8, 1e-7)
 
 
 def test_coupling_is_held_over_the_step():
@@ -158,8 +160,8 @@ def test_coupling_is_held_over_the_step():
     def staircase(t):
         return held[min(int(t / dt + 1e-9), 7)]
 
-    position, _ = text_solution(dt * np.arange(8), staircase, tau, **situation, max_step=dt / 50, rtol=1e-8)
-    np.testing.assert_allclose(path.position, position, atol=2e-4)
+    options = {"max_step": dt / 50, "rtol": 1e-8}
+    assert_path(path, text_solution(dt * np.arange(8), staircase, tau, **situation, **options), 2e-4)
 
 
 def test_coupling_sees_every_sample_of_the_path():
@@ -197,18 +199,10 @@ def test_the_target_of_an_unrolled_path_is_its_forcing(rng):
 def test_unrolling_the_target_of_a_demonstration_gives_the_demonstration(rng):
     demonstration = reach(rng, rng.normal(size=2), rng.normal(size=2), dt=0.001)
     tau = 2 * demonstration.duration
-    path = unroll(
-        demonstration.position[0],
-        demonstration.position[-1],
-        forcing_target(demonstration, tau),
-        0.001,
-        tau,
-        demonstration.velocity[0],
-        demonstration.acceleration[0],
-    )
-    np.testing.assert_allclose(path.position, demonstration.position, atol=1e-5)
-    np.testing.assert_allclose(path.velocity, demonstration.velocity, atol=1e-4)
-    np.testing.assert_allclose(path.acceleration, demonstration.acceleration, atol=1e-2)
+    start, goal = demonstration.position[[0, -1]]
+    state = (demonstration.velocity[0], demonstration.acceleration[0])
+    path = unroll(start, goal, forcing_target(demonstration, tau), 0.001, tau, *state)
+    assert_path(path, demonstration, 1e-5, 1e-4, 1e-2)
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.5, 20.0])

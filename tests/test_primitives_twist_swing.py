@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import (
-    fading_coupling,
     quick,
     random_orientations,
+    random_twist_swing,
     random_vectors,
     rngs,
     wobbly_turn,
@@ -158,95 +158,10 @@ def test_several_recordings_with_sign_flips_are_one_primitive(turns, rng):
         assert turned == pytest.approx(largest_turn([demonstration]), abs=0.2)  # not a turn fewer or more
 
 
-def random_primitive(rng, turns=1.7, bound=50.0):
-    fitted = fit_twist_swing(
-        [wobbly_turn(rng, 2 * np.pi * turns, base=random_orientations(rng), axis=rng.normal(size=3))]
-    )
-    weights = fitted.chart.weights + rng.uniform(-bound, bound, size=(25, 3)) * [1.0, 0.1, 0.1]
-    return dataclasses.replace(fitted, chart=dataclasses.replace(fitted.chart, weights=weights))
-
-
-@TURNS
-@pytest.mark.parametrize("coupled", [False, True])
-@given(rng=rngs)
-@quick
-def test_the_goal_is_reached_whatever_the_weights(turns, coupled, rng):
-    primitive = random_primitive(rng, turns, bound=500.0)
-    duration = rng.uniform(0.3, 4.0)
-    dt = duration / 100
-    start, goal = random_orientations(rng, 2)
-    path = primitive.unroll(
-        dt,
-        start,
-        goal,
-        duration,
-        coupling=fading_coupling(rng, duration, dt, bound=100.0) if coupled else None,
-        until=5 * duration,
-    )
-    assert quaternion.angle_between(path.orientation[-1], goal) < 1e-6
-    assert np.abs(path.angular_velocity[-1]).max() < 1e-5
-    np.testing.assert_allclose(np.linalg.norm(path.orientation, axis=1), 1.0, atol=1e-9)
-
-
-@given(rngs, st.floats(0.2, 5.0))
-@quick
-def test_another_duration_gives_the_same_shape(rng, factor):
-    primitive = random_primitive(rng)
-    path = primitive.unroll(DT)
-    scaled = primitive.unroll(factor * DT, duration=factor * primitive.duration)
-    np.testing.assert_allclose(scaled.orientation, path.orientation, atol=1e-8)
-    np.testing.assert_allclose(factor * scaled.angular_velocity, path.angular_velocity, atol=1e-7)
-
-
-@given(rngs)
-@quick
-def test_turning_the_body_frame_turns_nothing_else(rng):
-    primitive, turn = random_primitive(rng), random_orientations(rng)
-    path = primitive.unroll(DT)
-    moved = primitive.unroll(
-        DT, quaternion.product(primitive.start, turn), quaternion.product(primitive.goal, turn)
-    )
-    expected = quaternion.product(path.orientation, turn)
-    assert quaternion.angle_between(moved.orientation, expected).max() < 1e-6
-
-
-@given(rngs)
-@quick
-def test_turning_the_base_frame_with_the_axes_turns_the_path(rng):
-    primitive, turn = random_primitive(rng), random_orientations(rng)
-    moved = dataclasses.replace(
-        primitive,
-        axes=quaternion.rotate(turn, primitive.axes.T).T,
-        start=quaternion.product(turn, primitive.start),
-        goal=quaternion.product(turn, primitive.goal),
-    ).unroll(DT)
-    path = primitive.unroll(DT)
-    turned_back = quaternion.product(quaternion.conjugate(turn), moved.orientation)
-    assert quaternion.angle_between(turned_back, path.orientation).max() < 1e-6
-    np.testing.assert_allclose(
-        moved.angular_velocity, quaternion.rotate(turn, path.angular_velocity), atol=1e-7
-    )
-
-
-@given(rngs)
-@quick
-def test_the_path_starts_in_the_state_asked_for(rng):
-    primitive = random_primitive(rng)
-    start = quaternion.product(
-        quaternion.from_rotation_vector(random_vectors(rng, 0.5)), primitive.start
-    ) * rng.choice([-1.0, 1.0])
-    velocity, acceleration = rng.normal(size=(2, 3))
-    path = primitive.unroll(DT, start, velocity=velocity, acceleration=acceleration)
-    np.testing.assert_allclose(path.orientation[0], start, atol=1e-12)  # with its sign
-    np.testing.assert_allclose(path.angular_velocity[0], velocity, atol=1e-9)
-    np.testing.assert_allclose(path.angular_acceleration[0], acceleration, atol=1e-8)
-    assert (np.sum(path.orientation[1:] * path.orientation[:-1], axis=1) > 0).all()
-
-
 @given(rngs)
 @quick
 def test_the_reported_rates_are_those_of_the_path(rng):
-    path = random_primitive(rng).unroll(0.0005)
+    path = random_twist_swing(rng).unroll(0.0005)
     found = quaternion.angular_velocity(path.orientation, 0.0005)
     scale = np.abs(path.angular_velocity).max()
     np.testing.assert_allclose(found[1:-1], path.angular_velocity[1:-1], atol=1e-3 * scale)
@@ -267,10 +182,9 @@ def test_the_twist_of_a_demonstration_has_no_jump_and_ends_at_the_goal(rng):
 
 
 def test_a_batch_of_weights_is_its_members_one_by_one():
-    primitive = random_primitive(np.random.default_rng(0))
-    chart = primitive.chart
-    weights = chart.weights * np.linspace(0.5, 1.0, 3)[:, None, None]
-    batch = dataclasses.replace(primitive, chart=dataclasses.replace(chart, weights=weights)).unroll(DT)
+    primitive = random_twist_swing(np.random.default_rng(0), 3)
+    batch = primitive.unroll(DT)
     for i in range(3):
-        member = dataclasses.replace(primitive, chart=dataclasses.replace(chart, weights=weights[i]))
-        np.testing.assert_allclose(batch.orientation[i], member.unroll(DT).orientation, atol=1e-11)
+        chart = dataclasses.replace(primitive.chart, weights=primitive.chart.weights[i])
+        member = dataclasses.replace(primitive, chart=chart).unroll(DT)
+        np.testing.assert_allclose(batch.orientation[i], member.orientation, atol=1e-11)

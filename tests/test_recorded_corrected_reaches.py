@@ -24,6 +24,7 @@ from structlearn.testbeds.recorded.protocol.corrected_reaches import (
 )
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, learn_corrections
 
+HEIGHTS_M = (0.18, 0.2, 0.22, 0.19, 0.21, 0.2)
 START, GOAL = np.array([0.67, -0.19, 0.14]), np.array([0.40, 0.20, 0.17])
 PARAMETERS = committed(
     CorrectionParameters, "recorded_corrections", smoothing_hz=20.0, learned_from=4, splits=3, seed=1
@@ -54,6 +55,17 @@ def higher(heights, nominal):
     return corrected_reaches(demonstrations, nominal, 20.0)
 
 
+@pytest.fixture(scope="module")
+def corrected(nominal):
+    return higher(HEIGHTS_M, nominal)
+
+
+@pytest.fixture(scope="module")
+def learned(corrected, nominal):
+    """Networks of all, and results of the splits."""
+    return learn_corrections(corrected, nominal.local, PARAMETERS)
+
+
 def test_equal_corrections_are_reproduced(nominal):
     _, results = learn_corrections(higher([0.2] * 6, nominal), nominal.local, PARAMETERS)
     distances = results.distances
@@ -64,33 +76,30 @@ def test_equal_corrections_are_reproduced(nominal):
     assert upwards["nmse"].max() < 1e-2
 
 
-def test_every_split_learns_from_as_many_as_asked_and_reproduces_all_others(nominal):
-    corrected = higher([0.18, 0.2, 0.22, 0.19, 0.21, 0.2], nominal)
-    _, results = learn_corrections(corrected, nominal.local, PARAMETERS)
+def test_every_split_learns_from_as_many_as_asked_and_reproduces_all_others(corrected, learned):
+    _, results = learned
     assert results.distances.groupby("split").size().tolist() == [2, 2, 2]
     assert set(results.distances["learned_from"]) == {4}
     left_out = results.distances.groupby("split")["reach"].apply(tuple)
     assert len(set(left_out)) > 1
     first = set(left_out[0])
     assert set(results.paths["reach"]) == first
-    learned = [reach.target for reach in corrected if reach.name not in first]
-    again = phase_coupling(phase_networks(learned), correction_splits.SAMPLES)
+    targets = [reach.target for reach in corrected if reach.name not in first]
+    again = phase_coupling(phase_networks(targets), correction_splits.SAMPLES)
     np.testing.assert_allclose(results.targets["learned"], again.T.ravel())
 
 
-def test_distances_are_those_of_the_unrolled_paths(nominal):
+def test_distances_are_those_of_the_unrolled_paths(nominal, learned):
     """By the base frame, and without any table."""
-    corrected = higher([0.18, 0.2, 0.22, 0.19, 0.21, 0.2], nominal)
-    networks, results = learn_corrections(corrected, nominal.local, PARAMETERS)
+    networks, results = learned
     row = results.distances.iloc[0]
     place = int(row["reach"])
-    demonstration = arc(row["reach"], [0.18, 0.2, 0.22, 0.19, 0.21, 0.2][place], 0.6 + 0.05 * place)
+    demonstration = arc(row["reach"], HEIGHTS_M[place], 0.6 + 0.05 * place)
     path = differentiated(demonstration.position, 0.002, 20.0)
     terms = phase_coupling(networks, len(path.time))
     for column, coupling in (("nominal_mm", None), ("coupling_mm", lambda k, x, xd: terms[k])):
-        unrolled = nominal.unroll(
-            path.dt, path.position[0], path.position[-1], path.duration, coupling=coupling
-        )
+        ends = path.position[0], path.position[-1]
+        unrolled = nominal.unroll(path.dt, *ends, path.duration, coupling=coupling)
         away = 1e3 * np.linalg.norm(unrolled.position - path.position, axis=1)
         assert row[column] == pytest.approx(away.mean(), rel=0.01)
     profile = results.profile[["nominal_mm", "coupling_mm", "spread_mm"]].mean()
@@ -98,19 +107,16 @@ def test_distances_are_those_of_the_unrolled_paths(nominal):
     np.testing.assert_allclose(profile, by_split)
 
 
-def test_the_same_seed_gives_the_same_results(nominal):
-    corrected = higher([0.18, 0.2, 0.22, 0.19, 0.21, 0.2], nominal)
-    _, first = learn_corrections(corrected, nominal.local, PARAMETERS)
+def test_the_same_seed_gives_the_same_results(nominal, corrected, learned):
     _, second = learn_corrections(corrected, nominal.local, PARAMETERS)
-    for name, table in vars(first).items():
+    for name, table in vars(learned[1]).items():
         assert table.equals(getattr(second, name)), name
 
 
 def test_a_reach_must_be_left_out(nominal):
     corrected = higher([0.2] * 4, nominal)
-    with pytest.raises(
-        InputError, match="4 corrected reaches are to be learned from, but there are 4 complete"
-    ):
+    message = "4 corrected reaches are to be learned from, but there are 4 complete"
+    with pytest.raises(InputError, match=message):
         learn_corrections(corrected, nominal.local, PARAMETERS)
 
 

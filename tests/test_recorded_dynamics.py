@@ -27,13 +27,7 @@ from structlearn.testbeds.recorded.protocol.panda_identification import (
 )
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
-PARAMETERS = committed(
-    RecordedDynamicsParameters,
-    "recorded_dynamics",
-    iterations=150,
-    seeds=2,
-    epochs=1,
-)
+PARAMETERS = committed(RecordedDynamicsParameters, "recorded_dynamics", iterations=150, seeds=2, epochs=1)
 LEARNING = committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6))
 
 
@@ -81,12 +75,7 @@ def slide(name: str, sign: float, mass: float, point: np.ndarray) -> Demonstrati
     columns = MotionRegressor(arm.tree, _motion(q, qd, qdd), True, ()).columns.numpy()
     torque = columns @ carried
     return Demonstration(
-        name,
-        time,
-        np.zeros((200, 3)),
-        joint_positions=q,
-        joint_velocities=qd,
-        joint_torques=sign * torque,
+        name, time, np.zeros((200, 3)), joint_positions=q, joint_velocities=qd, joint_torques=sign * torque
     )
 
 

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import two_move_demonstration
-from rerun.chunk import RrdReader
 from test_recorded_page import made_up
+from viewer_files import colour_of, contents, note
 
 from structlearn.palette import BLUE, VERMILION
 from structlearn.testbeds.recorded.names import LEARNED, PATHS
 from structlearn.testbeds.recorded.protocol.corrected_reaches import phase_networks
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
 from structlearn.testbeds.recorded.recordings.unscrewing_recording import CHART, write_unscrewing
-from structlearn.viewer.rrd import rgba
 
 
 @pytest.fixture
@@ -27,37 +26,16 @@ def parts():
     ]
 
 
-def chunks(path):
-    """Chunks of a file by entity."""
-    found = {}
-    for chunk in RrdReader(path).stream().to_chunks():
-        found.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
-    return found
-
-
-def values(batches, ending):
-    """What stands in the components whose name has an ending, in a flat list."""
-    columns = [
-        batch.column(name) for batch in batches for name in batch.schema.names if name.endswith(ending)
-    ]
-    return [one for column in columns for row in column.to_pylist() for one in row]
-
-
-def note(found):
-    return values(found["/notes"], ":text")[0]
-
-
 def test_higher_reaches_have_a_colour_per_path(tmp_path, parts):
     path = tmp_path / "higher.rrd"
     networks = dict(phase_networks([np.ones((50, 3))], 5))
     movements.write_higher_reaches(path, parts, [made_up().reach_primitive], networks)
-    found = chunks(path)
     for key, colour in (("nominal", BLUE), ("coupling", VERMILION)):
         assert PATHS[key].colour == colour
         entity = f"/paths/{PATHS[key].name}".replace(" ", "\\ ")
-        assert set(values(found[entity], ":colors")) == set(rgba([colour]).tolist())
-        assert PATHS[key].name in note(found)
-    assert "recorded" in note(found)
+        assert colour_of(path, entity, "LineStrips3D") == colour
+        assert PATHS[key].name in note(path)
+    assert "recorded" in note(path)
 
 
 def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
@@ -70,26 +48,25 @@ def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
     assert (table["start_s"].to_numpy()[1:] == table["end_s"].to_numpy()[:-1]).all()
     path = tmp_path / "execution.rrd"
     movements.write_execution(path, parts)
-    found = chunks(path)
-    assert [entity for entity in found if entity.startswith("/hands")] == ["/hands/execution"]
-    assert "prim1, prim2, prim3" in note(found)
+    assert "/hands/execution" in contents(path)[1]
+    assert "prim1, prim2, prim3" in note(path)
 
 
 def test_unscrewing_shows_every_log_and_the_primitive(tmp_path):
     path = tmp_path / "unscrewing.rrd"
     logs = [turn for _, turn in made_up().unscrewing_segments]
     write_unscrewing(path, logs, made_up().unscrewing_primitive)
-    found = chunks(path)
+    found = contents(path)[1]
     names = [*(f"log\\ {number}" for number in range(1, len(logs) + 1)), LEARNED.name]
-    assert {f"/caps/{name}" for name in names} <= set(found)
+    assert {f"/caps/{name}" for name in names} <= found
     for chart in CHART:
-        assert {f"/{chart}/{name}".replace("second swing", "second\\ swing") for name in names} <= set(found)
-    assert set(values(found[f"/twist/{LEARNED.name}"], ":colors")) == set(rgba([LEARNED.colour]).tolist())
-    assert "recorded" in note(found)
+        assert {f"/{chart}/{name}".replace("second swing", "second\\ swing") for name in names} <= found
+    assert colour_of(path, f"/twist/{LEARNED.name}") == LEARNED.colour
+    assert "recorded" in note(path)
 
 
 def test_reaches_and_the_sequence_are_written(tmp_path, parts):
-    movements.write_reaches(tmp_path / "reaches.rrd", parts, [made_up().reach_primitive])
-    found = chunks(tmp_path / "reaches.rrd")
-    assert set(values(found[f"/paths/{LEARNED.name}"], ":colors")) == set(rgba([LEARNED.colour]).tolist())
-    assert note(found)
+    path = tmp_path / "reaches.rrd"
+    movements.write_reaches(path, parts, [made_up().reach_primitive])
+    assert colour_of(path, f"/paths/{LEARNED.name}", "LineStrips3D") == LEARNED.colour
+    assert note(path)

@@ -10,6 +10,7 @@ from structlearn.testbeds.recorded.protocol import touch_calibration, touch_stat
 from structlearn.testbeds.recorded.protocol.touch_traces import FingerTrace, finger_traces, joined
 
 RATE_HZ = 100.0
+NOTHING = np.zeros((100, 2))
 PARAMETERS = committed(
     touch_calibration.CalibrationParameters,
     "calibrate",
@@ -46,12 +47,6 @@ def test_contact_change_is_the_difference_of_two_means():
     np.testing.assert_array_equal(touch_statistics.contact_change(counts, 50, 10), [0.0, 0.0])
 
 
-@pytest.mark.parametrize(("contact", "average"), [(101, 10), (15, 10)])
-def test_contact_outside_the_trace(contact, average):
-    with pytest.raises(InputError, match=f"contact at sample {contact} and means of {average} do not fit"):
-        touch_statistics.contact_change(np.zeros((100, 2)), contact, average)
-
-
 def test_a_spike_is_no_range():
     counts = np.tile(np.linspace(0, 100, 1001)[:, None], 2)
     counts[500, 1] = 3000.0
@@ -67,11 +62,6 @@ def test_noise_is_found_under_motion():
     np.testing.assert_allclose(touch_statistics.noise(counts, RATE_HZ), [0.5, 1.0, 2.0], rtol=0.05)
 
 
-def test_noise_of_a_short_trace():
-    with pytest.raises(InputError, match="too short to measure noise"):
-        touch_statistics.noise(np.zeros((20, 2)), RATE_HZ)
-
-
 def test_spectrum_integrates_to_the_variance():
     rng = np.random.default_rng(0)
     time = np.arange(30_000) / RATE_HZ
@@ -81,9 +71,18 @@ def test_spectrum_integrates_to_the_variance():
     assert frequency[density[:, 0].argmax()] == pytest.approx(12.5, abs=0.2)
 
 
-def test_spectrum_of_a_short_trace():
-    with pytest.raises(InputError, match=r"a trace of 1 s has no window of 2\.56 s"):
-        touch_statistics.spectrum(np.zeros((100, 2)), RATE_HZ, 2.56)
+@pytest.mark.parametrize(
+    ("statistic", "message"),
+    [
+        (lambda: touch_statistics.contact_change(NOTHING, 101, 10), "contact at sample 101 and means of 10"),
+        (lambda: touch_statistics.contact_change(NOTHING, 15, 10), "contact at sample 15 and means of 10"),
+        (lambda: touch_statistics.noise(NOTHING[:20], RATE_HZ), "too short to measure noise"),
+        (lambda: touch_statistics.spectrum(NOTHING, RATE_HZ, 2.56), r"of 1 s has no window of 2\.56 s"),
+    ],
+)
+def test_traces_that_are_too_short(statistic, message):
+    with pytest.raises(InputError, match=message):
+        statistic()
 
 
 def test_components_of_a_known_mixture():
@@ -147,12 +146,17 @@ def traces(gain: float) -> list[FingerTrace]:
     return [*recorded, *simulated, FingerTrace("slides", "slide", "left", execution(99))]
 
 
-def compared(gain: float):
-    fingers = traces(gain)
+def calibrated(fingers: list[FingerTrace]):
+    """Tables of the fingers, electrodes and spectra, and the comparison."""
     electrodes = touch_calibration.electrode_table(fingers, PARAMETERS)
     spectra = touch_calibration.spectrum_table(fingers, PARAMETERS)
     table = touch_calibration.finger_table(fingers, electrodes, PARAMETERS)
-    return table, touch_calibration.comparison(table, spectra, PARAMETERS).set_index("statistic")
+    return table, electrodes, spectra, touch_calibration.comparison(table, spectra, PARAMETERS)
+
+
+def compared(gain: float):
+    table, *_, comparison = calibrated(traces(gain))
+    return table, comparison.set_index("statistic")
 
 
 def test_the_comparison_finds_the_same_in_the_same():

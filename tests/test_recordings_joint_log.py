@@ -74,12 +74,10 @@ def test_missing_topics_and_damaged_files_are_named(tmp_path):
     path = bag(tmp_path / "bag.mcap")
     with pytest.raises(InputError, match=r"no joint states on '/arm'; its topics are \['/joint_states'\]"):
         read_joint_log(path, "/arm")
-    path.write_bytes(path.read_bytes()[:300])
-    with pytest.raises(InputError, match=r"bag\.mcap: not a complete MCAP file"):
-        read_joint_log(path)
-    path.write_bytes(b"no bag at all")
-    with pytest.raises(InputError, match=r"bag\.mcap: not a complete MCAP file"):
-        read_joint_log(path)
+    for content in (path.read_bytes()[:300], b"no bag at all"):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"bag\.mcap: not a complete MCAP file"):
+            read_joint_log(path)
     with pytest.raises(InputError, match=r"cannot be read: No such file"):
         read_joint_log(tmp_path / "none.mcap")
 

@@ -17,18 +17,22 @@ def transform(row):
     return {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
 
 
+def pose_stamped(h, row):
+    return {"header": h, "pose": ros_pose(row)}
+
+
+def transform_stamped(h, row):
+    return {"header": h, "child_frame_id": "tool", "transform": transform(row)}
+
+
 POSES = {
-    "geometry_msgs/msg/PoseStamped": lambda h, row: {"header": h, "pose": ros_pose(row)},
-    "geometry_msgs/PoseStamped": lambda h, row: {"header": h, "pose": ros_pose(row)},
+    "geometry_msgs/msg/PoseStamped": pose_stamped,
+    "geometry_msgs/PoseStamped": pose_stamped,
     "geometry_msgs/msg/PoseWithCovarianceStamped": lambda h, row: {
         "header": h,
         "pose": {"pose": ros_pose(row), "covariance": [0.1] * 36},
     },
-    "geometry_msgs/msg/TransformStamped": lambda h, row: {
-        "header": h,
-        "child_frame_id": "tool",
-        "transform": transform(row),
-    },
+    "geometry_msgs/msg/TransformStamped": transform_stamped,
     "nav_msgs/msg/Odometry": lambda h, row: {
         "header": h,
         "child_frame_id": "tool",
@@ -43,6 +47,12 @@ def read(path, messages, **topics):
     """Streams besides the pose, read from a bag that has a pose too."""
     write_bag(path, [*pose_messages(STAMPS, ROWS), *messages])
     return read_recording(path, topic_map(pose="/tool", **topics)).streams[1:]
+
+
+def read_pose(path, messages):
+    write_bag(path, messages)
+    (pose,) = read_recording(path, topic_map(pose="/tool")).streams
+    return pose
 
 
 @pytest.mark.parametrize("message_type", POSES)
@@ -62,23 +72,17 @@ def test_every_pose_type_gives_the_same_scalar_first_pose(tmp_path, message_type
 
 
 @pytest.mark.parametrize(
-    ("role", "message_type", "field", "parts"),
+    ("role", "message_type", "first", "second"),
     [
-        ("twist", "geometry_msgs/msg/TwistStamped", "twist", ("linear", "angular")),
-        ("wrench", "geometry_msgs/msg/WrenchStamped", "wrench", ("force", "torque")),
+        ("twist", "geometry_msgs/msg/TwistStamped", "linear", "angular"),
+        ("wrench", "geometry_msgs/msg/WrenchStamped", "force", "torque"),
     ],
 )
-def test_twist_and_wrench(tmp_path, role, message_type, field, parts):
-    first, second = parts
-    messages = [
-        (
-            "/x",
-            message_type,
-            {"header": header(s), field: {first: vector([1, 2, s]), second: vector([4, 5, 6])}},
-            s,
-        )
-        for s in STAMPS
-    ]
+def test_twist_and_wrench(tmp_path, role, message_type, first, second):
+    messages = []
+    for s in STAMPS:
+        both = {first: vector([1, 2, s]), second: vector([4, 5, 6])}
+        messages.append(("/x", message_type, {"header": header(s), role: both}, s))
     (stream,) = read(tmp_path / "bag.mcap", messages, **{role: "/x"})
     assert stream.kind == role
     np.testing.assert_array_equal(stream.values, [[1, 2, s, 4, 5, 6] for s in STAMPS])
@@ -89,8 +93,8 @@ ORIENTATIONS = {
         "header": h,
         "quaternion": ros_quaternion(row[3:]),
     },
-    "geometry_msgs/msg/PoseStamped": POSES["geometry_msgs/msg/PoseStamped"],
-    "geometry_msgs/msg/TransformStamped": POSES["geometry_msgs/msg/TransformStamped"],
+    "geometry_msgs/msg/PoseStamped": pose_stamped,
+    "geometry_msgs/msg/TransformStamped": transform_stamped,
 }
 
 
@@ -121,26 +125,21 @@ def test_every_tactile_type_is_stamped_by_its_log_time(tmp_path, number):
 
 def test_header_stamps_that_nobody_set_give_way_to_log_times(tmp_path):
     messages = [
-        (*message[:2], message[2] | {"header": header(0)}, message[3])
-        for message in pose_messages(STAMPS, ROWS)
+        (topic, kind, message | {"header": header(0)}, logged)
+        for topic, kind, message, logged in pose_messages(STAMPS, ROWS)
     ]
-    write_bag(tmp_path / "bag.mcap", messages)
-    (pose,) = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool")).streams
-    np.testing.assert_array_equal(pose.stamps, STAMPS)
+    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", messages).stamps, STAMPS)
 
 
 def test_a_clock_that_starts_at_zero_is_kept(tmp_path):
     simulated = [0, 10**7, 2 * 10**7]
     messages = [(*m[:3], 10**18 + i) for i, m in enumerate(pose_messages(simulated, ROWS[:3]))]
-    write_bag(tmp_path / "bag.mcap", messages)
-    (pose,) = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool")).streams
-    np.testing.assert_array_equal(pose.stamps, simulated)
+    np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", messages).stamps, simulated)
 
 
 def test_messages_come_in_the_order_of_their_log_times(tmp_path):
-    shuffled = [pose_messages(STAMPS, ROWS)[i] for i in (3, 0, 4, 2, 1)]
-    write_bag(tmp_path / "bag.mcap", shuffled)
-    (pose,) = read_recording(tmp_path / "bag.mcap", topic_map(pose="/tool")).streams
+    messages = pose_messages(STAMPS, ROWS)
+    pose = read_pose(tmp_path / "bag.mcap", [messages[i] for i in (3, 0, 4, 2, 1)])
     np.testing.assert_array_equal(pose.stamps, STAMPS)
     np.testing.assert_array_equal(pose.values, ROWS)
 
@@ -209,20 +208,19 @@ def test_joint_states_must_have_values_for_their_names(tmp_path, fields, complai
         read(tmp_path / "bag.mcap", [joint_message(s, **fields) for s in STAMPS], joint_states="/joints")
 
 
-def test_a_tactile_message_of_another_length_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("lengths", "complaint"),
+    [
+        ((3, 3, 2), r": row 2 \(stamp 1\.014000002 s\) has 2 values, the first has 3"),
+        ((0, 0, 0), ": messages have no values"),
+    ],
+)
+def test_tactile_messages_need_values_and_one_length(tmp_path, lengths, complaint):
     messages = [
         ("/finger", "std_msgs/msg/Int16MultiArray", {"data": [1] * n}, s)
-        for n, s in zip((3, 3, 2), STAMPS, strict=False)
+        for n, s in zip(lengths, STAMPS, strict=False)
     ]
-    with pytest.raises(
-        InputError, match=r"topic '/finger': row 2 \(stamp 1\.014000002 s\) has 2 values, the first has 3"
-    ):
-        read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
-
-
-def test_tactile_messages_without_values_are_refused(tmp_path):
-    messages = [("/finger", "std_msgs/msg/Int16MultiArray", {"data": []}, s) for s in STAMPS]
-    with pytest.raises(InputError, match="topic '/finger': messages have no values"):
+    with pytest.raises(InputError, match=f"topic '/finger'{complaint}"):
         read(tmp_path / "bag.mcap", messages, tactile=("/finger",))
 
 

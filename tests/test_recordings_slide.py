@@ -5,7 +5,7 @@ import pytest
 from recordings_bags import recorded_data
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings import read_recording, slide, synchronise, write_recording
+from structlearn.recordings import slide, synchronise
 
 START = 1581238055_716234152
 WIDTHS = {"cp": 7, "cw": 6, "jp": 7, "jt": 7, "jv": 7, "bio": 44}
@@ -83,14 +83,3 @@ def test_all_recorded_slides_come_onto_one_clock():
         assert demonstration.tactile.shape[1] == 19
         speed = np.gradient(demonstration.joint_positions, 0.01, axis=0)
         assert np.median(np.abs(speed - demonstration.joint_velocities)) < 0.02
-
-
-def test_a_recorded_slide_goes_through_a_file_unchanged(tmp_path):
-    recording = slide.read_slide(recorded_data("slide"), "mat9_1")
-    write_recording(recording, tmp_path / "mat9_1.mcap")
-    back = read_recording(tmp_path / "mat9_1.mcap")
-    assert [stream.kind for stream in back.streams] != []
-    for stream in back.streams:
-        (source,) = (other for other in recording.streams if other.kind == stream.kind)
-        np.testing.assert_array_equal(stream.stamps, source.stamps)
-        np.testing.assert_array_equal(stream.values, source.values)

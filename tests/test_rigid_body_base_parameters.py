@@ -42,11 +42,3 @@ def test_formulas_of_the_iiwa():
     assert "Ixx[lbr_iiwa_joint_7] - Iyy[lbr_iiwa_joint_7]" in formulas
     assert "Izz[lbr_iiwa_joint_7]" in formulas
     assert not any(formula.startswith("m[") for formula in formulas)  # no mass shows alone
-
-
-def test_values_of_several_models():
-    tree = robot("iiwa").tree
-    base = base_parameters(tree)
-    generators = [torch.Generator().manual_seed(seed) for seed in range(3)]
-    inertias = link_inertias("cov", draw("cov", 7, generators))
-    assert base.values(inertias).shape == (3, 43)

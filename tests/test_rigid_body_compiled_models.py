@@ -1,8 +1,8 @@
 import numpy as np
-import pybullet_data
 import pytest
 import torch
 from committed import committed
+from rigid_body_robots import robot
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.compiled_models import compiled_model
@@ -11,7 +11,7 @@ from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_learning import LearningParameters, learner
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.newton_euler import inverse_dynamics
-from structlearn.rigid_body.tree import LinkInertias, read_urdf
+from structlearn.rigid_body.tree import LinkInertias
 
 FRICTION = ("viscous", "coulomb")
 SEEDS = (0, 1, 2)
@@ -20,7 +20,7 @@ LEARNING = committed(LearningParameters, "train_dynamics.learning", hidden=(8, 8
 
 @pytest.fixture(scope="module")
 def tree():
-    return read_urdf(f"{pybullet_data.getDataPath()}/kuka_iiwa/model.urdf").tree
+    return robot("iiwa").tree
 
 
 @pytest.fixture(scope="module")

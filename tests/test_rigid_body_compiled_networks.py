@@ -28,23 +28,21 @@ def one_by_one(torques: compiled_dynamics.InverseDynamics, states: torch.Tensor)
     return np.array([torques(*state) for state in np.moveaxis(states.numpy(), -1, 0)]).T
 
 
-@pytest.mark.parametrize("standardised", [False, True])
-def test_a_perceptron_gives_what_the_trained_batch_gives(states, standardised):
-    networks = stacked(StackedPerceptrons)
+@pytest.mark.parametrize(
+    ("kind", "compiled", "standardised"),
+    [
+        (StackedPerceptrons, compiled_networks.perceptron, False),
+        (StackedPerceptrons, compiled_networks.perceptron, True),
+        (StackedLagrangianNetworks, compiled_networks.lagrangian, False),
+    ],
+)
+def test_a_network_gives_what_the_trained_batch_gives(states, kind, compiled, standardised):
+    networks = stacked(kind)
     if standardised:
         networks = networks.standardised((3.0 * states[0] + 1.0, states[1], states[2]), 7.0 * states[2] - 2.0)
     batch = networks.torques(*states).numpy()
     for model in range(MODELS):
-        found = one_by_one(compiled_networks.perceptron(networks, model), states)
-        np.testing.assert_allclose(found, batch[model], atol=1e-12)
-
-
-def test_a_lagrangian_network_gives_what_the_trained_batch_gives(states):
-    networks = stacked(StackedLagrangianNetworks)
-    batch = networks.torques(*states).numpy()
-    for model in range(MODELS):
-        found = one_by_one(compiled_networks.lagrangian(networks, model), states)
-        np.testing.assert_allclose(found, batch[model], atol=1e-12)
+        np.testing.assert_allclose(one_by_one(compiled(networks, model), states), batch[model], atol=1e-12)
 
 
 def test_friction_acts_beside_a_lagrangian_network(states):

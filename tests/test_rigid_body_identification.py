@@ -54,12 +54,8 @@ def test_a_structure_explains_the_data_nearly_as_well_and_its_links_can_exist(st
     best = regressor.factors.nmse(least_squares(triangle))
     free, rubbing = fit_structure(structure, triangle, FRICTION, wrong_inertias(), 200)
     found = link_inertias(structure, free)
-    theta = np.concatenate(
-        [
-            link_parameters(found, structure != "nostr")[0].numpy(),
-            friction_coefficients(rubbing, FRICTION)[0].numpy().ravel(),
-        ]
-    )
+    links = link_parameters(found, structure != "nostr")[0].numpy()
+    theta = np.append(links, friction_coefficients(rubbing, FRICTION)[0].numpy())
     assert (regressor.factors.nmse(theta) < 10.0 * best).all()
     table = link_table(arm().tree, found.arrays(), arm().inertias)
     if structure in ("tri", "cov"):

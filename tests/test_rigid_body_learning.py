@@ -95,11 +95,8 @@ def test_a_model_is_kept_as_it_was_when_it_became_good_enough(motion):
     first = int(learned.epochs.argmin())
     assert learned.epochs.min() < learned.epochs.max()  # the others went on learning
     free = torch.from_numpy(learned.state["inertia"])
-    torques = inverse_dynamics(
-        arm().tree,
-        link_inertias("spd", free),
-        *(torch.from_numpy(values) for values in (motion.q, motion.qd, motion.qdd)),
-    ).numpy()
+    states = (torch.from_numpy(values) for values in (motion.q, motion.qd, motion.qdd))
+    torques = inverse_dynamics(arm().tree, link_inertias("spd", free), *states).numpy()
     for model, epoch in enumerate(learned.epochs):
         np.testing.assert_allclose(nmse(torques[model], motion.torque), learned.nmse[epoch, model], rtol=1e-6)
     assert (learned.nmse[: learned.epochs[first], first].max(axis=1) > 0.1).all()

@@ -1,8 +1,8 @@
 import numpy as np
 import pinocchio
-import pybullet_data
 import pytest
 from committed import committed
+from rigid_body_robots import robot as known_robot
 
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.operational_space_velocity import (
@@ -10,7 +10,6 @@ from structlearn.rigid_body.operational_space_velocity import (
     VelocityControlParameters,
     tool_motion,
 )
-from structlearn.rigid_body.tree import read_urdf
 
 TOOL = np.array([0.02, -0.03, 0.1])
 PARAMETERS = committed(VelocityControlParameters, "track.reaching.control")
@@ -18,7 +17,7 @@ PARAMETERS = committed(VelocityControlParameters, "track.reaching.control")
 
 @pytest.fixture(scope="module")
 def robot():
-    return read_urdf(f"{pybullet_data.getDataPath()}/kuka_iiwa/model.urdf")
+    return known_robot("iiwa")
 
 
 @pytest.fixture(scope="module")
@@ -55,11 +54,7 @@ def test_tool_gets_the_velocity_and_acceleration_that_the_law_asks_for(robot, st
     q, qd = state
     control = VelocityControl(robot.tree, TOOL, q + 0.3, PARAMETERS)
     x, xd, _ = pinocchio_tool(robot, q, qd, np.zeros(7))
-    error, slow, wanted = (
-        np.array([0.01, 0.02, -0.01]),
-        np.array([0.1, 0.0, -0.2]),
-        np.array([1.0, -1.0, 0.5]),
-    )
+    error, slow, wanted = np.array([[0.01, 0.02, -0.01], [0.1, 0.0, -0.2], [1.0, -1.0, 0.5]])
     velocity, qdd = control.reference(q, qd, (x + error, xd + slow, wanted))
     gain = PARAMETERS.tool_1_s
     reached = pinocchio_tool(robot, q, velocity, np.zeros(7))[1]

@@ -33,12 +33,8 @@ def test_models_from_a_file_predict_what_they_predicted_in_training(kind, tmp_pa
         write_dynamics_models(models, tmp_path / f"{name}.safetensors")
     assert (tmp_path / "models.safetensors").read_bytes() == (tmp_path / "again.safetensors").read_bytes()
     back = read_dynamics_models(tmp_path / "models.safetensors")
-    assert (back.kind, back.joints, back.friction, back.hidden) == (
-        models.kind,
-        models.joints,
-        models.friction,
-        models.hidden,
-    )
+    for name in ("kind", "joints", "friction", "hidden"):
+        assert getattr(back, name) == getattr(models, name)
     assert back.count == 2
     motion = rubbing_motion(arm())
     torques = predicted_torques(back, arm().tree, motion)
@@ -49,9 +45,8 @@ def test_models_from_a_file_predict_what_they_predicted_in_training(kind, tmp_pa
 def test_files_that_hold_something_else_are_refused(tmp_path):
     path = tmp_path / "models.safetensors"
     write_tensors({"friction": np.zeros((1, 7, 0))}, path, '{"dynamics_models": {"kind": "spd"}}')
-    with pytest.raises(
-        InputError, match=r"models\.safetensors: holds no dynamics models \(missing 'joints'\)"
-    ):
+    message = r"models\.safetensors: holds no dynamics models \(missing 'joints'\)"
+    with pytest.raises(InputError, match=message):
         read_dynamics_models(path)
     write_tensors({"weights": np.zeros(3)}, path, "something else")
     with pytest.raises(InputError, match="holds no dynamics models"):

@@ -1,10 +1,10 @@
 import numpy as np
-import pinocchio
 import pytest
 from committed import committed
 from rigid_body_motions import arm, rubbing_motion, sine_motion
-from rigid_body_robots import pinocchio_torques
+from rigid_body_robots import carrying
 
+from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import (
@@ -21,7 +21,7 @@ from structlearn.rigid_body.seeded_training import (
     train,
     trainings,
 )
-from structlearn.rigid_body.tree import LinkInertias, Robot
+from structlearn.simulation.arm import Payload
 
 PARAMETERS = committed(
     DynamicsTrainingParameters,
@@ -43,15 +43,9 @@ def test_all_models_of_two_motions_are_trained_and_tabulated():
     work += trainings("robot", ("viscous", "coulomb"), PARAMETERS.epochs.by_loss, PARAMETERS)
     motions = {"iiwa": sine_motion(arm(), 200), "robot": rubbing_motion(arm())}
     models, errors, outcomes = train(work, motions, arm().tree, PARAMETERS)
-    assert sorted(models) == sorted(
-        f"{place}/{loss}/{kind}"
-        for loss in ("raw", "normalised")
-        for place, kinds in (
-            ("iiwa", ("mlp", "delan", "cov")),
-            ("robot", ("mlp", "delan", "delan_coulomb", "cov", "cov_coulomb")),
-        )
-        for kind in kinds
-    )
+    kinds = [f"iiwa/{{}}/{kind}" for kind in ("mlp", "delan", "cov")]
+    kinds += [f"robot/{{}}/{kind}" for kind in ("mlp", "delan", "delan_coulomb", "cov", "cov_coulomb")]
+    assert set(models) == {kind.format(loss) for kind in kinds for loss in ("raw", "normalised")}
     for name, learned in models.items():
         expected = 0 if "mlp" in name or name.startswith("iiwa") else 2 if "coulomb" in name else 1
         assert learned.friction_coefficients().shape == (2, 7, expected)
@@ -67,9 +61,8 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough():
     """Every training ends at its own limit; what it says of a model is that of the epoch that was kept."""
     learning = committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6), threshold=700.0)
     limits = EpochLimits(raw=4, normalised=3, robot=2)
-    parameters = PARAMETERS.model_copy(
-        update={"models": ("mlp", "cov"), "epochs": limits, "learning": learning}
-    )
+    changes = {"models": ("mlp", "cov"), "epochs": limits, "learning": learning}
+    parameters = PARAMETERS.model_copy(update=changes)
     work = trainings("iiwa", ("none",), limits.by_loss, parameters)
     _, errors, outcomes = train(work, {"iiwa": sine_motion(arm(), 400)}, arm().tree, parameters)
     assert {(each.loss, each.epochs) for each in work} == {("raw", 4), ("normalised", 3)}
@@ -108,31 +101,18 @@ def test_online_learning_sees_every_batch_once():
 
 
 def test_a_payload_is_found_after_it_was_picked_up():
-    empty = arm()
-    point, mass = np.array([0.02, -0.01, 0.1]), 1.5
-    true = empty.inertias
-    loaded = LinkInertias(true.mass.copy(), true.first_moment.copy(), true.inertia.copy())
-    loaded.mass[-1] += mass
-    loaded.first_moment[-1] += mass * point
-    model = empty.model.copy()
-    link = model.inertias[7]
+    empty, point, mass = arm(), (0.02, -0.01, 0.1), 1.5
     motion = sine_motion(empty)
     half = len(motion) // 2
-    model.inertias[7] = link + pinocchio.Inertia(mass, point, 1e-3 * np.eye(3))
-    carrying = Robot(empty.name, empty.tree, loaded, model)
     states = motion.q, motion.qd, motion.qdd
-    torque = motion.torque.copy()
-    torque[half:] = pinocchio_torques(carrying, *states)[half:]
-    table = follow_payload(
-        empty.tree,
-        true,
-        Motion(*states, torque),
-        0.02,
-        committed(PayloadLearningParameters, "online.payload", batch=50, memory_s=0.5),
-    )
+    loaded = compiled_dynamics.inverse_dynamics(empty.tree, carrying(empty, Payload(mass, point, 1e-3)))
+    late = [loaded(*state) for state in zip(*(values[half:] for values in states), strict=True)]
+    followed = Motion(*states, np.vstack([motion.torque[:half], late]))
+    parameters = committed(PayloadLearningParameters, "online.payload", batch=50, memory_s=0.5)
+    table = follow_payload(empty.tree, empty.inertias, followed, 0.02, parameters)
     before, after = table[table["time_s"] <= half * 0.02], table.iloc[-1]
     np.testing.assert_allclose(before["mass_kg"], 0.0, atol=0.02)
     assert after["mass_kg"] == pytest.approx(mass, rel=0.05)
     found = after[["moment_x_kg_m", "moment_y_kg_m", "moment_z_kg_m"]].to_numpy(float)
-    np.testing.assert_allclose(found, mass * point, atol=0.01)
+    np.testing.assert_allclose(found, mass * np.array(point), atol=0.01)
     assert after["nmse_learned"] < 0.01 * after["nmse_fixed"]

@@ -1,5 +1,7 @@
 """The table of ablations from made-up experiments."""
 
+from itertools import product
+
 import pandas as pd
 import pytest
 from committed import committed
@@ -24,19 +26,12 @@ COSTS = {NOMINAL: 4.0, BEFORE: 2.0}
 
 def experiment(variant, seed, after, seen_after=2.0, samples=3, iterations=2):
     """Costs are 2 before, and `after` or `seen_after` after, for both primitives and two runs."""
+    afterwards = {5.0: seen_after * 5.0 / 7.5, 7.5: seen_after, 10.0: after}
     scores = [
-        {
-            "model": model,
-            "setting_deg": setting,
-            "primitive": name,
-            "run": run,
-            "cost_rad": COSTS.get(model, after if setting == 10.0 else seen_after * setting / 7.5),
-        }
-        for model in (NOMINAL, BEFORE, AFTER)
-        for setting in (5.0, 7.5, 10.0)
-        for name in ("turn", "scrape")
-        for run in ("01", "02")
+        (*keys, COSTS.get(keys[0], afterwards[keys[1]]))
+        for keys in product((NOMINAL, BEFORE, AFTER), afterwards, ("turn", "scrape"), ("01", "02"))
     ]
+    columns = ["model", "setting_deg", "primitive", "run", "cost_rad"]
     history = [
         {"primitive": name, "iteration": iteration, "kind": kind, "fault": "diverged" if number == 2 else ""}
         for name in ("turn", "scrape")
@@ -44,7 +39,7 @@ def experiment(variant, seed, after, seen_after=2.0, samples=3, iterations=2):
         for kind, count in ((FEEDBACK, 2), *(((SAMPLE, samples), (IMPROVED, 1)) if iteration else ()))
         for number in range(count)
     ]
-    return Experiment(variant, seed, pd.DataFrame(history), pd.DataFrame(scores))
+    return Experiment(variant, seed, pd.DataFrame(history), pd.DataFrame(scores, columns=columns))
 
 
 @pytest.fixture

@@ -5,15 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reporting_feedback import AXIS, TELLING, dataset, feedback_results
-from reporting_refinement import (
-    SETTINGS,
-    examples,
-    history,
-    parameters,
-    refinement_results,
-    scores,
-    search,
-)
+from reporting_refinement import SETTINGS, examples, history, parameters, refinement_results, scores, search
 from scipy import stats
 
 from structlearn.ground.metrics import BETTER

@@ -1,6 +1,6 @@
 import numpy as np
 import pandas as pd
-from committed import committed
+from reporting_scraping import PARAMETERS
 
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.cut_errors import (
@@ -12,18 +12,7 @@ from structlearn.segmentation.cut_errors import (
     downsampling_effect,
     mean_cut_errors_ms,
 )
-from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-
-PARAMETERS = committed(
-    SegmentParameters,
-    "segment",
-    primitives=(
-        {"name": "down", "axis": "z", "threshold_m_s": 0.01},
-        {"name": "turn", "axis": "between", "threshold_m_s": None},
-        {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
-    ),
-)
 
 
 def test_errors_are_found_minus_true(two_move_demonstrations):

@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from committed import committed
+from reporting_scraping import PARAMETERS
 
 from structlearn.ground.errors import InputError
 from structlearn.primitives.fitting import (
@@ -14,24 +15,14 @@ from structlearn.primitives.fitting import (
     segment_paths,
     whole,
 )
-from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 
-SEGMENT = committed(
-    SegmentParameters,
-    "segment",
-    primitives=(
-        {"name": "down", "axis": "z", "threshold_m_s": 0.01},
-        {"name": "turn", "axis": "between", "threshold_m_s": None},
-        {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
-    ),
-)
 FIT = committed(FitParameters, "fit_primitives", smoothing_hz=8.0)
 
 
 @pytest.fixture(scope="module")
 def segmentation(two_move_demonstrations):
-    return cut(two_move_demonstrations, SEGMENT)
+    return cut(two_move_demonstrations, PARAMETERS)
 
 
 def test_neighbouring_segments_agree_at_the_cut(two_move_demonstrations, segmentation):

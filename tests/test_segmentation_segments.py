@@ -67,6 +67,16 @@ def test_extension_is_undone(two_move_demonstrations):
     np.testing.assert_allclose(short["end_s"], long["end_s"], atol=0.04)
 
 
+@pytest.mark.parametrize("primitive", ["down", "scrape"])
+def test_the_rest_on_both_sides_is_aligned_too(two_move_demonstrations, primitive):
+    """Line 11 of algorithm IV.1: the crossings may be wrong, so both ends reach further by the extension."""
+    segmentation = cut(two_move_demonstrations, parameters(extension_s=0.2))
+    start, end = segmentation.result(primitive, "zvc").loc["01", ["start_s", "end_s"]]
+    for _, pairs in segmentation.pairs.query("primitive == @primitive").groupby("demonstration"):
+        assert pairs["reference_s"].min() < start - 0.1
+        assert pairs["reference_s"].max() > end + 0.1
+
+
 def test_reference_may_be_chosen(two_move_demonstrations):
     segmentation = cut(two_move_demonstrations, parameters(reference="03"))
     assert segmentation.reference == "03"

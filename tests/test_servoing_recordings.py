@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from committed import committed, committed_finger
-from rerun.chunk import RrdReader
-from viewer_files import contents, view_names
+from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
@@ -35,7 +34,7 @@ from structlearn.testbeds.servoing.recordings.latent_maps import write_latent_ma
 from structlearn.testbeds.servoing.recordings.servo_runs import shown_runs, write_servo_runs
 from structlearn.testbeds.servoing.recordings.servoing_scene import GRID_LINES, flat, flat_skin, skin_lines
 from structlearn.testbeds.servoing.recordings.shown_touches import shown_touches
-from structlearn.viewer.rrd import entity, rgba
+from structlearn.viewer.rrd import entity
 
 SKIN = SKINS["biotac"]
 PERSON = committed(
@@ -98,21 +97,9 @@ def loops():
     return scene.handle, pd.DataFrame(trials), pd.concat(paths, ignore_index=True)
 
 
-def values(path, place, component, static=False):
-    """Values of a component, in the order of time."""
-    found = []
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == place and chunk.is_static == static and component in batch.schema.names:
-            found += batch.column(component).to_pylist()
-    return found
-
-
-def notes(path, name):
-    """Text of a tab's panel."""
-    return values(path, f"/{entity('notes', name)}".replace("//", "/"), "TextDocument:text", static=True)[0][
-        0
-    ]
+def now(path, scene, places):
+    """Points where a touch is, in the order of time, at each of several places of a scene."""
+    return [values(path, f"{scene}/{place}/now", "Points2D:positions") for place in places]
 
 
 def test_shown_touches_are_those_that_were_asked_for(world, shown):
@@ -157,7 +144,7 @@ def test_demonstrations_show_finger_electrodes_and_both_contacts(shown, tmp_path
         points = values(path, f"{skin}/estimated", "Points2D:positions")
         touching = np.isin(np.arange(count)[::4], one.rows)
         assert [len(found or []) for found in points] == touching.astype(int).tolist()
-        assert "(simulated)" in notes(path, one.name)
+        assert "(simulated)" in note(path, f"/notes/{one.name}")
     assert "finger on the handle (simulated)" in view_names(path)
 
 
@@ -183,12 +170,9 @@ def test_latent_paths_lie_on_the_skin_after_the_map_is_turned(world, shown, laid
     rows, entities, _ = contents(path)
     assert {"/samples/map", "/samples/skin", "/electrodes/map"} <= entities
     for one in shown:
-        assert "(simulated)" in notes(path, one.name)
+        assert "(simulated)" in note(path, f"/notes/{one.name}")
         for number in np.unique(one.contact):
-            on_map, on_skin = (
-                values(path, f"/{one.name}/{part}/{number}/now", "Points2D:positions")
-                for part in ("map", "skin")
-            )
+            on_map, on_skin = now(path, f"/{one.name}", (f"map/{number}", f"skin/{number}"))
             np.testing.assert_allclose(on_map, on_skin, atol=1e-3)
             assert rows[f"/{one.name}/map/{number}/trail"] == len(on_map)
 
@@ -217,16 +201,12 @@ def test_closed_loops_stand_beside_each_other_with_the_names_and_colours_of_the_
         for form, label in FORM_NAMES.items():
             place = entity(name, label)
             assert rows[f"{place}/finger"] == 80
-            latent, contact = (
-                values(path, f"{place}/map/{kind}/now", "Points2D:positions")
-                for kind in ("latent", "contact")
-            )
+            latent, contact = now(path, f"{place}/map", ("latent", "contact"))
             assert len(contact) == 70  # then the finger is in the air
             np.testing.assert_allclose(latent[:70], contact, atol=1e-2)
-            curve = values(path, entity(name, "load", label), "SeriesLines:colors", static=True)
-            assert curve == [rgba([FORM_COLOURS[form]]).tolist()]
-        assert all(label in notes(path, name) for label in labels)
-        assert "simulated" in notes(path, name)
+            assert colour_of(path, entity(name, "load", label)) == FORM_COLOURS[form]
+        assert all(label in note(path, entity("notes", name)) for label in labels)
+        assert "simulated" in note(path, entity("notes", name))
     assert {f"NJ, {label} (simulated)" for label in labels} <= set(view_names(path))
     assert "/handle" in entities
 

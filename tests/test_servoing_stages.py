@@ -132,10 +132,6 @@ def test_a_missing_topic_is_named(root, written, tmp_path):
     folder, *_ = written
     topics = NO_TOPICS | {"pose": "/pose", "tactile": ["/biotac"]}
     source = str(folder / "data/raw/servoing")
+    own = SMALL | {"record_touch": {"source": source, "topics": topics}}
     with pytest.raises(InputError, match="/biotac"):
-        run_stages(
-            root,
-            tmp_path / "own",
-            SMALL | {"record_touch": {"source": source, "topics": topics}},
-            STAGES[:1],
-        )
+        run_stages(root, tmp_path / "own", own, STAGES[:1])

@@ -2,14 +2,13 @@ import numpy as np
 import pinocchio
 import pytest
 from committed import committed
-from rigid_body_robots import carrying
+from rigid_body_robots import FINGERS, carrying
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.simulation.arm import Arm, ArmParameters, Mechanics, Payload, ideal, urdf_path
 
 DT = 1.0 / 250.0
-FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)
 ARMS = [committed(ArmParameters, "arm"), ArmParameters(urdf="franka_panda/panda.urdf", locked_joints=FINGERS)]
 
@@ -70,11 +69,10 @@ def test_friction_holds_a_joint_that_is_pushed_less(robot):
     joints = len(robot.tree.names)
     mechanics = Mechanics(robot.inertias, np.zeros(joints), np.full(joints, 2.0), ripple=np.zeros(joints))
     q = np.full(joints, 0.3)
-    weight = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)(
-        q, np.zeros(joints), np.zeros(joints)
-    )
+    still = np.zeros(joints)
+    weight = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)(q, still, still)
     with Arm(robot.tree, mechanics, DT) as arm:
-        arm.place(q, np.zeros(joints))
+        arm.place(q, still)
         for _ in range(100):
             arm.step(weight + 1.5)
         # Bullet's solver iterates, so it creeps; without friction the wrist would have turned many times.

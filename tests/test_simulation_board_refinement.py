@@ -27,8 +27,8 @@ PARAMETERS = committed(
     settings_deg=(0.0, 5.0, 10.0),
     setting_deg=20.0,
     scales={
-        TURN: committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=5.0),
-        SCRAPE: committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=3.0),
+        name: committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=exploration)
+        for name, exploration in ((TURN, 5.0), (SCRAPE, 3.0))
     },
     hidden=(5,),
     iterations=2,
@@ -123,17 +123,13 @@ def test_every_rollout_is_in_the_tables(refined):
     assert np.isfinite(weights.to_numpy()).all()
 
 
-def test_a_primitive_without_a_scale_keeps_its_model(board, tmp_path):
-    only = PARAMETERS.model_copy(update={"scales": {SCRAPE: PARAMETERS.scales[SCRAPE]}})
-    refined = refine_on_board(board, DATASETS, only, tmp_path)
-    assert same_network(refined.after[TURN], refined.before[TURN])
-    assert set(refined.history["primitive"]) == {SCRAPE}
-
-
-def test_nothing_to_refine_leaves_the_models_as_they_are(board, tmp_path):
-    refined = refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"scales": {}}), tmp_path)
-    assert all(same_network(refined.after[name], refined.before[name]) for name in NAMES[1:])
-    assert refined.history.empty
+@pytest.mark.parametrize("scaled", [{SCRAPE}, set()])
+def test_a_primitive_without_a_scale_keeps_its_model(scaled, board, tmp_path):
+    scales = {name: PARAMETERS.scales[name] for name in scaled}
+    refined = refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"scales": scales}), tmp_path)
+    for name in {TURN, SCRAPE} - scaled:
+        assert same_network(refined.after[name], refined.before[name])
+    assert set(refined.history.get("primitive", ())) == scaled
 
 
 @pytest.mark.parametrize("last", [(TURN, 1), (SCRAPE, 0)])
@@ -169,12 +165,6 @@ def test_other_parameters_data_or_boards_do_not_go_on_with_these_iterations(boar
 
 
 def test_a_primitive_without_corrections_is_named(board, tmp_path):
-    unknown = PARAMETERS.model_copy(
-        update={
-            "scales": {
-                "slide": committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=1.0)
-            }
-        }
-    )
+    unknown = PARAMETERS.model_copy(update={"scales": {"slide": PARAMETERS.scales[TURN]}})
     with pytest.raises(InputError, match=r"refine\.scales names slide: no primitive with corrections"):
         refine_on_board(board, DATASETS, unknown, tmp_path)

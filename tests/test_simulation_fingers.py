@@ -18,12 +18,8 @@ ABOVE, BELOW = ELECTRODES_MM[:, 0] > 0, ELECTRODES_MM[:, 0] < -6  # towards the 
 
 
 def pair(sensor: int = 1, trial: int = 2, **parameters) -> FingerPair:
-    return FingerPair(
-        committed(TouchParameters, "testbed.touch", **parameters),
-        sensor,
-        np.random.default_rng(trial),
-        RATE_HZ,
-    )
+    touch = committed(TouchParameters, "testbed.touch", **parameters)
+    return FingerPair(touch, sensor, np.random.default_rng(trial), RATE_HZ)
 
 
 def counts(fingers: FingerPair, force=None, torque=None, turn=None) -> np.ndarray:
@@ -100,9 +96,8 @@ def test_a_turn_about_scraping_does_what_its_torque_does():
 @pytest.mark.usefixtures("opposite")
 def test_force_along_scraping_mirrors_on_pads_that_face_each_other():
     change = pressed(pair(**STILL, **ALIKE), force=[0.0, 0.5, 0.0])
-    mirrored = [
-        int(np.argmin(np.linalg.norm(ELECTRODES_MM * [1, -1, 1] - one, axis=1))) for one in ELECTRODES_MM
-    ]
+    reflected = ELECTRODES_MM * [1, -1, 1]
+    mirrored = [int(np.argmin(np.linalg.norm(reflected - one, axis=1))) for one in ELECTRODES_MM]
     np.testing.assert_array_equal(change[0], change[1, mirrored])
     assert np.abs(change[0] - change[1]).max() > 10
 

@@ -41,18 +41,11 @@ def guided(movement):
     )
     first = orientation_of(movement.tilt[:1] + movement.tilt_noise[:1])[0]
     start = (movement.edge[0] + movement.edge_noise[0], quaternion.rotate(first, np.eye(3)).T)
+    control = committed(ControlParameters, "testbed.control")
     fingers = FingerPair(committed(TouchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
+    rng, motion = np.random.default_rng(3), GuidedMotion(movement)
     with ScrapingWorld(committed(WorldParameters, "testbed.world")) as world:
-        return execute(
-            world,
-            GuidedMotion(movement),
-            start,
-            ticks,
-            run,
-            committed(ControlParameters, "testbed.control"),
-            fingers,
-            np.random.default_rng(3),
-        )
+        return execute(world, motion, start, ticks, run, control, fingers, rng)
 
 
 def test_a_motion_is_the_intended_movement_tick_by_tick(movement):

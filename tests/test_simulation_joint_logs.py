@@ -71,30 +71,19 @@ def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
 
 
 def test_links_of_the_stand_in_are_real_bodies(robot):
-    mechanics = stand_in(
-        robot.tree, robot.inertias, committed(StandInParameters, "stand_in", mass_spread=0.4)
-    )
+    parameters = committed(StandInParameters, "stand_in", mass_spread=0.4)
+    mechanics = stand_in(robot.tree, robot.inertias, parameters)
     moments = np.linalg.eigvalsh(mechanics.inertias.inertia)
     assert (mechanics.inertias.mass > 0).all()
     assert (moments > 0).all()
-    np.testing.assert_allclose(
-        moments / np.linalg.eigvalsh(robot.inertias.inertia),
-        (mechanics.inertias.mass / robot.inertias.mass)[:, None].repeat(3, axis=1),
-    )
+    scale = mechanics.inertias.mass / robot.inertias.mass
+    np.testing.assert_allclose(moments, scale[:, None] * np.linalg.eigvalsh(robot.inertias.inertia))
 
 
 def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot, log):
-    nothing = committed(
-        StandInParameters,
-        "stand_in",
-        viscous_share=0,
-        coulomb_share=0,
-        ripple_share=0,
-        noise_share=0,
-        mass_spread=0,
-        centre_spread_m=0,
-        latency_ticks=0,
-    )
+    shares = dict.fromkeys(("viscous_share", "coulomb_share", "ripple_share", "noise_share"), 0)
+    spreads = dict.fromkeys(("mass_spread", "centre_spread_m", "latency_ticks"), 0)
+    nothing = committed(StandInParameters, "stand_in", **shares, **spreads)
     np.testing.assert_allclose(stand_in_log(robot, MOTION, nothing).torques, log.torques, atol=1e-8)
 
 
@@ -127,9 +116,23 @@ def test_an_own_log_in_another_order_is_put_right(robot, log, tmp_path):
     np.testing.assert_array_equal(back.torques, log.torques)
 
 
-def test_an_own_log_of_another_robot_is_refused(robot, log, tmp_path):
-    path = written(log, tmp_path, joints=tuple(f"axis_{number}" for number in range(7)))
-    with pytest.raises(InputError, match=r"robot\.mcap: .* lacks .*lbr_iiwa_joint_1, .* it has axis_0"):
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda log: {"joints": tuple(f"axis_{number}" for number in range(7))},
+            r"robot\.mcap: .* lacks .*lbr_iiwa_joint_1, .* it has axis_0",
+        ),
+        (
+            lambda log: {"stamps": log.stamps + 300_000_000 * (np.arange(len(log.stamps)) >= 500)},
+            r"row 499 .* gap of 0\.304 s, longer than max_gap_s = 0\.1",
+        ),
+    ],
+    ids=["another robot", "a hole"],
+)
+def test_an_own_log_that_cannot_be_used_is_refused(robot, log, tmp_path, change, message):
+    path = written(log, tmp_path, **change(log))
+    with pytest.raises(InputError, match=message):
         own_log(path, FRAMES, robot.tree, 0.1)
 
 
@@ -139,14 +142,6 @@ def test_an_own_log_without_effort_is_refused(robot, log, tmp_path):
     object.__setattr__(empty, "torques", np.zeros((len(log.stamps), 0)))  # as a driver that measures none
     write_joint_log(empty, path)
     with pytest.raises(InputError, match=r"robot\.mcap: topic '/joint_states' has no joint torques"):
-        own_log(path, FRAMES, robot.tree, 0.1)
-
-
-def test_an_own_log_with_a_hole_is_refused(robot, log, tmp_path):
-    stamps = log.stamps.copy()
-    stamps[500:] += 300_000_000
-    path = written(log, tmp_path, stamps=stamps)
-    with pytest.raises(InputError, match=r"row 499 .* gap of 0\.304 s, longer than max_gap_s = 0\.1"):
         own_log(path, FRAMES, robot.tree, 0.1)
 
 

@@ -31,6 +31,7 @@ PARAMETERS = committed(ServoTrialParameters, "servo", rest_s=1.0)
 SCENE = make_scene(PERSON, committed_finger(noise_counts=0.0), PARAMETERS)
 LOOP = LoopParameters(cutoff_hz=20.0, samples_per_action=5)
 RADIUS = SCENE.finger.skin.radius
+TOLERANCE = committed(ToleranceParameters, "servo.tolerance")
 
 
 class Steady:
@@ -71,7 +72,7 @@ def test_a_turn_about_x_rolls_the_contact_over_the_cylinder():
 def test_a_finger_that_is_drawn_back_leaves_the_handle():
     start = held([-0.006, 0.0, 1.0])
     found = run(Steady([0, 0, 0.01, 0, 0, 0]), start, start, 1.0)
-    table = scored(found, start, start, SCENE, committed(ToleranceParameters, "servo.tolerance"))
+    table = scored(found, start, start, SCENE, TOLERANCE)
     assert found.load[-1] == 0
     assert table["lifted"].item()
     assert not table["success"].item()
@@ -81,15 +82,13 @@ def test_a_finger_that_is_drawn_back_leaves_the_handle():
 def test_a_contact_that_slides_over_the_end_is_counted():
     start = held([-0.013, 0.0, 1.0])
     found = run(Steady([0.005, 0, 0, 0, 0, 0]), start, start, 1.0)
-    assert scored(found, start, start, SCENE, committed(ToleranceParameters, "servo.tolerance"))[
-        "off_skin"
-    ].item()
+    assert scored(found, start, start, SCENE, TOLERANCE)["off_skin"].item()
 
 
 def test_a_finger_at_rest_keeps_its_touch():
     start = held([[-0.006, 0.001, 1.2]], tilt=0.05)
     found = run(Steady(np.zeros(6)), start, start, 0.5)
-    table = scored(found, start, start, SCENE, committed(ToleranceParameters, "servo.tolerance"))
+    table = scored(found, start, start, SCENE, TOLERANCE)
     assert table["success"].item()
     assert table["reach_s"].item() == 0
     assert table["path_mm"].item() == pytest.approx(0.0, abs=1e-9)
@@ -103,14 +102,13 @@ def test_scores_of_a_straight_approach():
     sign = np.sign(SCENE.finger.skin.coordinates(turned.point)[1][-1, 0] + 0.003)
     seconds = 0.006 / (RADIUS * 0.2) + SCENE.follow_s
     found = run(Steady([0, 0, 0, 0.2 * sign, 0, 0]), start, target, seconds)
-    table = scored(
-        found, start, target, SCENE, committed(ToleranceParameters, "servo.tolerance", judged_s=0.05)
-    ).iloc[0]
+    tolerance = TOLERANCE.model_copy(update={"judged_s": 0.05})
+    table = scored(found, start, target, SCENE, tolerance).iloc[0]
     assert table["success"]
     assert table["geodesic_mm"] == pytest.approx(6.0, rel=1e-3)
     assert table["path_mm"] == pytest.approx(6.0, abs=0.2)
     assert table["reach_s"] == pytest.approx(seconds - 1e-3 / (RADIUS * 0.2), abs=0.1)
-    course = progress(found, target, SCENE, committed(ToleranceParameters, "servo.tolerance"))
+    course = progress(found, target, SCENE, TOLERANCE)
     assert (np.diff(course["median_mm"]) < 0).all()
     assert course["within"].iloc[-1] == 1
 

@@ -10,15 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
-from structlearn.simulation.touch import (
-    Handle,
-    make_finger,
-    moved,
-    read_out,
-    rested,
-    touch,
-    touching,
-)
+from structlearn.simulation.touch import Handle, make_finger, moved, read_out, rested, touch, touching
 from structlearn.simulation.touch_demonstrator import (
     TRUTH,
     ToucherParameters,
@@ -57,10 +49,9 @@ def test_contact_is_where_bar_and_core_are_closest(seed, name):
         return np.linalg.norm(in_finger - finger.skin.core(in_finger))
 
     best = minimize_scalar(distance, bounds=(-0.05, 0.05), method="bounded", options={"xatol": 1e-9})
-    assert found.gap[0] <= best.fun - finger.skin.radius - bar.radius + 1e-9
-    assert found.gap[0] == pytest.approx(
-        min(best.fun, distance(-0.05), distance(0.05)) - finger.skin.radius - bar.radius, abs=1e-6
-    )
+    away = found.gap[0] + finger.skin.radius + bar.radius
+    assert away <= best.fun + 1e-9
+    assert away == pytest.approx(min(best.fun, distance(-0.05), distance(0.05)), abs=1e-6)
 
 
 @given(st.floats(-0.012, 0.006), st.floats(-0.007, 0.007), st.floats(0.05, 3.0), st.floats(-0.3, 0.3))
@@ -154,12 +145,8 @@ def runs(person):
 
 
 def test_demonstrations_make_and_break_contact_and_cover_their_areas(runs):
-    assert [run.name for run in runs] == [
-        "rotation_1_1",
-        "rotation_2_1",
-        "translation_1_1",
-        "translation_2_1",
-    ]
+    kinds = ("rotation", "translation")
+    assert [run.name for run in runs] == [f"{kind}_{area}_1" for kind in kinds for area in (1, 2)]
     for run in runs:
         touched = run.load > 0.2
         held = binary_closing(touched, iterations=20)  # a light touch may slacken for a moment

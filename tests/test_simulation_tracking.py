@@ -81,13 +81,8 @@ def test_scores_are_those_of_the_definition(testbed, robot):
 
 
 def test_the_stand_in_has_a_default_model_beside_the_truth(robot, testbed):
-    other = Testbed(
-        "stand_in",
-        robot,
-        stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in")),
-        MOTION,
-        REACHING,
-    )
+    mechanics = stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in"))
+    other = Testbed("stand_in", robot, mechanics, MOTION, REACHING)
     assert [candidate.name for candidate in known(testbed, 1)] == ["ground_truth"]
     assert [candidate.name for candidate in known(other, 1)] == ["ground_truth", "default"]
     scores = track(other, known(other, 1))[0].query("task == 'reach'").set_index("model").position_nmse

@@ -182,28 +182,19 @@ def test_a_person_gets_the_tool_flatter_than_the_robot_alone(skill):
 
 
 def test_motion_capture_has_its_own_noise(skill):
-    noisy = TESTBED.model_copy(
-        update={"recorder": committed(RecorderParameters, "testbed.recorder", motion_capture_deg=0.5)}
-    )
-    quiet = TESTBED.model_copy(
-        update={"recorder": committed(RecorderParameters, "testbed.recorder", motion_capture_deg=0.0)}
-    )
-    seen = [stream(executions(skill, nominal_runs(1), one)[0], "tool_to_board") for one in (noisy, quiet)]
-    off = np.degrees(quaternion.difference(seen[0].values, seen[1].values))
+    seen = []
+    for noise_deg in (0.5, 0.0):
+        recorder = committed(RecorderParameters, "testbed.recorder", motion_capture_deg=noise_deg)
+        (recording,) = executions(skill, nominal_runs(1), TESTBED.model_copy(update={"recorder": recorder}))
+        seen.append(stream(recording, "tool_to_board").values)
+    off = np.degrees(quaternion.difference(*seen))
     np.testing.assert_allclose(off.std(axis=0), 0.5, rtol=0.2)
-    np.testing.assert_allclose(np.linalg.norm(seen[0].values, axis=1), 1.0)
+    np.testing.assert_allclose(np.linalg.norm(seen[0], axis=1), 1.0)
 
 
 def test_a_guided_demonstration_is_recorded_like_an_execution():
-    demonstrator = committed(
-        DemonstratorParameters,
-        "simulate",
-        count=2,
-        seed=3,
-        durations_s=(0.6, 0.6, 0.6),
-        rest_s=(0.2, 0.2),
-        pause_s=(0.1, 0.1),
-    )
+    quick = {"durations_s": (0.6, 0.6, 0.6), "rest_s": (0.2, 0.2), "pause_s": (0.1, 0.1)}
+    demonstrator = committed(DemonstratorParameters, "simulate", count=2, seed=3, **quick)
     both = guided_demonstrations(demonstrator, TESTBED)
     assert [recording.name for recording in both] == ["01", "02"]
     for recording in both:

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 import torch
 
 from structlearn.tactile.autoencoder import StackedAutoencoders, latent_losses
@@ -16,17 +15,11 @@ def test_losses_are_those_of_the_text():
     latent = stack.encoder.forward(inputs, training=True).detach()
     decoded = stack.decoder.forward(latent, training=True).detach().numpy()
     latent = latent.numpy()
-    for model in range(2):
-        apart = [np.hypot(*(latent[model, :2, i] - latent[model, :2, i + 4])) for i in range(4)]
-        assert losses.distances[model].item() == pytest.approx(
-            np.mean((np.array(apart) - geodesic[model]) ** 2), rel=1e-4
-        )
-        assert losses.pressure[model].item() == pytest.approx(
-            np.mean((latent[model, 2] - pressure[model]) ** 2), rel=1e-4
-        )
-        assert losses.reconstruction[model].item() == pytest.approx(
-            np.mean((decoded[model] - signals[model]) ** 2), rel=1e-4
-        )
+    apart = np.hypot(*np.moveaxis(latent[:, :2, :4] - latent[:, :2, 4:], 1, 0))
+    errors = {"distances": apart - geodesic, "pressure": latent[:, 2] - pressure}
+    for name, error in (errors | {"reconstruction": decoded - signals}).items():
+        expected = np.square(error).reshape(2, -1).mean(axis=1)
+        np.testing.assert_allclose(getattr(losses, name).detach(), expected, rtol=1e-4)
 
 
 def test_two_samples_at_one_point_have_a_gradient():

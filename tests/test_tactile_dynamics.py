@@ -6,6 +6,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
+from tactile_toy import doubled
 
 from structlearn.tactile.forward_dynamics import (
     AffineDynamics,
@@ -29,12 +30,6 @@ MODELS, SAMPLES = 2, 5
 
 def draw(*shape, seed=0):
     return torch.tensor(np.random.default_rng([seed, *shape]).normal(size=shape))
-
-
-def doubled(dynamics):
-    """The same models in double precision, as finite differences need."""
-    arrays = {name: values.double() for name, values in dynamics.network.to_arrays().items()}
-    return type(dynamics)(type(dynamics.network).from_arrays(arrays))
 
 
 def nonlinear():
@@ -61,22 +56,15 @@ def step():
 
 def test_jacobians_are_those_of_finite_differences():
     dynamics, latent, action = nonlinear(), draw(MODELS, 3, SAMPLES), draw(MODELS, 6, SAMPLES)
-    by_latent, by_action = dynamics.jacobians(latent, action)
-    small = 1e-6
-    for component in range(3):
-        change = torch.zeros_like(latent)
-        change[:, component] = small
-        slope = (dynamics.rate(latent + change, action) - dynamics.rate(latent - change, action)) / (
-            2 * small
-        )
-        torch.testing.assert_close(by_latent[:, :, component], slope, atol=1e-8, rtol=1e-6)
-    for component in range(6):
-        change = torch.zeros_like(action)
-        change[:, component] = small
-        slope = (dynamics.rate(latent, action + change) - dynamics.rate(latent, action - change)) / (
-            2 * small
-        )
-        torch.testing.assert_close(by_action[:, :, component], slope, atol=1e-8, rtol=1e-6)
+    slopes, small = dynamics.jacobians(latent, action), 1e-6
+    for place, argument in enumerate((latent, action)):
+        for component in range(argument.shape[1]):
+            change = [torch.zeros_like(latent), torch.zeros_like(action)]
+            change[place][:, component] = small
+            above = dynamics.rate(latent + change[0], action + change[1])
+            below = dynamics.rate(latent - change[0], action - change[1])
+            slope = (above - below) / (2 * small)
+            torch.testing.assert_close(slopes[place][:, :, component], slope, atol=1e-8, rtol=1e-6)
 
 
 def test_locally_linear_rate_is_its_matrices():
@@ -147,12 +135,8 @@ def test_inverse_models_lead_towards_the_target(inverse, dynamics):
 
 @pytest.mark.parametrize("horizon", [1, 2, 5])
 def test_horizon_is_what_a_numerical_solver_finds(horizon):
-    dynamics, latent, target, penalty = (
-        affine(),
-        draw(MODELS, 3, SAMPLES),
-        draw(MODELS, 3, SAMPLES, seed=2),
-        0.2,
-    )
+    dynamics, penalty = affine(), 0.2
+    latent, target = draw(MODELS, 3, SAMPLES), draw(MODELS, 3, SAMPLES, seed=2)
     found = receding_horizon_action(dynamics, latent, target, DT, penalty, horizon)
 
     def cost(actions):

@@ -49,9 +49,8 @@ def test_a_set_has_the_units_of_its_training_samples(touches):
 def test_counts_of_another_scale_look_the_same(touches, learned):
     samples, geodesics = touches
     units, models = learned
-    other = replace(
-        samples, signals=(0.2 * samples.signals).astype(np.float32), pressure=0.2 * samples.pressure
-    )
+    weaker = (0.2 * samples.signals).astype(np.float32)
+    other = replace(samples, signals=weaker, pressure=0.2 * samples.pressure)
     seen = {"own": seen_in(units, samples, geodesics, TRAIN, 500)}
     seen["other"] = seen_in(own_units(other, geodesics), other, geodesics, TRAIN, 500)
     errors = latent_errors(models, seen).set_index(["split", "structure", "seed"])
@@ -69,11 +68,7 @@ def test_structure_makes_a_map_and_all_reconstruct(touches, learned):
 
 
 def test_the_same_seed_gives_the_same_networks(touches):
-    brief = FEW.model_copy(
-        update={
-            "training": committed(LatentTrainingParameters, "train_latent.training", steps=3, batch_size=8)
-        }
-    )
+    brief = FEW.model_copy(update={"training": FEW.training.model_copy(update={"steps": 3})})
     units = own_units(*touches)
     first, again = (learn_spaces(*touches, units, brief).to_arrays() for _ in range(2))
     for name, values in first.items():

@@ -15,6 +15,7 @@ from structlearn.tactile.touch_dataset import OTHER, ROTATION, TEST, TRAIN, VALI
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare, splits
 
 RATE_HZ = 100.0
+PARAMETERS = committed(TouchDataParameters, "touch_dataset")
 OFFSET = np.linspace(-40, 40, 19)
 
 
@@ -36,9 +37,7 @@ def pressed_twice(name: str = "one", **changes) -> Demonstration:
 
 
 def test_contacts_are_found_with_their_velocities_and_offsets():
-    dataset = prepare(
-        [pressed_twice(), pressed_twice("two")], biotac(), committed(TouchDataParameters, "touch_dataset")
-    )
+    dataset = prepare([pressed_twice(), pressed_twice("two")], biotac(), PARAMETERS)
     assert dataset.contact.max() == 3
     assert np.bincount(dataset.contact) == pytest.approx(400, abs=60)
     middle = (dataset.time > 3.5) & (dataset.time < 4.5)
@@ -53,40 +52,24 @@ def test_contacts_are_found_with_their_velocities_and_offsets():
     assert (dataset.motion == ROTATION).all()
     assert set(dataset.split) == {TRAIN, VALIDATION, TEST}
     assert not dataset.pressed.all()
-    assert (
-        dataset.pressure[dataset.pressed] >= committed(TouchDataParameters, "touch_dataset").pressed_counts
-    ).all()
-
-
-def test_the_sample_of_a_contact_is_of_one_split():
-    dataset = prepare(
-        [pressed_twice(), pressed_twice("two")], biotac(), committed(TouchDataParameters, "touch_dataset")
-    )
+    assert (dataset.pressure[dataset.pressed] >= PARAMETERS.pressed_counts).all()
     for contact in range(4):
         assert len(np.unique(dataset.split[dataset.contact == contact])) == 1
 
 
 def test_unknown_motions_are_other():
-    dataset = prepare(
-        [replace(pressed_twice(), provenance={})] * 2,
-        biotac(),
-        committed(TouchDataParameters, "touch_dataset"),
-    )
+    dataset = prepare([replace(pressed_twice(), provenance={})] * 2, biotac(), PARAMETERS)
     assert (dataset.motion == OTHER).all()
 
 
 def test_splits_have_their_shares_and_spread_over_motions():
     motions = np.repeat([0, 1], [42, 112])
-    split = splits(motions, committed(TouchDataParameters, "touch_dataset"))
+    split = splits(motions, PARAMETERS)
     assert np.bincount(split).tolist() == [154 - 24, 12, 12]
     for number in (VALIDATION, TEST):
         assert 2 <= (motions[split == number] == 0).sum() <= 5
-    assert sorted(splits(np.zeros(3), committed(TouchDataParameters, "touch_dataset"))) == [
-        TRAIN,
-        VALIDATION,
-        TEST,
-    ]
-    np.testing.assert_array_equal(split, splits(motions, committed(TouchDataParameters, "touch_dataset")))
+    assert sorted(splits(np.zeros(3), PARAMETERS)) == [TRAIN, VALIDATION, TEST]
+    np.testing.assert_array_equal(split, splits(motions, PARAMETERS))
 
 
 @pytest.mark.parametrize(
@@ -98,16 +81,12 @@ def test_splits_have_their_shares_and_spread_over_motions():
         ({"tactile": np.zeros((1400, 19))}, "one: nothing touches for 1 s"),
         ({"tactile": np.where(np.arange(19) == 2, np.nan, np.zeros((1400, 19)))}, "row 0, electrode 3"),
         ({"time": np.arange(1400) / 300}, "300 samples per s, not 100"),
+        ({}, "need three contacts, the recordings have 2"),
     ],
 )
 def test_recordings_that_cannot_be_used_are_named(changes, message):
     with pytest.raises(InputError, match=message):
-        prepare([pressed_twice(**changes)], biotac(), committed(TouchDataParameters, "touch_dataset"))
-
-
-def test_too_few_contacts():
-    with pytest.raises(InputError, match="need three contacts, the recordings have 2"):
-        prepare([pressed_twice()], biotac(), committed(TouchDataParameters, "touch_dataset"))
+        prepare([pressed_twice(**changes)], biotac(), PARAMETERS)
 
 
 def test_thresholds_must_rise():

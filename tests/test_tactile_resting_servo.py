@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from committed import committed
-from tactile_toy import toy_dataset
+from tactile_toy import doubled, toy_dataset
 
 from structlearn.tactile.forward_dynamics import LocallyLinearDynamics, NonLinearDynamics, applied
 from structlearn.tactile.latent_models import LatentModels, NetworkParameters
@@ -32,14 +32,9 @@ UNITS = TouchUnits(
 DEMONSTRATED = UNITS.action_scale * LIKELY[:, 0].numpy()
 
 
-def double(dynamics):
-    arrays = {name: values.double() for name, values in dynamics.network.to_arrays().items()}
-    return type(dynamics)(type(dynamics.network).from_arrays(arrays))
-
-
 @pytest.fixture(scope="module")
 def nonlinear():
-    return double(NonLinearDynamics.initial(2, 15, torch.Generator().manual_seed(0)))
+    return doubled(NonLinearDynamics.initial(2, 15, torch.Generator().manual_seed(0)))
 
 
 def random(*shape, seed=0):
@@ -53,7 +48,7 @@ def test_slopes_over_a_short_distance_are_derivatives(nonlinear):
 
 
 def test_slopes_of_a_locally_linear_model_are_its_matrix():
-    dynamics = double(LocallyLinearDynamics.initial(2, (8, 5), torch.Generator().manual_seed(1)))
+    dynamics = doubled(LocallyLinearDynamics.initial(2, (8, 5), torch.Generator().manual_seed(1)))
     latent = random(2, 3, 5)
     torch.testing.assert_close(
         action_slope(dynamics, latent, LIKELY, 1.5), dynamics.affine(latent).action, atol=0, rtol=0

@@ -71,6 +71,16 @@ def values(path, entity, component):
     return [value for value in found if value is not None]
 
 
+def note(path, place="/notes"):
+    """Text of a panel."""
+    return values(path, place, "TextDocument:text")[0][0]
+
+
+def colour_of(path, entity, archetype="SeriesLines"):
+    """The first of an entity's colours, without its opacity."""
+    return f"#{values(path, entity, f'{archetype}:colors')[0][0] >> 8:06x}"
+
+
 def view_names(path):
     """Headings of the blueprint's views."""
     reader = RrdReader(path)

@@ -35,7 +35,7 @@ class Card(BaseModel):
         section: of the dissertation.
         picture: path relative to its report.
         alt: what a reader hears who cannot see the picture.
-        simulated: what of it is simulated, in a sentence.
+        simulated: what of it is simulated, in words behind that word.
         numbers: two or three.
     """
 

@@ -64,7 +64,7 @@ def _closed_loop(results: ServoingResults) -> dict[str, Found]:
     models = {name: replace(OURS, inverse=name) for name in FORWARD_OF}
     text_models = {name: replace(TEXT, inverse=name) for name in FORWARD_OF}
     return {
-        "loss_needed": _reached(trials, replace(TEXT, with_loss=False)),
+        "loss_needed": _reached(trials, replace(TEXT, with_loss=False)) if _serves(trials) else UNKNOWN,
         "loss_needed_resting": _reached(trials, replace(OURS, with_loss=False)),
         "able": _reached(trials, TEXT),
         "aimed": _reached(trials, TEXT),
@@ -83,10 +83,11 @@ def _closed_loop(results: ServoingResults) -> dict[str, Found]:
 
 
 def _geometry(results: ServoingResults) -> dict[str, Found]:
-    return {
+    found = {
         name: {SKIN_NAMES[skin]: _reached(trials, variant) for skin, trials in results.skins.items()}
         for name, variant in (("geometry", TEXT), ("geometry_resting", OURS))
     }
+    return found if _serves(results.trials) else found | {"geometry": UNKNOWN}
 
 
 def _largest(models: ModelScores, column: str, split: str) -> Evidence:
@@ -108,6 +109,14 @@ def _smallest_rise(models: ModelScores, structure: bool) -> Evidence:
         for before, after in pairwise(lengths)
     ]
     return min(rises, key=lambda rise: (rise.high > 0.0, rise.low))
+
+
+def _serves(trials: ControllerScores | None) -> bool:
+    """Whether the text's controller works on the skin that it learned from.
+
+    Where it does not, its failing elsewhere, or without the inverse model's loss, says nothing of either.
+    """
+    return _reached(trials, TEXT).low > 0.5
 
 
 def _reached(trials: ControllerScores | None, variant: Variant) -> Evidence:

@@ -1,0 +1,16 @@
+"""Verdicts on a page's claims from evidence alone: no sentence and no figure is made."""
+
+from collections.abc import Mapping
+from importlib.resources import files
+
+from structlearn.reporting.claims import Evidence, Found, combined, read_claims
+
+
+def verdicts(package: str, found: Mapping[str, Found]) -> dict[str, str]:
+    """By the name of the evidence; every claim rests on its own."""
+    words = {}
+    for claim in read_claims(files(package) / "claims.yaml"):
+        cases = found[claim.evidence]
+        cases = {"": cases} if isinstance(cases, Evidence) else cases
+        words[claim.evidence] = combined([claim.verdict(one, case) for case, one in cases.items()])
+    return words
