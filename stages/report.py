@@ -17,7 +17,7 @@ def main() -> None:
     reports = [
         read_report(Path("reports", testbed), CARDS / testbed / "page/card.yaml", PAGES.get(testbed))
         for testbed in TESTBEDS
-        if Path("reports", testbed, "metrics.json").exists()  # of testbeds run one by one, some have none yet
+        if Path("reports", testbed, "details.json").exists()  # of testbeds run one by one, some have none yet
     ]
     with publish("reports/index.html") as path:
         path.write_text(render_front(reports), encoding="utf-8")
