@@ -52,7 +52,7 @@ class AvoidanceDataset:
     """Samples of demonstrations in several scenarios.
 
     Attributes:
-        features: (S, 17), see `obstacles.features`.
+        features: (S, 17), see `avoidance.features`.
         target: (S, 3) coupling term in the local frame.
         phase: (S,) p.
         phase_velocity: (S,) u.

@@ -87,7 +87,7 @@ def read_skill(
     """Load a skill from the files that the pipeline writes.
 
     Args:
-        primitives_file: of `primitives.storage.write_primitives`.
+        primitives_file: of `primitives.primitive_files.write_primitives`.
         expected_folder: one file of `write_vector_primitive` per primitive, `<primitive>.safetensors`; those
             without a file have no expected traces.
         networks_file: of `pmnn.write_networks`, by the primitives' names.

@@ -179,8 +179,8 @@ def noise_figure(
     """Cut errors over the noise, and the paired differences to the result's method; a panel each.
 
     Args:
-        by_level: of `segmentation.comparison.errors_by_level`.
-        comparison: of `segmentation.comparison.paired_comparison`.
+        by_level: of `segmentation.method_comparison.errors_by_level`.
+        comparison: of `segmentation.method_comparison.paired_comparison`.
         noise: what the noise is.
         pair: what the two errors of a difference have in common.
     """

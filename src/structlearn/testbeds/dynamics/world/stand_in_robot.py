@@ -6,7 +6,7 @@ because larger gears rub and ripple more. No number is chosen to fit an outcome:
 
 * Coulomb friction 0.5 % of the rated torque, viscous friction 0.3 % per rad/s: the recorded Franka Emika
   Panda has Coulomb friction of 0.2 to 0.6 % in the large joints and 1.4 to 2 % in the small ones, and viscous
-  friction of 0.04 to 0.8 % (least squares of `recorded.dynamics`; its drives are rated 87 and 12 N m).
+  friction of 0.04 to 0.8 % (least squares of the recorded Panda; its drives are rated 87 and 12 N m).
 * Ripple 0.1 %, noise 0.05 % (std), masses off by 15 % (std of the log), centres of mass by 1.5 cm (std per
   axis), one tick of latency: assumptions, with no source but judgement.
 """
