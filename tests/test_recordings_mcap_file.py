@@ -214,7 +214,7 @@ def test_a_topic_that_is_optional_may_be_absent(tmp_path):
             ("geometry_msgs/msg/Pose", "ros2msg", b"float64 x\n"),
             b"\x00\x01\x00\x00" + bytes(8),
             "cdr",
-            r"bag\.mcap: a message lacks a field of its type",
+            r"bag\.mcap: topic '/tool': a message lacks a field of its type",
         ),
     ],
 )

@@ -10,21 +10,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
-from mcap_ros2.writer import Writer
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag_reader import damage_named, read_bag
+from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
-from structlearn.recordings.messages import JOINT_KINDS, TopicCollector
-from structlearn.recordings.schemas import FRAME, definition
+from structlearn.recordings.messages import JOINT_KINDS, check_readable, joint_states, joint_topic
 
 JOINT_STATES = "/joint_states"
 """Where drivers publish joint states unless told otherwise."""
-
-MESSAGE_TYPE = "sensor_msgs/msg/JointState"
-METADATA = "structlearn"
 
 
 @dataclass(frozen=True)
@@ -82,26 +76,13 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
     Args:
         log: its name is not written, the file's stem is the name.
         path: the file; its folder exists.
+
+    Raises:
+        InputError: a stamp is negative or after 2^31 s.
     """
-    with open(path, "wb") as file:
-        writer = Writer(file)
-        writer.add_metadata(METADATA, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)})
-        schema = writer.register_msgdef(MESSAGE_TYPE, definition(MESSAGE_TYPE))
-        rows = zip(
-            log.stamps.tolist(),
-            log.positions.tolist(),
-            log.velocities.tolist(),
-            log.torques.tolist(),
-            strict=True,
-        )
-        names = list(log.joints)
-        for stamp, position, velocity, torque in rows:
-            seconds, nanoseconds = divmod(stamp, 10**9)
-            header = {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": FRAME}
-            message = {"header": header, "name": names, "position": position}
-            message |= {"velocity": velocity, "effort": torque}
-            writer.write_message(JOINT_STATES, schema, message, stamp, stamp)
-        writer.finish()
+    values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
+    topic = joint_topic(f"{log.name}: {JOINT_STATES}", JOINT_STATES, log.joints, log.stamps, values)
+    write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
 
 
 def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
@@ -119,43 +100,24 @@ def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
             type; joints have no names; positions, velocities or efforts are not filled, or not finite.
     """
     path = Path(path)
-    collector, names, found, provenance = None, [], set(), {"origin": "recorded", "source": path.name}
-    try:
-        with open(path, "rb") as file:
-            reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-            for record in reader.iter_metadata():
-                if record.name == METADATA:
-                    provenance = json.loads(record.metadata["provenance"])
-            found = {channel.topic for channel in _channels(reader)}
-            for schema, _, record, message in reader.iter_decoded_messages([topic]):
-                if collector is None:
-                    collector = TopicCollector(str(path), topic, "joint_states", schema.name)
-                    names = list(message.name)
-                collector.add(message, record.log_time)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except McapError as error:
-        raise InputError(f"{path}: not a complete MCAP file: {error}") from error
-    if collector is None:
-        raise InputError(f"{path}: has no joint states on '{topic}'; its topics are {sorted(found)}")
+    where = f"{path}: topic '{topic}'"
+    bag = read_bag(path, [topic])
+    if not bag.messages.get(topic):
+        raise InputError(f"{path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}")
+    check_readable(where, "joint_states", bag.topics[topic])
+    names, stamps, values = joint_states(where, bag.messages[topic])
     if not names:
-        raise InputError(f"{path}: topic '{topic}' does not name the joints")
-    streams = {stream.kind: stream for stream in collector.streams()}
+        raise InputError(f"{where} does not name the joints")
     for kind in JOINT_KINDS:
-        if kind not in streams:
+        if kind not in values:
             raise InputError(
-                f"{path}: topic '{topic}' has no {kind.replace('_', ' ')}; a dynamics model is learned from "
+                f"{where} has no {kind.replace('_', ' ')}; a dynamics model is learned from "
                 "position, velocity and effort"
             )
+    provenance = {"origin": "recorded", "source": path.name}
+    if bag.metadata is not None:
+        with damage_named(path):
+            provenance = json.loads(bag.metadata["provenance"])
     return JointLog(
-        path.stem,
-        tuple(names),
-        streams["joint_positions"].stamps,
-        *(streams[kind].values for kind in JOINT_KINDS),
-        provenance=provenance,
+        path.stem, tuple(names), stamps, *(values[kind] for kind in JOINT_KINDS), provenance=provenance
     )
-
-
-def _channels(reader) -> list:
-    summary = reader.get_summary()
-    return list(summary.channels.values()) if summary is not None else []

@@ -1,4 +1,4 @@
-"""From decoded ROS 2 messages to streams: what each message type means.
+"""Between raw ROS 2 messages and streams: what each message type means.
 
 Stamps. A topic whose messages have a header is stamped by the header: when the sample was taken. Where no
 header stamp of the topic is set (all are zero), and for types without a header, MCAP's log time stands in:
@@ -8,124 +8,261 @@ Frames. Poses, twists and wrenches are taken as published; that their frame is t
 user. No transforms are looked up.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from io import BytesIO
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from mcap.reader import make_reader
+from mcap.well_known import MessageEncoding
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
+from structlearn.recordings import cdr
+from structlearn.recordings.bag_reader import RawMessage, damage_named
+from structlearn.recordings.bag_writer import RawTopic
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.recording import Kind, Stream
+from structlearn.recordings.schemas import MESSAGE_TYPES, definition
 from structlearn.recordings.topics import Role
 
+FRAME = "base"
+"""Frame of the poses, twists, wrenches and joint states that we write: the robot's base."""
 
-class TopicCollector:
-    """Collects the messages of one topic and makes streams of them.
+LAST_STAMP = 2**31 * 10**9 - 1
+"""ns: seconds of a header are int32."""
 
-    Rows are kept in lists and become arrays once, at the end: the loop touches every message of a bag.
+
+def check_readable(where: str, role: Role, types: Sequence[str]) -> None:
+    """Check that messages can be read as what the user says the topic is.
+
+    Args:
+        where: file and topic, for error messages.
+        role: what the user says the topic is.
+        types: of the topic's messages, `package/msg/Type` or `package/Type`.
+
+    Raises:
+        InputError: there are several types, or messages of the type cannot be read in that role.
     """
-
-    def __init__(self, where: str, topic: str, role: Role, message_type: str) -> None:
-        """Choose how messages are read.
-
-        Args:
-            where: the file, for error messages.
-            topic: the topic's name.
-            role: what the user says the topic is.
-            message_type: `package/msg/Type` or `package/Type`.
-
-        Raises:
-            InputError: messages of the type cannot be read in that role.
-        """
-        readers = READERS[role]
-        short = message_type.replace("/msg/", "/")
-        if short not in readers:
-            raise InputError(
-                f"{where}: topic '{topic}' has messages of type {message_type}; "
-                f"{role} can be read from {', '.join(readers)}"
-            )
-        self._where = f"{where}: topic '{topic}'"
-        self._topic = topic
-        self._role: Role = role
-        self._row = readers[short]
-        self._has_header = short not in WITHOUT_HEADER
-        self._header_stamps: list[int] = []
-        self._log_times: list[int] = []
-        self._rows: list[Any] = []
-
-    def add(self, message: Any, log_time: int) -> None:
-        """Take one decoded message, logged at `log_time` ns."""
-        self._rows.append(self._row(message))
-        self._log_times.append(log_time)
-        if self._has_header:
-            stamp = message.header.stamp
-            self._header_stamps.append(stamp.sec * 10**9 + stamp.nanosec)
-
-    def streams(self) -> list[Stream]:
-        """Streams of the topic, in the order in which the messages were logged.
-
-        A pose, twist, wrench or tactile topic gives one stream. Joint states give one for each of position,
-        velocity and effort that the messages fill; a field that is NaN throughout counts as not filled, since
-        drivers put NaN for what they do not measure.
-
-        Raises:
-            InputError: there is no message, a message has another length than the first one, or joint states
-                change their set of joints; the message names the row.
-        """
-        if not self._rows:
-            raise InputError(f"{self._where} has no messages")
-        logged = np.argsort(np.array(self._log_times, dtype=np.int64), kind="stable")
-        header = np.array(self._header_stamps, dtype=np.int64)
-        stamps = (header if header.any() else np.array(self._log_times, dtype=np.int64))[logged]
-        rows = [self._rows[index] for index in logged.tolist()]
-        if self._role == "joint_states":
-            return self._joint_streams(stamps, rows)
-        values = _table(self._where, stamps, rows)
-        if self._role == "pose":
-            values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
-        elif self._role == "tool_to_board":
-            values = quaternion.from_xyzw(values)
-        return [Stream(self._topic, self._role, stamps, values)]
-
-    def _joint_streams(self, stamps: np.ndarray, rows: list[Any]) -> list[Stream]:
-        names = rows[0][0]
-        order = _joint_order(self._where, stamps, names, [row[0] for row in rows])
-        streams = []
-        for column, kind in enumerate(JOINT_KINDS, start=1):
-            fields = [row[column] for row in rows]
-            if not any(fields):
-                continue
-            values = _table(self._where, stamps, fields)
-            if names and values.shape[1] != len(names):
-                raise InputError(
-                    f"{self._where} names {len(names)} joints and has {values.shape[1]} {kind} per message"
-                )
-            if np.isnan(values).all():
-                continue
-            if order is not None:
-                values = np.take_along_axis(values, order, axis=1)
-            streams.append(Stream(self._topic, kind, stamps, values))
-        if not streams:
-            raise InputError(f"{self._where} has joint states without position, velocity and effort")
-        return streams
+    if len(types) > 1:
+        raise InputError(f"{where} has messages of several types: {', '.join(types)}")
+    if _short(types[0]) not in READERS[role]:
+        raise InputError(
+            f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
+        )
 
 
-def _table(where: str, stamps: np.ndarray, rows: list[Any]) -> np.ndarray:
-    """(T, D) float64 from rows that must be of one length."""
-    width = len(rows[0])
-    if any(len(row) != width for row in rows):
-        row = next(index for index, values in enumerate(rows) if len(values) != width)
-        raise InputError(f"{where}: {at_row(row, stamps)} has {len(rows[row])} values, the first has {width}")
-    if width == 0:
+def to_streams(where: str, topic: str, role: Role, messages: Sequence[RawMessage]) -> list[Stream]:
+    """Streams of one topic.
+
+    A pose, twist, wrench or tactile topic gives one stream. Joint states give one for each of position,
+    velocity and effort that the messages fill; a field that is NaN throughout counts as not filled, since
+    drivers put NaN for what they do not measure.
+
+    Args:
+        where: file and topic, for error messages.
+        topic: its name.
+        role: what the topic is, a role in which its messages can be read.
+        messages: in the order of their log times.
+
+    Raises:
+        InputError: there is no message, a message cannot be decoded or lacks a field of its type, has another
+            length than the first one, or joint states change their set of joints; the error names the row.
+    """
+    if role == "joint_states":
+        _, stamps, values = joint_states(where, messages)
+        return [Stream(topic, kind, stamps, table) for kind, table in values.items()]
+    stamps, parts = _parts(where, role, messages)
+    values = _table(where, stamps, parts)
+    if values.shape[1] == 0:
         raise InputError(f"{where}: messages have no values")
-    return np.array(rows, dtype=float)
+    if role == "pose":
+        values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
+    elif role == "tool_to_board":
+        values = quaternion.from_xyzw(values)
+    return [Stream(topic, role, stamps, values)]
 
 
-def _joint_order(
-    where: str, stamps: np.ndarray, names: list[str], rows: list[list[str]]
-) -> np.ndarray | None:
+def joint_states(
+    where: str, messages: Sequence[RawMessage]
+) -> tuple[list[str], np.ndarray, dict[Kind, np.ndarray]]:
+    """Joint states of one topic.
+
+    Args:
+        where: file and topic, for error messages.
+        messages: joint states in the order of their log times.
+
+    Returns:
+        names: (J,) of the joints in the order of the columns, that of the first message; or none.
+        stamps: (T,) int64 ns.
+        values: (T, J) of each kind that is filled.
+
+    Raises:
+        InputError: as `to_streams`.
+    """
+    stamps, parts = _parts(where, "joint_states", messages)
+    names = parts[0][0]
+    order = _joint_order(where, stamps, [part[0] for part in parts])
+    values: dict[Kind, np.ndarray] = {}
+    for place, kind in enumerate(JOINT_KINDS, start=1):
+        table = _table(where, stamps, [part[place] for part in parts])
+        if names and table.shape[1] not in (0, len(names)):
+            raise InputError(f"{where} names {len(names)} joints and has {table.shape[1]} {kind} per message")
+        if not np.isnan(table).all():  # also where there are no columns
+            values[kind] = table if order is None else np.take_along_axis(table, order, axis=1)
+    if not values:
+        raise InputError(f"{where} has joint states without position, velocity and effort")
+    return names, stamps, values
+
+
+def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
+    """Messages of a stream, one per row, for `write_bag`.
+
+    Counts of tactile sensors are float32 in their message: whole numbers up to 2^24 are exact. All other
+    values keep their 64 bits.
+
+    Args:
+        where: whose stream it is, and its topic, for error messages.
+        topic: to write on.
+        stream: stamps in ns; the stamp goes into the header where the type has one.
+
+    Raises:
+        InputError: a stamp is negative or beyond what a header holds, a tactile count beyond float32.
+    """
+    values = stream.values
+    if stream.kind in JOINT_KINDS:
+        names = [f"joint_{joint + 1}" for joint in range(values.shape[1])]
+        return joint_topic(where, topic, names, stream.stamps, {stream.kind: values})
+    if stream.kind == "pose":
+        values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
+    elif stream.kind == "tool_to_board":
+        values = quaternion.to_xyzw(values)
+    lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
+    raw, columns = _blank(where, topic, MESSAGE_TYPES[stream.kind], stream.stamps, (), lengths)
+    places = READERS[stream.kind][_short(raw.message_type)](columns)
+    with np.errstate(over="ignore"):
+        for place, column in zip(places, values.T, strict=True):
+            place[:] = column
+    if np.isinf(places).any():
+        raise InputError(f"{where}: a count is too large for float32")
+    return raw
+
+
+def joint_topic(
+    where: str, topic: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
+) -> RawTopic:
+    """Messages of joint states, one per row, for `write_bag`.
+
+    Args:
+        where: whose joints they are, and the topic, for error messages.
+        topic: to write on.
+        names: (J,) of the joints.
+        stamps: (T,) int64 ns.
+        values: (T, J) of each kind that is filled.
+
+    Raises:
+        InputError: a stamp is negative or beyond what a header holds.
+    """
+    fields = {("position", "velocity", "effort")[JOINT_KINDS.index(kind)]: values[kind] for kind in values}
+    lengths = {field: table.shape[1] for field, table in fields.items()}
+    raw, columns = _blank(where, topic, MESSAGE_TYPES["joint_positions"], stamps, names, lengths)
+    for field, table in fields.items():
+        getattr(columns, field)[:] = table
+    return raw
+
+
+def _blank(
+    where: str,
+    topic: str,
+    message_type: str,
+    stamps: np.ndarray,
+    names: Sequence[str],
+    lengths: Mapping[str, int],
+) -> tuple[RawTopic, SimpleNamespace]:
+    """Messages with stamps, joints' names and sequences of zeros, and columns to fill in the numbers."""
+    if stamps.min() < 0 or stamps.max() > LAST_STAMP:
+        fault = "before 0" if stamps.min() < 0 else "beyond 2^31 s"
+        raise InputError(f"{where}: stamps {fault} cannot be written")
+    template = _template(message_type, tuple(names), tuple(lengths.items()))
+    messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
+    columns = cdr.columns(message_type, definition(message_type), messages)
+    if hasattr(columns, "header"):
+        stamp = columns.header.stamp
+        stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
+    return RawTopic(topic, message_type, definition(message_type), stamps, messages), columns
+
+
+@cache
+def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[str, int]]) -> bytes:
+    """A message with these names and sequences of zeros, encoded by the library."""
+    from mcap_ros2.writer import Writer  # whoever only reads starts sooner without
+
+    message = {"header": {"frame_id": FRAME}, "name": names}  # what a type does not have is passed over
+    message |= {field: [0.0] * length for field, length in lengths}
+    file = BytesIO()
+    writer = Writer(file)
+    writer.write_message("/", writer.register_msgdef(message_type, definition(message_type)), message, 0)
+    writer.finish()
+    file.seek(0)
+    ((_, _, record),) = make_reader(file).iter_messages()
+    return record.data
+
+
+def _parts(where: str, role: Role, messages: Sequence[RawMessage]) -> tuple[np.ndarray, list[Sequence]]:
+    """Stamps (T,) in ns, and what the reader of the role gives: once for all messages, or once for each."""
+    if not messages:
+        raise InputError(f"{where} has no messages")
+    with damage_named(where):
+        decoded = _decoded(messages)
+    short = _short(messages[0][0].name)
+    read = READERS[role][short]
+    header = np.zeros(1)
+    try:
+        if short not in WITHOUT_HEADER:
+            clocks = [message.header.stamp for message in decoded]
+            seconds = [np.atleast_1d(np.asarray(clock.sec, dtype=np.int64)) for clock in clocks]
+            header = np.concatenate(
+                [s * 10**9 + clock.nanosec for s, clock in zip(seconds, clocks, strict=True)]
+            )
+        parts = [read(message) for message in decoded]
+    except AttributeError as error:
+        raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
+    logged = np.array([log_time for _, log_time, _ in messages], dtype=np.int64)
+    return header if header.any() else logged, parts
+
+
+def _decoded(messages: Sequence[RawMessage]) -> list[Any]:
+    """One message whose fields are columns over all of them; all of them where there are no columns."""
+    schemas, _, data = zip(*messages, strict=True)
+    if len(set(map(id, schemas))) == len(set(map(len, data))) == 1:
+        table = np.frombuffer(b"".join(data), dtype=np.uint8).reshape(len(data), -1)
+        columns = cdr.columns(schemas[0].name, schemas[0].data.decode(), table)
+        if columns is not None:
+            return [columns]
+    from mcap_ros2.decoder import DecoderFactory  # seldom needed
+
+    factory = DecoderFactory()
+    decoders = {id(schema): factory.decoder_for(MessageEncoding.CDR, schema) for schema in schemas}
+    return [decoders[id(schema)](message) for schema, _, message in messages]
+
+
+def _table(where: str, stamps: np.ndarray, parts: Sequence[Any]) -> np.ndarray:
+    """(T, D) float64 from D columns, of all rows or of each; rows must be of one length."""
+    tables = [np.atleast_2d(np.asarray(part, dtype=float).T) for part in parts]
+    width = tables[0].shape[1]
+    for row, table in enumerate(tables):
+        if table.shape[1] != width:
+            raise InputError(
+                f"{where}: {at_row(row, stamps)} has {table.shape[1]} values, the first has {width}"
+            )
+    return np.concatenate(tables)
+
+
+def _joint_order(where: str, stamps: np.ndarray, rows: Sequence[list[str]]) -> np.ndarray | None:
     """(T, J) columns that bring each message into the first one's order; None where nothing is to do."""
+    names = rows[0]
     if all(row == names for row in rows):
         return None
     for index, row in enumerate(rows):
@@ -137,37 +274,41 @@ def _joint_order(
     return np.array([[row.index(name) for name in names] for row in rows])
 
 
-def _of_pose(pose: Any) -> tuple[float, ...]:
+def _short(message_type: str) -> str:
+    return message_type.replace("/msg/", "/")
+
+
+def _of_pose(pose: Any) -> Sequence:
     """x, y, z, then the quaternion in ROS's order x, y, z, w."""
     p, q = pose.position, pose.orientation
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 
 
-def _of_transform(message: Any) -> tuple[float, ...]:
+def _of_transform(message: Any) -> Sequence:
     p, q = message.transform.translation, message.transform.rotation
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 
 
-def _of_quaternion(q: Any) -> tuple[float, ...]:
+def _of_quaternion(q: Any) -> Sequence:
     return (q.x, q.y, q.z, q.w)
 
 
-def _of_twist(message: Any) -> tuple[float, ...]:
+def _of_twist(message: Any) -> Sequence:
     v, w = message.twist.linear, message.twist.angular
     return (v.x, v.y, v.z, w.x, w.y, w.z)
 
 
-def _of_wrench(message: Any) -> tuple[float, ...]:
+def _of_wrench(message: Any) -> Sequence:
     f, m = message.wrench.force, message.wrench.torque
     return (f.x, f.y, f.z, m.x, m.y, m.z)
 
 
-def _of_joint_state(message: Any) -> tuple[list, ...]:
-    return (message.name, message.position, message.velocity, message.effort)
+def _of_joint_state(message: Any) -> Sequence:
+    return (message.name, *map(np.transpose, (message.position, message.velocity, message.effort)))
 
 
-def _of_array(message: Any) -> list[float]:
-    return message.data
+def _of_array(message: Any) -> np.ndarray:
+    return np.transpose(message.data)
 
 
 JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
@@ -201,4 +342,5 @@ READERS: Mapping[Role, Mapping[str, Callable[[Any], Any]]] = {
         "geometry_msgs/TransformStamped": lambda message: _of_quaternion(message.transform.rotation),
     },
 }
-"""Message types that can be read in each role, and how a message gives a row of numbers."""
+"""Message types that can be read in each role, and how a message gives its columns: numbers, or where its
+fields are columns over many messages (`cdr.columns`), arrays."""
