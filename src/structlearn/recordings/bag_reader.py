@@ -1,8 +1,8 @@
 """Raw messages of an MCAP file, ours or a robot's.
 
 The library reads a file record by record and field by field, ten times as long as all that is done with the
-numbers in its messages. Here the messages of a chunk are walked in one loop; all other records are the
-library's to read.
+numbers in its messages. Here a chunk's messages are found in one short loop and their heads are read at once;
+all other records are the library's to read.
 """
 
 import struct
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
@@ -20,17 +21,30 @@ from mcap.records import Chunk, Schema
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
+from numpy.lib.stride_tricks import sliding_window_view
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_writer import METADATA
+from structlearn.recordings.bag_writer import MESSAGE_HEAD, METADATA, RECORD_PREFIX
 
-_PREFIX = 9  # bytes of a record's opcode and length
-_HEAD = 31  # bytes of a message's record before the message
 _LENGTH = struct.Struct("<Q")
-_LOGGED = struct.Struct("<QHIQ")  # length, channel, sequence, log time of a message's record
 
-RawMessage = tuple[Schema, int, bytes]
-"""Schema, log time in ns and bytes of a message."""
+
+@dataclass(frozen=True)
+class RawMessages:
+    """Messages of one topic, in the order of their log times.
+
+    Attributes:
+        schemas: of each message.
+        log_times: (T,) int64 ns.
+        data: bytes of each message.
+    """
+
+    schemas: Sequence[Schema]
+    log_times: np.ndarray
+    data: Sequence[bytes]
+
+
+_NONE = RawMessages([], np.zeros(0, dtype=np.uint64), [])
 
 
 @dataclass(frozen=True)
@@ -40,12 +54,12 @@ class Bag:
     Attributes:
         topics: every topic with the types of its messages; what is not a ROS 2 message says so in its type.
         metadata: our own metadata record; None where the file is not ours.
-        messages: of the topics asked for that the file has, in the order of their log times.
+        messages: of each topic that was asked for, unless the file has no such topic.
     """
 
     topics: Mapping[str, Sequence[str]]
     metadata: Mapping[str, str] | None
-    messages: Mapping[str, Sequence[RawMessage]]
+    messages: Mapping[str, RawMessages]
 
 
 def read_bag(path: Path, topics: Collection[str]) -> Bag:
@@ -65,13 +79,12 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
                 reader = make_reader(file, validate_crcs=True)
                 present = _topics(reader)
                 own = [record.metadata for record in reader.iter_metadata() if record.name == METADATA]
-                messages: dict[str, list[RawMessage]] = {topic: [] for topic in topics if topic in present}
-                for topic, message in _messages(file, reader, messages):
-                    messages[topic].append(message)
+                pieces = {topic: [_NONE] for topic in topics if topic in present}
+                for topic, piece in _pieces(file, reader, topics):
+                    pieces[topic].append(piece)
+                messages = {topic: _joined(found) for topic, found in pieces.items()}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    for found in messages.values():
-        found.sort(key=lambda message: message[1])
     return Bag(present, own[0] if own else None, messages)
 
 
@@ -116,34 +129,64 @@ def _topics(reader: McapReader) -> dict[str, list[str]]:
     return present
 
 
-def _messages(
-    file: BinaryIO, reader: McapReader, topics: Collection[str]
-) -> Iterator[tuple[str, RawMessage]]:
-    """Messages of the topics, each with its topic, in the order of the file."""
+def _pieces(file: BinaryIO, reader: McapReader, topics: Collection[str]) -> Iterator[tuple[str, RawMessages]]:
+    """Messages of the topics as the file has them, chunk by chunk, each piece with its topic."""
     summary = reader.get_summary()
     if summary is None or not summary.chunk_indexes:
         for schema, channel, message in reader.iter_messages(topics, log_time_order=False):
-            yield channel.topic, (schema, message.log_time, message.data)
+            yield (
+                channel.topic,
+                RawMessages([schema], np.array([message.log_time], dtype=np.uint64), [message.data]),
+            )
         return
-    channels = {
-        number: (channel.topic, summary.schemas.get(channel.schema_id)) if channel.topic in topics else None
-        for number, channel in summary.channels.items()
-    }
-    wanted = {number for number, channel in channels.items() if channel}
+    channels = {number: channel for number, channel in summary.channels.items() if channel.topic in topics}
     for index in summary.chunk_indexes:
-        if index.message_index_offsets and wanted.isdisjoint(index.message_index_offsets):
+        if index.message_index_offsets and channels.keys().isdisjoint(index.message_index_offsets):
             continue
-        file.seek(index.chunk_start_offset + _PREFIX)
+        file.seek(index.chunk_start_offset + RECORD_PREFIX.size)
         stream, size = get_chunk_data_stream(Chunk.read(ReadDataStream(file)), validate_crc=True)
-        chunk, place = stream.read(size), 0
-        while place < size:
-            if chunk[place] == Opcode.MESSAGE:
-                length, number, _, log_time = _LOGGED.unpack_from(chunk, place + 1)
-                start, place = place + _HEAD, place + _PREFIX + length
-                if channel := channels[number]:
-                    topic, schema = channel
-                    yield topic, (schema, log_time, chunk[start:place])
-            else:
-                place += _PREFIX + _LENGTH.unpack_from(chunk, place + 1)[0]
-        if place > size:
-            raise EndOfFile
+        chunk = stream.read(size)
+        starts = _message_places(chunk)
+        if not len(starts):
+            continue
+        windows = sliding_window_view(np.frombuffer(chunk, dtype=np.uint8), MESSAGE_HEAD.itemsize)
+        heads = windows[starts].view(MESSAGE_HEAD)[:, 0]
+        ends = starts + RECORD_PREFIX.size + heads["length"].astype(int)
+        for topic in {channel.topic: None for channel in channels.values()}:
+            numbers = [number for number, channel in channels.items() if channel.topic == topic]
+            mine = np.isin(heads["channel"], numbers)
+            places = zip((starts[mine] + MESSAGE_HEAD.itemsize).tolist(), ends[mine].tolist(), strict=True)
+            yield (
+                topic,
+                RawMessages(
+                    [summary.schemas.get(channels[n].schema_id) for n in heads["channel"][mine].tolist()],
+                    heads["log_time"][mine],
+                    [chunk[start:end] for start, end in places],
+                ),
+            )
+
+
+def _message_places(chunk: bytes) -> np.ndarray:
+    """Where the records of messages begin in a chunk."""
+    places, place = [], 0
+    while place < len(chunk):
+        if chunk[place] == Opcode.MESSAGE:
+            places.append(place)
+        place += RECORD_PREFIX.size + _LENGTH.unpack_from(chunk, place + 1)[0]
+    if place > len(chunk):
+        raise EndOfFile
+    return np.array(places, dtype=int)
+
+
+def _joined(pieces: Sequence[RawMessages]) -> RawMessages:
+    """Pieces of one topic in the order of the file, put in the order of their log times."""
+    log_times = np.concatenate([piece.log_times for piece in pieces])
+    if log_times.max(initial=0) >= 2**63:
+        raise OverflowError("a log time is beyond 2^63 ns")
+    schemas = [schema for piece in pieces for schema in piece.schemas]
+    data = [message for piece in pieces for message in piece.data]
+    if (log_times[1:] < log_times[:-1]).any():
+        order = np.argsort(log_times, kind="stable")
+        log_times = log_times[order]
+        schemas, data = [[several[place] for place in order.tolist()] for several in (schemas, data)]
+    return RawMessages(schemas, log_times.astype(np.int64), data)

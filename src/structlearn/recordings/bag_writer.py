@@ -8,6 +8,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import BinaryIO
@@ -32,6 +33,7 @@ from mcap.records import (
 )
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
+from numpy.lib.stride_tricks import sliding_window_view
 
 METADATA = "structlearn"
 """Name of the metadata record of our own files."""
@@ -39,8 +41,10 @@ METADATA = "structlearn"
 CHUNK_BYTES = 2**20
 """A chunk ends with the record that makes it longer than this, as the library's do."""
 
-_PREFIX = struct.Struct("<BQ")  # opcode of a record, length of what follows
-_HEAD = np.dtype(  # a message's record up to the message
+RECORD_PREFIX = struct.Struct("<BQ")
+"""Opcode of a record, and length of what follows."""
+
+MESSAGE_HEAD = np.dtype(
     [
         ("opcode", "u1"),
         ("length", "<u8"),
@@ -50,6 +54,7 @@ _HEAD = np.dtype(  # a message's record up to the message
         ("publish_time", "<u8"),
     ]
 )
+"""A message's record up to the message itself."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +105,7 @@ def write_bag(path: str | Path, metadata: Mapping[str, str], topics: Sequence[Ra
     content, ends, ids, stamps = _records(topics, schemas, channels, owners, stamps, ids)
     with open(path, "wb") as file:
         file.write(MCAP0_MAGIC)
-        library = f"{LIBRARY_IDENTIFIER} mcap-ros2-support/{version('mcap-ros2-support')}"
-        file.write(_bytes(Header(Profile.ROS2, library)))
+        file.write(_bytes(Header(Profile.ROS2, _library())))
         place = file.tell()
         length = file.write(_bytes(Metadata(METADATA, dict(metadata))))
         chunks = list(_write_chunks(file, content, ends, ids, stamps))
@@ -141,8 +145,12 @@ def _records(
     """All records of all chunks behind each other: schemas, messages, each channel before its first message.
 
     Args:
-        topics: what is written.   schemas: of all messages.   channels: in the order in which they come.
-        owners: (T,) topic of each message.   stamps: (T,) ns.   ids: (topics,) channel of each topic.
+        topics: what is written.
+        schemas: of all messages.
+        channels: in the order in which they come.
+        owners: (T,) topic of each message.
+        stamps: (T,) ns.
+        ids: (topics,) channel of each topic.
 
     Returns:
         content: the bytes, uint8.   ends: (R,) where each record ends in them.
@@ -151,20 +159,22 @@ def _records(
     heads = [np.frombuffer(_bytes(record), dtype=np.uint8) for record in (*schemas, *channels)]
     first = np.sort(np.unique(owners, return_index=True)[1])
     before = np.concatenate([np.zeros(len(schemas), dtype=int), first])
-    sizes = np.array([_HEAD.itemsize + topic.messages.shape[1] for topic in topics])[owners]
+    sizes = np.array([MESSAGE_HEAD.itemsize + topic.messages.shape[1] for topic in topics])[owners]
     ends = np.cumsum(np.insert(sizes, before, [len(head) for head in heads]))
     channel = np.insert(ids[owners], before, 0)
     content = np.empty(ends[-1], dtype=np.uint8)
     for head, end in zip(heads, ends[channel == 0].tolist(), strict=True):
         content[end - len(head) : end] = head
     for number, topic in zip(ids.tolist(), topics, strict=True):
-        records = np.empty((len(topic.stamps), _HEAD.itemsize + topic.messages.shape[1]), dtype=np.uint8)
-        records[:, _HEAD.itemsize :] = topic.messages
-        head = records[:, : _HEAD.itemsize].view(_HEAD)[:, 0]
-        head["opcode"], head["length"] = Opcode.MESSAGE, records.shape[1] - _PREFIX.size
+        records = np.empty(
+            (len(topic.stamps), MESSAGE_HEAD.itemsize + topic.messages.shape[1]), dtype=np.uint8
+        )
+        records[:, MESSAGE_HEAD.itemsize :] = topic.messages
+        head = records[:, : MESSAGE_HEAD.itemsize].view(MESSAGE_HEAD)[:, 0]
+        head["opcode"], head["length"] = Opcode.MESSAGE, records.shape[1] - RECORD_PREFIX.size
         head["channel"], head["sequence"] = number, 0
         head["log_time"] = head["publish_time"] = topic.stamps
-        places = np.lib.stride_tricks.sliding_window_view(content, records.shape[1], writeable=True)
+        places = sliding_window_view(content, records.shape[1], writeable=True)
         places[ends[channel == number] - records.shape[1]] = records
     return content, ends, channel, np.insert(stamps, before, 0)
 
@@ -193,7 +203,7 @@ def _write_chunks(
         for number in dict.fromkeys(channel[channel > 0].tolist()):
             entries = np.stack([times[channel == number], places[channel == number]], axis=1).astype("<u8")
             offsets[number] = file.tell()
-            file.write(_PREFIX.pack(Opcode.MESSAGE_INDEX, 6 + entries.nbytes))
+            file.write(RECORD_PREFIX.pack(Opcode.MESSAGE_INDEX, 6 + entries.nbytes))
             file.write(struct.pack("<HI", number, entries.nbytes) + entries.tobytes())
         yield ChunkIndex(
             chunk_length=length,
@@ -219,6 +229,12 @@ def _summary(place: int, groups: Mapping[Opcode, Sequence[McapRecord]]) -> bytes
     footer = _bytes(Footer(place, place + len(summary), 0))[:-4]  # its last field is the checksum of it all
     content = summary + offsets + footer
     return content + struct.pack("<I", zlib.crc32(content))
+
+
+@cache
+def _library() -> str:
+    """Who wrote the file: the libraries whose records and messages it has."""
+    return f"{LIBRARY_IDENTIFIER} mcap-ros2-support/{version('mcap-ros2-support')}"
 
 
 def _bytes(record: McapRecord) -> bytes:

@@ -21,7 +21,7 @@ from mcap.well_known import MessageEncoding
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import cdr
-from structlearn.recordings.bag_reader import RawMessage, damage_named
+from structlearn.recordings.bag_reader import RawMessages, damage_named
 from structlearn.recordings.bag_writer import RawTopic
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.recording import Kind, Stream
@@ -54,7 +54,7 @@ def check_readable(where: str, role: Role, types: Sequence[str]) -> None:
         )
 
 
-def to_streams(where: str, topic: str, role: Role, messages: Sequence[RawMessage]) -> list[Stream]:
+def to_streams(where: str, topic: str, role: Role, messages: RawMessages) -> list[Stream]:
     """Streams of one topic.
 
     A pose, twist, wrench or tactile topic gives one stream. Joint states give one for each of position,
@@ -65,7 +65,7 @@ def to_streams(where: str, topic: str, role: Role, messages: Sequence[RawMessage
         where: file and topic, for error messages.
         topic: its name.
         role: what the topic is, a role in which its messages can be read.
-        messages: in the order of their log times.
+        messages: its messages.
 
     Raises:
         InputError: there is no message, a message cannot be decoded or lacks a field of its type, has another
@@ -85,14 +85,12 @@ def to_streams(where: str, topic: str, role: Role, messages: Sequence[RawMessage
     return [Stream(topic, role, stamps, values)]
 
 
-def joint_states(
-    where: str, messages: Sequence[RawMessage]
-) -> tuple[list[str], np.ndarray, dict[Kind, np.ndarray]]:
+def joint_states(where: str, messages: RawMessages) -> tuple[list[str], np.ndarray, dict[Kind, np.ndarray]]:
     """Joint states of one topic.
 
     Args:
         where: file and topic, for error messages.
-        messages: joint states in the order of their log times.
+        messages: its messages.
 
     Returns:
         names: (J,) of the joints in the order of the columns, that of the first message; or none.
@@ -210,13 +208,13 @@ def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[s
     return record.data
 
 
-def _parts(where: str, role: Role, messages: Sequence[RawMessage]) -> tuple[np.ndarray, list[Sequence]]:
+def _parts(where: str, role: Role, messages: RawMessages) -> tuple[np.ndarray, list[Sequence]]:
     """Stamps (T,) in ns, and what the reader of the role gives: once for all messages, or once for each."""
-    if not messages:
+    if not messages.data:
         raise InputError(f"{where} has no messages")
     with damage_named(where):
         decoded = _decoded(messages)
-    short = _short(messages[0][0].name)
+    short = _short(messages.schemas[0].name)
     read = READERS[role][short]
     header = np.zeros(1)
     try:
@@ -229,13 +227,12 @@ def _parts(where: str, role: Role, messages: Sequence[RawMessage]) -> tuple[np.n
         parts = [read(message) for message in decoded]
     except AttributeError as error:
         raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
-    logged = np.array([log_time for _, log_time, _ in messages], dtype=np.int64)
-    return header if header.any() else logged, parts
+    return header if header.any() else messages.log_times, parts
 
 
-def _decoded(messages: Sequence[RawMessage]) -> list[Any]:
+def _decoded(messages: RawMessages) -> list[Any]:
     """One message whose fields are columns over all of them; all of them where there are no columns."""
-    schemas, _, data = zip(*messages, strict=True)
+    schemas, data = messages.schemas, messages.data
     if len(set(map(id, schemas))) == len(set(map(len, data))) == 1:
         table = np.frombuffer(b"".join(data), dtype=np.uint8).reshape(len(data), -1)
         columns = cdr.columns(schemas[0].name, schemas[0].data.decode(), table)
@@ -245,7 +242,7 @@ def _decoded(messages: Sequence[RawMessage]) -> list[Any]:
 
     factory = DecoderFactory()
     decoders = {id(schema): factory.decoder_for(MessageEncoding.CDR, schema) for schema in schemas}
-    return [decoders[id(schema)](message) for schema, _, message in messages]
+    return [decoders[id(schema)](message) for schema, message in zip(schemas, data, strict=True)]
 
 
 def _table(where: str, stamps: np.ndarray, parts: Sequence[Any]) -> np.ndarray:
