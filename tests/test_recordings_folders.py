@@ -5,10 +5,8 @@ from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings import (
-    folders,
     read_demonstrations,
     synchronise,
-    write_recording,
     write_recordings,
 )
 from structlearn.recordings.demonstration import SIGNALS
@@ -113,26 +111,3 @@ def test_a_fault_names_the_file(tmp_path):
     write_bag(tmp_path / "bad.mcap", pose_messages([5, 5], pose_rows(2)))
     with pytest.raises(InputError, match=r"bad\.mcap: bad: /tool: row 1 .* repeats the stamp"):
         read_demonstrations(tmp_path, TOOL)
-
-
-def test_many_files_are_read_and_written_the_same_in_processes(tmp_path, monkeypatch):
-    recordings = [make_recording(str(number), seed=number, count=5) for number in range(6)]
-    write_recordings(recordings, tmp_path / "one")
-    serial = read_demonstrations(tmp_path / "one")
-    monkeypatch.setattr(folders, "MANY_FILES", 2)
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
-    write_recordings(recordings, tmp_path / "many")
-    for path in (tmp_path / "one").iterdir():
-        assert path.read_bytes() == (tmp_path / "many" / path.name).read_bytes()
-    for one, many in zip(serial, read_demonstrations(tmp_path / "many"), strict=True):
-        assert one.name == many.name
-        np.testing.assert_array_equal(one.tactile, many.tactile)
-
-
-def test_a_fault_in_a_process_is_still_one_clear_message(tmp_path, monkeypatch):
-    for number in range(3):
-        write_recording(make_recording(count=4), tmp_path / f"{number}.mcap")
-    (tmp_path / "1.mcap").write_bytes(b"broken file")
-    monkeypatch.setattr(folders, "MANY_FILES", 2)
-    with pytest.raises(InputError, match=r"1\.mcap: not an MCAP file$"):
-        read_demonstrations(tmp_path)

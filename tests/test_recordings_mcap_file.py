@@ -195,6 +195,15 @@ def test_topics_that_do_not_fit_the_bag_are_named(tmp_path, messages, topics, co
         read_recording(tmp_path / "bag.mcap", topics)
 
 
+def test_an_empty_topic_whose_chunks_are_passed_over_is_named(tmp_path):
+    write_bag(tmp_path / "bag.mcap", POSES, EMPTY)
+    with pytest.raises(InputError, match=r"topic '/empty' has messages of type .*WrenchStamped; pose can be"):
+        read_recording(tmp_path / "bag.mcap", topic_map(pose="/empty"))
+    write_bag(tmp_path / "bag.mcap", POSES, [("/none", "geometry_msgs/msg/PoseStamped")])
+    with pytest.raises(InputError, match="topic '/none' has no messages"):
+        read_recording(tmp_path / "bag.mcap", topic_map(pose="/none"))
+
+
 def test_a_topic_that_is_optional_may_be_absent(tmp_path):
     write_bag(tmp_path / "bag.mcap", POSES)
     optional = OptionalTopicMap(**topic_map(pose="/tool", wrench="/wrist").model_dump())

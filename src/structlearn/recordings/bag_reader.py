@@ -34,17 +34,16 @@ class RawMessages:
     """Messages of one topic, in the order of their log times.
 
     Attributes:
-        schemas: of each message.
+        schemas: of each channel of the topic.
+        channels: (T,) of each message.
         log_times: (T,) int64 ns.
         data: bytes of each message.
     """
 
-    schemas: Sequence[Schema]
+    schemas: Mapping[int, Schema]
+    channels: np.ndarray
     log_times: np.ndarray
     data: Sequence[bytes]
-
-
-_NONE = RawMessages([], np.zeros(0, dtype=np.uint64), [])
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class Bag:
     Attributes:
         topics: every topic with the types of its messages; what is not a ROS 2 message says so in its type.
         metadata: our own metadata record; None where the file is not ours.
-        messages: of each topic that was asked for, unless the file has no such topic.
+        messages: of each topic that was asked for, unless there are none.
     """
 
     topics: Mapping[str, Sequence[str]]
@@ -79,10 +78,10 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
                 reader = make_reader(file, validate_crcs=True)
                 present = _topics(reader)
                 own = [record.metadata for record in reader.iter_metadata() if record.name == METADATA]
-                pieces = {topic: [_NONE] for topic in topics if topic in present}
+                pieces: dict[str, list[RawMessages]] = {topic: [] for topic in topics if topic in present}
                 for topic, piece in _pieces(file, reader, topics):
                     pieces[topic].append(piece)
-                messages = {topic: _joined(found) for topic, found in pieces.items()}
+                messages = {topic: _joined(found) for topic, found in pieces.items() if found}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     return Bag(present, own[0] if own else None, messages)
@@ -134,9 +133,10 @@ def _pieces(file: BinaryIO, reader: McapReader, topics: Collection[str]) -> Iter
     summary = reader.get_summary()
     if summary is None or not summary.chunk_indexes:
         for schema, channel, message in reader.iter_messages(topics, log_time_order=False):
+            time = np.array([message.log_time], dtype=np.uint64)
             yield (
                 channel.topic,
-                RawMessages([schema], np.array([message.log_time], dtype=np.uint64), [message.data]),
+                RawMessages({channel.id: schema}, np.array([channel.id]), time, [message.data]),
             )
         return
     channels = {number: channel for number, channel in summary.channels.items() if channel.topic in topics}
@@ -152,25 +152,25 @@ def _pieces(file: BinaryIO, reader: McapReader, topics: Collection[str]) -> Iter
         windows = sliding_window_view(np.frombuffer(chunk, dtype=np.uint8), MESSAGE_HEAD.itemsize)
         heads = windows[starts].view(MESSAGE_HEAD)[:, 0]
         ends = starts + RECORD_PREFIX.size + heads["length"].astype(int)
-        for topic in {channel.topic: None for channel in channels.values()}:
-            numbers = [number for number, channel in channels.items() if channel.topic == topic]
-            mine = np.isin(heads["channel"], numbers)
-            places = zip((starts[mine] + MESSAGE_HEAD.itemsize).tolist(), ends[mine].tolist(), strict=True)
-            yield (
-                topic,
-                RawMessages(
-                    [summary.schemas.get(channels[n].schema_id) for n in heads["channel"][mine].tolist()],
-                    heads["log_time"][mine],
-                    [chunk[start:end] for start, end in places],
-                ),
-            )
+        for topic in dict.fromkeys(channel.topic for channel in channels.values()):
+            schemas = {
+                number: summary.schemas.get(channel.schema_id)
+                for number, channel in channels.items()
+                if channel.topic == topic
+            }
+            mine = np.flatnonzero(np.isin(heads["channel"], list(schemas)))
+            if len(mine):
+                begins = starts[mine] + MESSAGE_HEAD.itemsize
+                places = zip(begins.tolist(), ends[mine].tolist(), strict=True)
+                data = [chunk[begin:end] for begin, end in places]
+                yield topic, RawMessages(schemas, heads["channel"][mine], heads["log_time"][mine], data)
 
 
 def _message_places(chunk: bytes) -> np.ndarray:
     """Where the records of messages begin in a chunk."""
-    places, place = [], 0
+    places, place, message = [], 0, int(Opcode.MESSAGE)  # an enumeration's own comparison is slow
     while place < len(chunk):
-        if chunk[place] == Opcode.MESSAGE:
+        if chunk[place] == message:
             places.append(place)
         place += RECORD_PREFIX.size + _LENGTH.unpack_from(chunk, place + 1)[0]
     if place > len(chunk):
@@ -180,13 +180,17 @@ def _message_places(chunk: bytes) -> np.ndarray:
 
 def _joined(pieces: Sequence[RawMessages]) -> RawMessages:
     """Pieces of one topic in the order of the file, put in the order of their log times."""
+    schemas = {number: schema for piece in pieces for number, schema in piece.schemas.items()}
+    channels = np.concatenate([piece.channels for piece in pieces])
     log_times = np.concatenate([piece.log_times for piece in pieces])
-    if log_times.max(initial=0) >= 2**63:
-        raise OverflowError("a log time is beyond 2^63 ns")
-    schemas = [schema for piece in pieces for schema in piece.schemas]
     data = [message for piece in pieces for message in piece.data]
+    if log_times.max() >= 2**63:
+        raise OverflowError("a log time is beyond 2^63 ns")
     if (log_times[1:] < log_times[:-1]).any():
         order = np.argsort(log_times, kind="stable")
-        log_times = log_times[order]
-        schemas, data = [[several[place] for place in order.tolist()] for several in (schemas, data)]
-    return RawMessages(schemas, log_times.astype(np.int64), data)
+        channels, log_times, data = (
+            channels[order],
+            log_times[order],
+            [data[place] for place in order.tolist()],
+        )
+    return RawMessages(schemas, channels, log_times.astype(np.int64), data)

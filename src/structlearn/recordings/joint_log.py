@@ -102,7 +102,7 @@ def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
     path = Path(path)
     where = f"{path}: topic '{topic}'"
     bag = read_bag(path, [topic])
-    if topic not in bag.messages or not bag.messages[topic].data:
+    if topic not in bag.messages:
         raise InputError(f"{path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}")
     check_readable(where, "joint_states", bag.topics[topic])
     names, stamps, values = joint_states(where, bag.messages[topic])

@@ -66,6 +66,8 @@ def read_recording(path: str | Path, topics: TopicMap = OWN_TOPICS) -> Recording
         where = f"{path}: topic '{topic}'"
         if topic in bag.topics:
             check_readable(where, role, bag.topics[topic])
+            if topic not in bag.messages:
+                raise InputError(f"{where} has no messages")
             streams += to_streams(where, topic, role, bag.messages[topic])
         elif topics.must_exist or role == "pose":
             listing = ", ".join(

@@ -68,7 +68,7 @@ def to_streams(where: str, topic: str, role: Role, messages: RawMessages) -> lis
         messages: its messages.
 
     Raises:
-        InputError: there is no message, a message cannot be decoded or lacks a field of its type, has another
+        InputError: a message cannot be decoded or lacks a field of its type, has another
             length than the first one, or joint states change their set of joints; the error names the row.
     """
     if role == "joint_states":
@@ -210,11 +210,9 @@ def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[s
 
 def _parts(where: str, role: Role, messages: RawMessages) -> tuple[np.ndarray, list[Sequence]]:
     """Stamps (T,) in ns, and what the reader of the role gives: once for all messages, or once for each."""
-    if not messages.data:
-        raise InputError(f"{where} has no messages")
     with damage_named(where):
         decoded = _decoded(messages)
-    short = _short(messages.schemas[0].name)
+    short = _short(next(iter(messages.schemas.values())).name)
     read = READERS[role][short]
     header = np.zeros(1)
     try:
@@ -232,17 +230,21 @@ def _parts(where: str, role: Role, messages: RawMessages) -> tuple[np.ndarray, l
 
 def _decoded(messages: RawMessages) -> list[Any]:
     """One message whose fields are columns over all of them; all of them where there are no columns."""
-    schemas, data = messages.schemas, messages.data
-    if len(set(map(id, schemas))) == len(set(map(len, data))) == 1:
-        table = np.frombuffer(b"".join(data), dtype=np.uint8).reshape(len(data), -1)
-        columns = cdr.columns(schemas[0].name, schemas[0].data.decode(), table)
+    numbers = np.unique(messages.channels).tolist()
+    if len(numbers) == len(set(map(len, messages.data))) == 1:
+        schema = messages.schemas[numbers[0]]
+        table = np.frombuffer(b"".join(messages.data), dtype=np.uint8).reshape(len(messages.data), -1)
+        columns = cdr.columns(schema.name, schema.data.decode(), table)
         if columns is not None:
             return [columns]
     from mcap_ros2.decoder import DecoderFactory  # seldom needed
 
     factory = DecoderFactory()
-    decoders = {id(schema): factory.decoder_for(MessageEncoding.CDR, schema) for schema in schemas}
-    return [decoders[id(schema)](message) for schema, message in zip(schemas, data, strict=True)]
+    decoders = {
+        number: factory.decoder_for(MessageEncoding.CDR, messages.schemas[number]) for number in numbers
+    }
+    pairs = zip(messages.channels.tolist(), messages.data, strict=True)
+    return [decoders[number](message) for number, message in pairs]
 
 
 def _table(where: str, stamps: np.ndarray, parts: Sequence[Any]) -> np.ndarray:
