@@ -6,6 +6,7 @@ from committed import topic_map
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as PlainWriter
 from mcap_ros2.decoder import DecoderFactory
 from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
@@ -233,19 +234,59 @@ def test_messages_of_another_kind_than_ros_2_knows_are_named(tmp_path, schema, c
         read_recording(path, TOOL)
 
 
-def test_a_file_without_index_is_read(tmp_path):
-    text = "float64 x\nfloat64 y\nfloat64 z\n"
-    pose = "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"
-    pose += f"{'=' * 80}\nMSG: geometry_msgs/Point\n{text}"
-    pose += f"{'=' * 80}\nMSG: geometry_msgs/Quaternion\n{text}float64 w\n"
-    row = b"\x00\x01\x00\x00" + np.array([1, 2, 3, 0, 0, 0, 1], dtype="<f8").tobytes()
+POSE = "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n"
+POSE += f"{'=' * 80}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
+POSE += f"{'=' * 80}\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+ROW = [1, 2, 3, 0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"use_chunking": False, "repeat_channels": False, "use_statistics": False},
+        {"index_types": IndexType.NONE},
+        {"compression": CompressionType.LZ4, "chunk_size": 100},
+        {"compression": CompressionType.NONE, "enable_crcs": False},
+    ],
+)
+@pytest.mark.parametrize("order", ["<", ">", "mixed"])
+def test_bags_of_other_makers_give_the_same_values(tmp_path, options, order):
+    """Without index or chunks, compressed otherwise, big-endian, or of both byte orders."""
+    little = b"\x00\x01\x00\x00" + np.array(ROW, dtype="<f8").tobytes()
+    big = b"\x00\x00\x00\x00" + np.array(ROW, dtype=">f8").tobytes()
+    rows = {"<": [little] * 4, ">": [big] * 4, "mixed": [little, big] * 2}[order]
     path = foreign_bag(
         tmp_path / "bag.mcap",
-        ("geometry_msgs/msg/Pose", "ros2msg", pose.encode()),
-        [(stamp, row) for stamp in STAMPS],
-        use_chunking=False,
-        repeat_channels=False,
-        use_statistics=False,
+        ("geometry_msgs/msg/Pose", "ros2msg", POSE.encode()),
+        list(zip(STAMPS, rows, strict=True)),
+        **options,
     )
     (stream,) = read_recording(path, TOOL).streams
+    np.testing.assert_array_equal(stream.stamps, STAMPS)
     np.testing.assert_array_equal(stream.values, [[1, 2, 3, 1, 0, 0, 0]] * 4)
+
+
+def test_a_topic_of_two_publishers_comes_in_the_order_of_its_log_times(tmp_path):
+    with open(tmp_path / "bag.mcap", "wb") as stream:
+        writer = PlainWriter(stream)
+        writer.start()
+        for place in (1, 0):  # with a definition each
+            schema = writer.register_schema("geometry_msgs/msg/Pose", "ros2msg", POSE.encode())
+            channel = writer.register_channel("/tool", "cdr", schema)
+            for stamp in STAMPS[place::2]:
+                row = np.array([stamp, *ROW[1:]], dtype="<f8")
+                writer.add_message(channel, stamp, b"\x00\x01\x00\x00" + row.tobytes(), stamp)
+        writer.finish()
+    (pose,) = read_recording(tmp_path / "bag.mcap", TOOL).streams
+    np.testing.assert_array_equal(pose.stamps, STAMPS)
+    np.testing.assert_array_equal(pose.values[:, 0], STAMPS)
+
+
+@pytest.mark.parametrize("length", [4, 12, 59])
+def test_a_message_that_ends_too_early_is_named(tmp_path, length):
+    row = (b"\x00\x01\x00\x00" + np.array(ROW, dtype="<f8").tobytes())[:length]
+    schema = ("geometry_msgs/msg/Pose", "ros2msg", POSE.encode())
+    path = foreign_bag(tmp_path / "bag.mcap", schema, [(stamp, row) for stamp in STAMPS])
+    with pytest.raises(InputError, match=r"bag\.mcap: topic '/tool': damaged MCAP file: error: unpack_from"):
+        read_recording(path, TOOL)

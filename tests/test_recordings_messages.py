@@ -144,6 +144,15 @@ def test_messages_come_in_the_order_of_their_log_times(tmp_path):
     np.testing.assert_array_equal(pose.values, ROWS)
 
 
+def test_frames_that_change_make_no_difference(tmp_path):
+    messages = pose_messages(STAMPS, ROWS)
+    for number, (_, _, message, _) in enumerate(messages):
+        message["header"]["frame_id"] = "base" * (number % 3)
+    pose = read_pose(tmp_path / "bag.mcap", messages)
+    np.testing.assert_array_equal(pose.stamps, STAMPS)
+    np.testing.assert_array_equal(pose.values, ROWS)
+
+
 def joint_message(stamp, **fields):
     return ("/joints", "sensor_msgs/msg/JointState", {"header": header(stamp), **fields}, stamp)
 

@@ -133,11 +133,8 @@ def _pieces(file: BinaryIO, reader: McapReader, topics: Collection[str]) -> Iter
     summary = reader.get_summary()
     if summary is None or not summary.chunk_indexes:
         for schema, channel, message in reader.iter_messages(topics, log_time_order=False):
-            time = np.array([message.log_time], dtype=np.uint64)
-            yield (
-                channel.topic,
-                RawMessages({channel.id: schema}, np.array([channel.id]), time, [message.data]),
-            )
+            number, time = np.array([channel.id]), np.array([message.log_time], dtype=np.uint64)
+            yield channel.topic, RawMessages({channel.id: schema}, number, time, [message.data])
         return
     channels = {number: channel for number, channel in summary.channels.items() if channel.topic in topics}
     for index in summary.chunk_indexes:
@@ -188,9 +185,6 @@ def _joined(pieces: Sequence[RawMessages]) -> RawMessages:
         raise OverflowError("a log time is beyond 2^63 ns")
     if (log_times[1:] < log_times[:-1]).any():
         order = np.argsort(log_times, kind="stable")
-        channels, log_times, data = (
-            channels[order],
-            log_times[order],
-            [data[place] for place in order.tolist()],
-        )
+        channels, log_times = channels[order], log_times[order]
+        data = [data[place] for place in order.tolist()]
     return RawMessages(schemas, channels, log_times.astype(np.int64), data)

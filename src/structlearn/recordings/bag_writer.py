@@ -102,7 +102,8 @@ def write_bag(path: str | Path, metadata: Mapping[str, str], topics: Sequence[Ra
         for number, owner in enumerate(np.argsort(first).tolist(), start=1)  # in the order in which they come
     ]
     ids = np.argsort(np.argsort(first)) + 1  # (topics,) channel of each
-    content, ends, ids, stamps = _records(topics, schemas, channels, owners, stamps, ids)
+    before = [0] * len(schemas) + np.sort(first).tolist()
+    content, ends, ids, stamps = _records(topics, owners, stamps, ids, [*schemas, *channels], before)
     with open(path, "wb") as file:
         file.write(MCAP0_MAGIC)
         file.write(_bytes(Header(Profile.ROS2, _library())))
@@ -136,29 +137,27 @@ def write_bag(path: str | Path, metadata: Mapping[str, str], topics: Sequence[Ra
 
 def _records(
     topics: Sequence[RawTopic],
-    schemas: Sequence[Schema],
-    channels: Sequence[Channel],
     owners: np.ndarray,
     stamps: np.ndarray,
     ids: np.ndarray,
+    others: Sequence[McapRecord],
+    before: Sequence[int],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """All records of all chunks behind each other: schemas, messages, each channel before its first message.
+    """All records of all chunks behind each other.
 
     Args:
         topics: what is written.
-        schemas: of all messages.
-        channels: in the order in which they come.
         owners: (T,) topic of each message.
-        stamps: (T,) ns.
+        stamps: (T,) ns of each message.
         ids: (topics,) channel of each topic.
+        others: schemas, and each channel.
+        before: which message each of the others comes before.
 
     Returns:
         content: the bytes, uint8.   ends: (R,) where each record ends in them.
-        ids: (R,) channel of each message, 0 for schemas and channels.   stamps: (R,) ns, of messages.
+        ids: (R,) channel of each message, 0 for the others.   stamps: (R,) ns, 0 for the others.
     """
-    heads = [np.frombuffer(_bytes(record), dtype=np.uint8) for record in (*schemas, *channels)]
-    first = np.sort(np.unique(owners, return_index=True)[1])
-    before = np.concatenate([np.zeros(len(schemas), dtype=int), first])
+    heads = [np.frombuffer(_bytes(record), dtype=np.uint8) for record in others]
     sizes = np.array([MESSAGE_HEAD.itemsize + topic.messages.shape[1] for topic in topics])[owners]
     ends = np.cumsum(np.insert(sizes, before, [len(head) for head in heads]))
     channel = np.insert(ids[owners], before, 0)
@@ -166,16 +165,12 @@ def _records(
     for head, end in zip(heads, ends[channel == 0].tolist(), strict=True):
         content[end - len(head) : end] = head
     for number, topic in zip(ids.tolist(), topics, strict=True):
-        records = np.empty(
-            (len(topic.stamps), MESSAGE_HEAD.itemsize + topic.messages.shape[1]), dtype=np.uint8
-        )
-        records[:, MESSAGE_HEAD.itemsize :] = topic.messages
-        head = records[:, : MESSAGE_HEAD.itemsize].view(MESSAGE_HEAD)[:, 0]
-        head["opcode"], head["length"] = Opcode.MESSAGE, records.shape[1] - RECORD_PREFIX.size
-        head["channel"], head["sequence"] = number, 0
-        head["log_time"] = head["publish_time"] = topic.stamps
-        places = sliding_window_view(content, records.shape[1], writeable=True)
-        places[ends[channel == number] - records.shape[1]] = records
+        head = np.zeros((len(topic.stamps), 1), dtype=MESSAGE_HEAD)
+        size = MESSAGE_HEAD.itemsize + topic.messages.shape[1]
+        head["opcode"], head["length"], head["channel"] = Opcode.MESSAGE, size - RECORD_PREFIX.size, number
+        head["log_time"][:, 0] = head["publish_time"][:, 0] = topic.stamps
+        places = sliding_window_view(content, size, writeable=True)
+        places[ends[channel == number] - size] = np.hstack([head.view(np.uint8), topic.messages])
     return content, ends, channel, np.insert(stamps, before, 0)
 
 

@@ -68,8 +68,8 @@ def to_streams(where: str, topic: str, role: Role, messages: RawMessages) -> lis
         messages: its messages.
 
     Raises:
-        InputError: a message cannot be decoded or lacks a field of its type, has another
-            length than the first one, or joint states change their set of joints; the error names the row.
+        InputError: a message cannot be decoded, lacks a field of its type or has another length than the
+            first one, or joint states change their set of joints; the error names the row.
     """
     if role == "joint_states":
         _, stamps, values = joint_states(where, messages)
