@@ -250,8 +250,8 @@ class Controller:
         if index == running:
             state.point[0] += old - position  # both are relative to the steady goal
             state.point[2] += old - position
-            evolving = quaternion.product(quaternion.from_rotation_vector(state.remaining), old_turned)
-            state.remaining[:] = quaternion.difference(evolving, turned)
+            evolving = quaternion.product(quaternion.from_rotation_vector(state.remaining[0]), old_turned)
+            state.remaining[0] = quaternion.difference(evolving, turned)
 
     def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity, acceleration of the sample that is due."""
