@@ -5,7 +5,9 @@
 Every tick gets a new sensor sample of 38 channels, ten times as often as the sensor would send one. The
 process is set up as that of a robot would be: no garbage collection, all memory locked, and where asked for
 bound to one core and scheduled before all other work. Ticks that take long all the same are told apart by
-what befell them; the rest are interrupts, and on a virtual machine time that its host took.
+what befell them; the rest are interrupts, and on a virtual machine time that its host took. Ticks follow one
+another without a pause, so with a priority the system takes the core away for 50 ms of every second
+(`sched_rt_runtime_us`), which a controller that waits for its next tick never meets.
 """
 
 import argparse
