@@ -3,11 +3,12 @@
     python benchmarks/growth.py [--only WORD] [--seconds S] [--output FOLDER]
 
 Every size runs in a forked process of its own, whose peak of resident memory beyond what the libraries take
-is that of inputs, work and results. The exponent is the slope of the logarithm of time, or memory, over that of
-the size, by least squares over all sizes: 1 where twice as much costs twice as much.
+is that of inputs, work and results. The exponent is the slope of the logarithm of time, or memory, over that
+of the size, by least squares over all sizes: 1 where twice as much costs twice as much.
 """
 
 import argparse
+import ctypes
 import multiprocessing
 import os
 import resource
@@ -183,6 +184,7 @@ def measured(case: Growth, seconds: float) -> list[dict[str, Any]]:
 
 def _measure(case: Growth, size: int, seconds: float, sender: Any) -> None:
     case.build(case.sizes[0])()  # brings in what the libraries need themselves
+    ctypes.CDLL(None).malloc_trim(0)  # and gives the rest back
     Path("/proc/self/clear_refs").write_text("5")  # the peak so far no longer counts
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     run, times = case.build(size), []

@@ -134,7 +134,7 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
     state.clock[ROW], state.clock[PRIMITIVE] = row, primitive
     state.coupling[0] = 0.0  # the phase velocity is 0, and the goal absorbs what the predecessor's was
     state.turned[0] = state.orientation[0, 0]
-    evolving_goal, remaining = state.orientation[0, 0].copy(), state.remaining[0]
+    remaining = state.remaining[0]
     for d in range(3):
         x, xd, xdd = state.path[0, 0, 0, d], state.path[1, 0, 0, d], state.path[2, 0, 0, d]
         goal = plan.position_goal[primitive, d]
@@ -146,8 +146,8 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
         state.rate[0, d] = tau * w
         forcing = plan.orientation_forcing[row, d]
         remaining[d] = transformation.compiled_initial_goal(0.0, w, wd, tau, forcing)
-    orientation.turn_in_place(evolving_goal, remaining)
-    orientation.write_difference(evolving_goal, plan.orientation_goal[primitive], remaining)
+    evolving_goal = orientation.turned(state.orientation[0, 0], remaining)
+    remaining[:] = orientation.difference(evolving_goal, plan.orientation_goal[primitive])
 
 
 @numba.njit(cache=True)

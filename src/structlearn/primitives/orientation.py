@@ -214,26 +214,31 @@ def unroll(
 _product = numba.njit(cache=True)(quaternion.product_components)
 
 
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+"""What compiled functions return: unlike arrays, tuples need no memory."""
+
+
 @numba.njit(cache=True)
-def write_difference(target: np.ndarray, q: np.ndarray, vector: np.ndarray) -> None:
-    """Write the rotation vector from q to the target, the short way, into vector (3,)."""
+def difference(target: np.ndarray | Quaternion, q: np.ndarray) -> Vector:
+    """Rotation vector from q to the target the short way, `quaternion.difference` compiled."""
     r, x, y, z = _product(target, (q[0], -q[1], -q[2], -q[3]))
     sine = np.sqrt(x * x + y * y + z * z)
     factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, abs(r)) / sine
     if r < 0.0:
         factor = -factor
-    vector[0], vector[1], vector[2] = factor * x, factor * y, factor * z
+    return factor * x, factor * y, factor * z
 
 
 @numba.njit(cache=True)
-def turn_in_place(q: np.ndarray, vector: np.ndarray) -> None:
-    """Turn q (4,) by a rotation vector (3,) in place and normalise it."""
+def turned(q: np.ndarray, vector: np.ndarray | Vector) -> Quaternion:
+    """Q turned by a rotation vector, with norm 1."""
     angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     factor = 0.5 if angle < 1e-12 else np.sin(0.5 * angle) / angle
     step = (np.cos(0.5 * angle), factor * vector[0], factor * vector[1], factor * vector[2])
     r, x, y, z = _product(step, q)
     norm = np.sqrt(r * r + x * x + y * y + z * z)
-    q[0], q[1], q[2], q[3] = r / norm, x / norm, y / norm, z / norm
+    return r / norm, x / norm, y / norm, z / norm
 
 
 @numba.njit(cache=True)
@@ -257,12 +262,9 @@ def step_batch(
     """
     batch, samples, _ = forcing.shape
     following = min(k + 1, samples - 1)
-    evolving_goal, error, turn = np.empty(4), np.empty(3), np.empty(3)
-    angle, rate = matrix[0], matrix[1]
+    angle, rate, turn = matrix[0], matrix[1], np.empty(3)
     for b in range(batch):
-        evolving_goal[:] = goal[b]
-        turn_in_place(evolving_goal, remaining[b])
-        write_difference(evolving_goal, q[b], error)
+        error = difference(turned(goal[b], remaining[b]), q[b])
         for d in range(3):
             f = forcing[b, k, d] + coupling[b, d]
             change = forcing[b, following, d] - forcing[b, k, d]
@@ -274,7 +276,7 @@ def step_batch(
             v[b, d] = rate[1] * v[b, d] + rate[2] * fall + rate[3] * steady + rate[4] * change
             remaining[b, d] = matrix[2, 2] * fall
         orientation[b, k] = q[b]
-        turn_in_place(q[b], turn)
+        q[b] = turned(q[b], turn)
 
 
 @numba.njit(cache=True)
