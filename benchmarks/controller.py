@@ -20,6 +20,7 @@ os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS
 
 import numpy as np
 from primitive_inputs import DT, NETWORK, SEED, demonstrations, orientation_demonstration
+from timing import machine
 
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.runtime import Controller
@@ -50,6 +51,7 @@ def main() -> None:
     tick_latency(controller, WARM_UP)
     stolen = stolen_s()
     latency = tick_latency(controller, options.ticks)
+    print(machine())
     print(summary(latency))
     print(f"{setting}; time that the machine's host took meanwhile: {stolen_s() - stolen:.2f} s")
 

@@ -20,6 +20,10 @@ ROW, PRIMITIVE, TICK, SAMPLE_TICK, SAMPLE_COUNT = range(5)
 last good sensor sample, and how many good samples the offset has."""
 
 
+_part_of_a_tick = numba.njit(cache=True, forceinline=True)
+"""Compiled into its caller: handing over a plan and a state costs more than many a part does."""
+
+
 class Plan(NamedTuple):
     """What depends on time only; R rows, one per sample of each primitive, those at a switch twice.
 
@@ -171,7 +175,7 @@ def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
     return flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _receive(plan: Plan, state: State, fresh: bool) -> int:
     """Take a sensor sample if there is a good one, and say what is wrong with the sensor."""
     channels, clock, flags = len(state.sample), state.clock, 0
@@ -199,7 +203,7 @@ def _receive(plan: Plan, state: State, fresh: bool) -> int:
     return flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
     """Outputs of the row that is due, and the step to the next."""
     row, primitive = state.clock[ROW], state.clock[PRIMITIVE]
@@ -223,7 +227,7 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
     return flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _coupling(plan: Plan, state: State, row: int, primitive: int, sensor_flags: int) -> float:
     """What the primitive's network asks for; 0 without network or without a sensor that it needs."""
     begin, layers, sizes = plan.first[primitive], plan.layers[primitive], plan.sizes[primitive]
@@ -236,7 +240,7 @@ def _coupling(plan: Plan, state: State, row: int, primitive: int, sensor_flags: 
     return c
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _bounded(plan: Plan, state: State, wanted: float) -> tuple[float, int]:
     """The coupling term within its bounds in size and in change per tick, which is kept as the state's."""
     largest, largest_change = plan.limits
@@ -253,13 +257,13 @@ def _bounded(plan: Plan, state: State, wanted: float) -> tuple[float, int]:
     return wanted, flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _step_point(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
     goal = plan.position_goal[primitive : primitive + 1]
     transformation.step_batch(0, matrix, tau, goal, state.point, state.window[0], state.held[0], state.path)
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _step_turn(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
     orientation.step_batch(
         0,
