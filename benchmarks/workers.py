@@ -19,7 +19,7 @@ import pandas as pd
 from timing import machine
 
 from structlearn.ground.artefacts import write_csv
-from structlearn.ground.parallel import BACKEND
+from structlearn.ground.parallel import BACKEND, PROCESSES
 from structlearn.ground.params import read_parameters
 from structlearn.recordings.recording import Recording
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
@@ -27,7 +27,7 @@ from structlearn.testbeds.scraping.world.guided_demonstrations import guided_dem
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
-DEMONSTRATIONS, ROUNDS = 16, 3
+DEMONSTRATIONS, ROUNDS = 16, 2
 
 
 def main() -> None:
@@ -39,7 +39,7 @@ def main() -> None:
     rows = []
     for name, workers, setting in (
         ("one process", 1, environment({BACKEND: "sequential"})),
-        ("two processes", 2, environment({"LOKY_MAX_CPU_COUNT": "2"})),
+        ("two processes", 2, environment({PROCESSES: "2"})),
         ("Dask", 2, dask_workers(2)),
     ):
         with setting:
