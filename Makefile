@@ -27,10 +27,15 @@ recorded: $(INSTALLED)
 	$(BIN)/python -m structlearn.reporting.stage_times
 	@echo "reports/recorded/index.html is up to date"
 
-# Timings beside public libraries, which are installed for it.
+# Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
+BENCH := reports/benchmarks
 bench: $(INSTALLED) .venv/installed-bench
-	$(BIN)/python benchmarks/run.py
-	$(BIN)/python benchmarks/controller.py
+	mkdir -p $(BENCH)
+	bash -e -o pipefail -c '{ \
+	  $(BIN)/python benchmarks/run.py --output $(BENCH)/table.csv; \
+	  $(BIN)/python benchmarks/controller.py; \
+	  $(BIN)/python benchmarks/growth.py --output $(BENCH); \
+	  $(BIN)/python benchmarks/workers.py --output $(BENCH)/workers.csv; } | tee $(BENCH)/bench.txt'
 
 # The refinement with one parameter changed at a time, as experiments of DVC (half an hour on 2 cores).
 ablations: $(INSTALLED)

@@ -30,7 +30,7 @@ PINOCCHIO_ENTRIES = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
 
 def regressor() -> Case:
     """Y of the whole set, computed once before a training."""
-    robot, motion = _iiwa()
+    robot, motion = iiwa()
     expected = _pinocchio_regressor(robot, motion)()
     columns = (10 * np.arange(len(robot.tree.names))[:, None] + PINOCCHIO_ENTRIES).ravel()
     return Case(
@@ -51,15 +51,11 @@ def regressor() -> Case:
 
 def training_step() -> Case:
     """Forward and gradient through the parameterisation, by the regressor and by the recursion."""
-    robot, motion = _iiwa()
-    free = draw("cov", len(robot.tree.names), [torch.Generator().manual_seed(SEED)])[0].requires_grad_()
+    robot, motion = iiwa()
+    free = _free(len(robot.tree.names))
     torques = torch.from_numpy(np.random.default_rng(SEED).normal(size=motion[0].shape))
     columns = torch.from_numpy(torque_regressor(robot.tree, *motion)).flatten(0, 1).T.contiguous()
     states = [torch.from_numpy(values) for values in motion]
-
-    def by_regressor() -> np.ndarray:
-        found = link_parameters(link_inertias("cov", free)) @ columns
-        return _gradient((found - torques.flatten()).square().mean(), free)
 
     def by_recursion() -> np.ndarray:
         found = inverse_dynamics(robot.tree, link_inertias("cov", free), *states)
@@ -68,7 +64,10 @@ def training_step() -> Case:
     expected = by_recursion()
     return Case(
         work=f"inverse dynamics forward + gradient, {SAMPLES} samples",
-        ours=Contender(by_regressor, lambda found: _error(found, expected)),
+        ours=Contender(
+            step_by_regressor(len(robot.tree.names), columns, torques.flatten()),
+            lambda found: _error(found, expected),
+        ),
         peers={"our recursion": lambda: Contender(by_recursion, lambda found: _error(found, expected))},
         aim_ms=5.0,
         tolerance=SAME,
@@ -76,9 +75,25 @@ def training_step() -> Case:
     )
 
 
+def step_by_regressor(joints: int, columns: torch.Tensor, torques: torch.Tensor) -> Callable[[], np.ndarray]:
+    """A step of training by the regressor's columns (10 n, B n) for measured torques (B n,)."""
+    free = _free(joints)
+
+    def run() -> np.ndarray:
+        found = link_parameters(link_inertias("cov", free)) @ columns
+        return _gradient((found - torques).square().mean(), free)
+
+    return run
+
+
+def _free(joints: int) -> torch.Tensor:
+    """Free parameters of cov for as many links."""
+    return draw("cov", joints, [torch.Generator().manual_seed(SEED)])[0].requires_grad_()
+
+
 def lagrangian_epoch() -> Case:
     """Forward and gradient of all batches of an epoch, of one network in single precision."""
-    _, motion = _iiwa()
+    _, motion = iiwa()
     batches = [
         [part.T.contiguous() for part in parts]
         for parts in zip(*[torch.from_numpy(values).float().split(BATCH) for values in motion], strict=True)
@@ -133,9 +148,10 @@ def _summed_gradient(
     return total.numpy()
 
 
-def _iiwa() -> tuple[Robot, tuple[np.ndarray, ...]]:
+def iiwa(samples: int = SAMPLES) -> tuple[Robot, tuple[np.ndarray, ...]]:
+    """The robot, and positions, velocities and accelerations (samples, n) of its joints."""
     robot = read_urdf(Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf")
-    motion = np.random.default_rng(SEED).normal(size=(3, SAMPLES, len(robot.tree.names)))
+    motion = np.random.default_rng(SEED).normal(size=(3, samples, len(robot.tree.names)))
     return robot, tuple(motion)
 
 

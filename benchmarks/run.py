@@ -18,7 +18,7 @@ import dynamics
 import policy_search
 import primitives
 import warping
-from timing import SECONDS_PER_CASE, measure, table, write_csv
+from timing import SECONDS_PER_CASE, machine, measure, table, write_csv
 
 PACKAGES = (
     "structlearn",
@@ -50,6 +50,7 @@ def main() -> None:
             notes += [f"{case.work}: {case.note}"] if case.note else []
     if not rows:
         parser.error(f"no work is called {options.only!r}")
+    print(machine())
     print(f"Python {platform.python_version()}, " + ", ".join(map(_version, PACKAGES)))
     print("One thread, medians of interleaved runs in ms; `again`: repeated at once; ratio: peer / ours;")
     print("`off by`: largest deviation from the reference, relative to its range.")

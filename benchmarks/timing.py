@@ -8,6 +8,8 @@ one reference: what is faster because it does something else is not in the table
 """
 
 import csv
+import os
+import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -69,6 +71,14 @@ class Row:
     peer_again_ms: float | None
     peer_error: float | None
     ratio: float | None
+
+
+def machine() -> str:
+    """Name of the machine that is measured, and how busy it is: what timings cannot be read without."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    name = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "unknown")
+    load = os.getloadavg()[0]
+    return f"{name}, {os.cpu_count()} cores, {platform.system()} {platform.release()}; load {load:.1f}"
 
 
 def measure(case: Case, seconds: float = SECONDS_PER_CASE) -> list[Row]:

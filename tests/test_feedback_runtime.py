@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, random_orientations, random_vectors, rngs
 
-from structlearn.feedback.runtime import Controller, Limits, Status, largest_coupling, tick_latency
+from structlearn.feedback.runtime import Controller, Limits, Status, largest_coupling
 from structlearn.feedback.skill import ReactiveSkill, open_loop
+from structlearn.feedback.tick_latency import tick_latency
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels, sequence
@@ -578,9 +579,11 @@ def test_the_controller_runs_without_torch():
 
 def test_latencies_are_those_of_as_many_ticks_as_asked():
     controller = Controller(with_feedback(np.random.default_rng(18)), RATE)
-    seconds = tick_latency(controller, 1500)  # more than one run
-    assert seconds.shape == (1500,)
-    assert (seconds > 0).all()
+    latency = tick_latency(controller, 1500)  # more than one run
+    assert all(values.shape == (1500,) for values in latency)
+    assert (latency.seconds > 0).all()
+    assert (latency.switches >= 0).all()
+    assert (latency.faults >= 0).all()
 
 
 def test_the_bound_follows_from_the_largest_demonstrated_coupling():

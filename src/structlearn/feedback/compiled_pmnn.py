@@ -57,12 +57,13 @@ def compiled_coupling(
     """
     packed = packed_hidden([network])
     arguments = (packed.values, int(packed.layers[0]), packed.sizes[0], layer_values(packed.sizes))
-    last = (network.phase_weights, network.phase_biases, network.output_weights)
-    last = tuple(np.array(array, dtype=float, order="C") for array in last)
+    # One array instead of three: handing an array to compiled code takes as long as some hundred products.
+    last = np.column_stack([network.output_weights, network.phase_biases, network.phase_weights])
+    last = np.ascontiguousarray(last, dtype=float)
 
     def coupling(deviation: np.ndarray, modulation: np.ndarray) -> np.ndarray | float:
         if deviation.ndim == 1:
-            return _coupling(deviation, modulation, *arguments, *last)
+            return _coupling(deviation, modulation, *arguments, last)
         layer = (deviation - network.input_mean) / network.input_scale
         for weights, biases in network.hidden:
             layer = layer @ weights.T
@@ -104,20 +105,18 @@ def _coupling(
     layers: int,
     sizes: np.ndarray,
     work: np.ndarray,
-    phase_weights: np.ndarray,
-    phase_biases: np.ndarray,
-    output_weights: np.ndarray,
+    last: np.ndarray,
 ) -> float:
-    """Coupling term of one deviation (D,)."""
+    """Coupling term of one deviation (D,); rows of last (N, 2 + H): output weight, phase bias and weights."""
     hidden_layers(values, 0, layers, sizes, deviation, work)
     features, scale, width, c = work[layers], work[layers + 1], sizes[layers], 0.0
     for j in range(width):
         scale[j] = 0.0
     for n in range(len(modulation)):
-        weight, weights = modulation[n] * output_weights[n], phase_weights[n]
-        c += weight * phase_biases[n]
+        weight = modulation[n] * last[n, 0]
+        c += weight * last[n, 1]
         for j in range(width):
-            scale[j] += weight * weights[j]
+            scale[j] += weight * last[n, 2 + j]
     for j in range(width):
         c += scale[j] * features[j]
     return c

@@ -14,7 +14,6 @@ term is bounded in size and in its rate of change, and fades with the phase, so 
 
 from collections.abc import Sequence
 from enum import IntFlag
-from time import perf_counter
 
 import numpy as np
 from pydantic import Field
@@ -250,8 +249,8 @@ class Controller:
         if index == running:
             state.point[0] += old - position  # both are relative to the steady goal
             state.point[2] += old - position
-            evolving = quaternion.product(quaternion.from_rotation_vector(state.remaining), old_turned)
-            state.remaining[:] = quaternion.difference(evolving, turned)
+            evolving = quaternion.product(quaternion.from_rotation_vector(state.remaining[0]), old_turned)
+            state.remaining[0] = quaternion.difference(evolving, turned)
 
     def _due_point(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity, acceleration of the sample that is due."""
@@ -292,29 +291,3 @@ class Controller:
     def _ticks_done(self) -> int:
         """Ticks since the first one, which gave the start."""
         return max(int(self._clock[stepping.TICK]) - 1, 0)
-
-
-def tick_latency(controller: Controller, ticks: int) -> np.ndarray:
-    """Durations of ticks on this machine, with a new sensor sample each.
-
-    Runs follow one another from the demonstrations' mean start; starting them is not timed.
-
-    Args:
-        controller: any; its run is lost.
-        ticks: number of ticks.
-
-    Returns:
-        (ticks,) s.
-    """
-    first = controller.skill.primitives[0]
-    orientation = None if first.orientation is None else first.orientation.start
-    samples = list(np.random.default_rng(0).normal(0.0, 10.0, (1000, controller.skill.channels)))
-    seconds = np.empty(ticks)
-    for k in range(ticks):
-        if k == 0 or controller.finished:
-            controller.start(first.position.start, orientation)
-        sample = samples[k % len(samples)]
-        begin = perf_counter()
-        controller.tick(sample)
-        seconds[k] = perf_counter() - begin
-    return seconds

@@ -20,6 +20,10 @@ ROW, PRIMITIVE, TICK, SAMPLE_TICK, SAMPLE_COUNT = range(5)
 last good sensor sample, and how many good samples the offset has."""
 
 
+_part_of_a_tick = numba.njit(cache=True, forceinline=True)
+"""Compiled into its caller: handing over a plan and a state costs more than many a part does."""
+
+
 class Plan(NamedTuple):
     """What depends on time only; R rows, one per sample of each primitive, those at a switch twice.
 
@@ -70,7 +74,7 @@ class State(NamedTuple):
         point: (3, 1, 3) x - G, tau xd, g - G at the row that is due.
         turned: (1, 4) orientation at the row that is due.
         rate: (1, 3) tau w.
-        remaining: (3,) rotation vector from the steady to the evolving goal.
+        remaining: (1, 3) rotation vector from the steady to the evolving goal.
         coupling: (1,) c.
         sample: (E,) newest sensor sample handed in.
         good: (E,) newest good one.
@@ -81,7 +85,6 @@ class State(NamedTuple):
         turning: (2, 1, 1, 3) output: angular velocity, angular acceleration.
         held: (2, 1, 3) coupling vector of the position, always 0, and of the orientation.
         window: (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation.
-        goals: (1, 2, 4) evolving goal at this row and the next.
         work: `compiled_layers.layer_values` of the networks.
     """
 
@@ -100,7 +103,6 @@ class State(NamedTuple):
     turning: np.ndarray
     held: np.ndarray
     window: np.ndarray
-    goals: np.ndarray
     work: np.ndarray
 
 
@@ -113,7 +115,7 @@ def resting_state(plan: Plan) -> State:
         point=np.zeros((3, 1, 3)),
         turned=turned,
         rate=np.zeros((1, 3)),
-        remaining=np.zeros(3),
+        remaining=np.zeros((1, 3)),
         coupling=np.zeros(1),
         sample=np.full(channels, np.nan),
         good=np.zeros(channels),
@@ -124,12 +126,8 @@ def resting_state(plan: Plan) -> State:
         turning=np.zeros((2, 1, 1, 3)),
         held=np.zeros((2, 1, 3)),
         window=np.zeros((2, 1, 2, 3)),
-        goals=np.zeros((1, 2, 4)),
         work=layer_values(plan.sizes),
     )
-
-
-_initial_goal = numba.njit(cache=True)(transformation.initial_goal)
 
 
 @numba.njit(cache=True)
@@ -140,18 +138,20 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
     state.clock[ROW], state.clock[PRIMITIVE] = row, primitive
     state.coupling[0] = 0.0  # the phase velocity is 0, and the goal absorbs what the predecessor's was
     state.turned[0] = state.orientation[0, 0]
-    state.goals[0, 0] = state.orientation[0, 0]
+    remaining = state.remaining[0]
     for d in range(3):
         x, xd, xdd = state.path[0, 0, 0, d], state.path[1, 0, 0, d], state.path[2, 0, 0, d]
         goal = plan.position_goal[primitive, d]
         state.point[0, 0, d] = x - goal
         state.point[1, 0, d] = tau * xd
-        state.point[2, 0, d] = _initial_goal(x, xd, xdd, tau, plan.position_forcing[row, d]) - goal
+        first_goal = transformation.compiled_initial_goal(x, xd, xdd, tau, plan.position_forcing[row, d])
+        state.point[2, 0, d] = first_goal - goal
         w, wd = state.turning[0, 0, 0, d], state.turning[1, 0, 0, d]
         state.rate[0, d] = tau * w
-        state.remaining[d] = _initial_goal(0.0, w, wd, tau, plan.orientation_forcing[row, d])
-    orientation.turn_in_place(state.goals[0, 0], state.remaining)
-    orientation.write_difference(state.goals[0, 0], plan.orientation_goal[primitive], state.remaining)
+        forcing = plan.orientation_forcing[row, d]
+        remaining[d] = transformation.compiled_initial_goal(0.0, w, wd, tau, forcing)
+    evolving_goal = orientation.turned(state.orientation[0, 0], remaining)
+    remaining[:] = orientation.difference(evolving_goal, plan.orientation_goal[primitive])
 
 
 @numba.njit(cache=True)
@@ -175,7 +175,7 @@ def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
     return flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _receive(plan: Plan, state: State, fresh: bool) -> int:
     """Take a sensor sample if there is a good one, and say what is wrong with the sensor."""
     channels, clock, flags = len(state.sample), state.clock, 0
@@ -203,7 +203,7 @@ def _receive(plan: Plan, state: State, fresh: bool) -> int:
     return flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
     """Outputs of the row that is due, and the step to the next."""
     row, primitive = state.clock[ROW], state.clock[PRIMITIVE]
@@ -227,7 +227,7 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
     return flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _coupling(plan: Plan, state: State, row: int, primitive: int, sensor_flags: int) -> float:
     """What the primitive's network asks for; 0 without network or without a sensor that it needs."""
     begin, layers, sizes = plan.first[primitive], plan.layers[primitive], plan.sizes[primitive]
@@ -240,7 +240,7 @@ def _coupling(plan: Plan, state: State, row: int, primitive: int, sensor_flags: 
     return c
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _bounded(plan: Plan, state: State, wanted: float) -> tuple[float, int]:
     """The coupling term within its bounds in size and in change per tick, which is kept as the state's."""
     largest, largest_change = plan.limits
@@ -257,27 +257,22 @@ def _bounded(plan: Plan, state: State, wanted: float) -> tuple[float, int]:
     return wanted, flags
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _step_point(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
     goal = plan.position_goal[primitive : primitive + 1]
     transformation.step_batch(0, matrix, tau, goal, state.point, state.window[0], state.held[0], state.path)
 
 
-@numba.njit(cache=True)
+@_part_of_a_tick
 def _step_turn(plan: Plan, state: State, primitive: int, matrix: np.ndarray, tau: float) -> None:
-    state.goals[0, 0] = plan.orientation_goal[primitive]
-    state.goals[0, 1] = plan.orientation_goal[primitive]
-    orientation.turn_in_place(state.goals[0, 0], state.remaining)
-    for d in range(3):
-        state.remaining[d] *= matrix[2, 2]  # the goal falls along the geodesic (eq. IV.11)
-    orientation.turn_in_place(state.goals[0, 1], state.remaining)
     orientation.step_batch(
         0,
         matrix,
         state.turned,
         state.rate,
+        state.remaining,
         state.window[1],
-        state.goals,
+        plan.orientation_goal[primitive : primitive + 1],
         state.held[1],
         state.orientation,
         state.turning,

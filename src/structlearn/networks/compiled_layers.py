@@ -95,8 +95,17 @@ def affine(
     biases = at + inputs * width
     for j in range(width):
         layer_out[j] = values[biases + j]
-    for i in range(inputs):
-        value, weights = layer_in[i], values[at + i * width : at + (i + 1) * width]
+    even = inputs - inputs % 4
+    for i in range(0, even, 4):  # four inputs at a time: a quarter of the reads and writes of the sums
+        a, b, c, d = layer_in[i], layer_in[i + 1], layer_in[i + 2], layer_in[i + 3]
+        rows = values[at + i * width : at + (i + 4) * width]
         for j in range(width):
-            layer_out[j] += weights[j] * value
+            total = layer_out[j] + rows[j] * a
+            total += rows[width + j] * b
+            total += rows[2 * width + j] * c
+            layer_out[j] = total + rows[3 * width + j] * d
+    for i in range(even, inputs):
+        value, row = layer_in[i], values[at + i * width : at + (i + 1) * width]
+        for j in range(width):
+            layer_out[j] += row[j] * value
     return biases + width

@@ -195,12 +195,12 @@ def unroll(
     v = np.array(np.broadcast_to(tau * np.asarray(velocity), (*batch, 3)), dtype=float)
     first = 0.0 if coupling is None else coupling(0, q.copy(), v / tau)
     first_goal = initial_goal(q, v / tau, acceleration, tau, forcing[..., 0, :] + first)
-    goals = goal_path(goal, first_goal, times, tau)
+    remaining = quaternion.difference(first_goal, goal).reshape(-1, 3)
+    steady = np.array(np.broadcast_to(goal, (len(remaining), 4)), dtype=float)
     flat = np.ascontiguousarray(forcing, dtype=float).reshape(-1, samples, 3)
-    flat_goals = np.ascontiguousarray(goals).reshape(-1, samples, 4)
     orientation = np.empty((*batch, samples, 4))
     rates = np.empty((2, *batch, samples, 3))  # tau w, tau^2 wd
-    arguments = (step_matrix(dt / tau), q.reshape(-1, 4), v.reshape(-1, 3), flat, flat_goals)
+    arguments = (step_matrix(dt / tau), q.reshape(-1, 4), v.reshape(-1, 3), remaining, flat, steady)
     outputs = (orientation.reshape(-1, samples, 4), rates.reshape(2, -1, samples, 3))
     if coupling is None:
         _unroll(*arguments, *outputs)
@@ -214,26 +214,31 @@ def unroll(
 _product = numba.njit(cache=True)(quaternion.product_components)
 
 
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+"""What compiled functions return: unlike arrays, tuples need no memory."""
+
+
 @numba.njit(cache=True)
-def write_difference(target: np.ndarray, q: np.ndarray, vector: np.ndarray) -> None:
-    """Write the rotation vector from q to the target, the short way, into vector (3,)."""
-    r, x, y, z = _product(target, np.array((q[0], -q[1], -q[2], -q[3])))
+def difference(target: np.ndarray | Quaternion, q: np.ndarray) -> Vector:
+    """Rotation vector from q to the target the short way, `quaternion.difference` compiled."""
+    r, x, y, z = _product(target, (q[0], -q[1], -q[2], -q[3]))
     sine = np.sqrt(x * x + y * y + z * z)
     factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, abs(r)) / sine
     if r < 0.0:
         factor = -factor
-    vector[0], vector[1], vector[2] = factor * x, factor * y, factor * z
+    return factor * x, factor * y, factor * z
 
 
 @numba.njit(cache=True)
-def turn_in_place(q: np.ndarray, vector: np.ndarray) -> None:
-    """Turn q (4,) by a rotation vector (3,) in place and normalise it."""
+def turned(q: np.ndarray, vector: np.ndarray | Vector) -> Quaternion:
+    """Q turned by a rotation vector, with norm 1."""
     angle = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     factor = 0.5 if angle < 1e-12 else np.sin(0.5 * angle) / angle
-    step = np.array((np.cos(0.5 * angle), factor * vector[0], factor * vector[1], factor * vector[2]))
+    step = (np.cos(0.5 * angle), factor * vector[0], factor * vector[1], factor * vector[2])
     r, x, y, z = _product(step, q)
     norm = np.sqrt(r * r + x * x + y * y + z * z)
-    q[0], q[1], q[2], q[3] = r / norm, x / norm, y / norm, z / norm
+    return r / norm, x / norm, y / norm, z / norm
 
 
 @numba.njit(cache=True)
@@ -242,36 +247,36 @@ def step_batch(
     matrix: np.ndarray,
     q: np.ndarray,
     v: np.ndarray,
+    remaining: np.ndarray,
     forcing: np.ndarray,
-    goals: np.ndarray,
+    goal: np.ndarray,
     coupling: np.ndarray,
     orientation: np.ndarray,
     rates: np.ndarray,
 ) -> None:
-    """Record sample k, then advance q (B, 4) and v = tau w (B, 3) by one step in place.
+    """Record sample k, then advance q (B, 4), v = tau w (B, 3) and the evolving goal by one step in place.
 
-    In the tangent space at q the orientation is the origin, and the error is a known input: over the
-    step it changes with the goal, exponentially (eq. IV.11), while the system's matrix accounts for the
-    turning of q.
+    The evolving goal is what remains of it, the rotation vector (B, 3) from the steady goal (B, 4), which
+    keeps its direction and falls exponentially (eq. IV.11). In the tangent space at q the orientation is the
+    origin, and the error is a known input, while the system's matrix accounts for the turning of q.
     """
     batch, samples, _ = forcing.shape
     following = min(k + 1, samples - 1)
-    error, goal_change, turn = np.empty(3), np.empty(3), np.empty(3)
-    angle, rate = matrix[0], matrix[1]
+    angle, rate, turn = matrix[0], matrix[1], np.empty(3)
     for b in range(batch):
-        write_difference(goals[b, k], q[b], error)
-        write_difference(goals[b, following], goals[b, k], goal_change)
+        error = difference(turned(goal[b], remaining[b]), q[b])
         for d in range(3):
             f = forcing[b, k, d] + coupling[b, d]
             change = forcing[b, following, d] - forcing[b, k, d]
-            fall = goal_change[d] / (matrix[2, 2] - 1.0)  # what the goal has left to go
+            fall = remaining[b, d]
             steady = f + ALPHA * BETA * (error[d] - fall)
             rates[0, b, k, d] = v[b, d]
             rates[1, b, k, d] = f + ALPHA * BETA * error[d] - ALPHA * v[b, d]
             turn[d] = angle[1] * v[b, d] + angle[2] * fall + angle[3] * steady + angle[4] * change
             v[b, d] = rate[1] * v[b, d] + rate[2] * fall + rate[3] * steady + rate[4] * change
+            remaining[b, d] = matrix[2, 2] * fall
         orientation[b, k] = q[b]
-        turn_in_place(q[b], turn)
+        q[b] = turned(q[b], turn)
 
 
 @numba.njit(cache=True)
@@ -279,12 +284,13 @@ def _unroll(
     matrix: np.ndarray,
     q: np.ndarray,
     v: np.ndarray,
+    remaining: np.ndarray,
     forcing: np.ndarray,
-    goals: np.ndarray,
+    goal: np.ndarray,
     orientation: np.ndarray,
     rates: np.ndarray,
 ) -> None:
     """All steps without feedback."""
     no_coupling = np.zeros_like(v)
     for k in range(forcing.shape[1]):
-        step_batch(k, matrix, q, v, forcing, goals, no_coupling, orientation, rates)
+        step_batch(k, matrix, q, v, remaining, forcing, goal, no_coupling, orientation, rates)

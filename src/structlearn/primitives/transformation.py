@@ -21,7 +21,8 @@ BETA = ALPHA / 4.0
 ALPHA_G = ALPHA / 2.0
 
 Coupling = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
-"""Coupling term in the loop: (step, x (..., D), xd (..., D)) -> c (..., D)."""
+"""Coupling term in the loop: (step, x (..., D), xd (..., D)) -> c (..., D). The arrays x and xd are the same
+ones at every step, and the next step overwrites them."""
 
 
 def initial_goal(
@@ -40,6 +41,9 @@ def initial_goal(
         (..., D) g_0.
     """
     return x + ((tau**2 * xdd - forcing) / ALPHA + tau * xd) / BETA
+
+
+compiled_initial_goal = numba.njit(cache=True)(initial_goal)
 
 
 def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
@@ -70,9 +74,10 @@ def forcing_target(trajectory: Trajectory, tau: float) -> np.ndarray:
     Returns:
         (T, D) f_target.
     """
-    x, xd, xdd = trajectory.position, trajectory.velocity, trajectory.acceleration
-    g = goal_path(x[-1], initial_goal(x[0], xd[0], xdd[0], tau), trajectory.time, tau)
-    return tau**2 * xdd - ALPHA * (BETA * (g - x) - tau * xd)
+    path = (trajectory.time, trajectory.position, trajectory.velocity, trajectory.acceleration)
+    target = np.empty(trajectory.position.shape)
+    _write_forcing_target(*(np.ascontiguousarray(signal, dtype=float) for signal in path), float(tau), target)
+    return target
 
 
 def unroll(
@@ -100,28 +105,33 @@ def unroll(
     Returns:
         Trajectory with (..., T, D) signals that starts at the given state.
     """
-    batch = np.broadcast_shapes(np.shape(start), np.shape(goal), forcing[..., 0, :].shape)
-    goal = np.broadcast_to(goal, batch).astype(float)
-    forcing = np.ascontiguousarray(np.broadcast_to(forcing, (*batch[:-1], *forcing.shape[-2:])))
-    start, velocity = np.broadcast_to(start, batch), np.broadcast_to(velocity, batch)
-    first = 0.0 if coupling is None else coupling(0, start, velocity)
-    evolving_goal = initial_goal(start, velocity, acceleration, tau, forcing[..., 0, :] + first)
-    state = np.stack([start - goal, tau * velocity, evolving_goal - goal])  # (3, ..., D)
+    batch = np.broadcast(start, goal, forcing[..., 0, :]).shape
+    samples, axes = forcing.shape[-2:]
+    forcing = np.ascontiguousarray(np.broadcast_to(forcing, (*batch[:-1], samples, axes)), dtype=float)
+    steady, due, state = np.empty(batch), np.empty((2, *batch)), np.empty((3, *batch))
+    steady[...], due[0], due[1] = goal, start, velocity
+    x, xd = due
+    first = 0.0 if coupling is None else coupling(0, x, xd)
+    state[0], state[1] = x - steady, tau * xd
+    state[2] = initial_goal(x, xd, acceleration, tau, forcing[..., 0, :] + first) - steady
     path = np.empty((3, *forcing.shape))  # x, xd, xdd: written once, so large batches cost no copies
-    flat_forcing = forcing.reshape(-1, *forcing.shape[-2:])
-    flat_state, flat_goal = state.reshape(3, -1, batch[-1]), goal.reshape(-1, batch[-1])
-    arguments = (step_matrix(dt / tau), float(tau), flat_goal, flat_state, flat_forcing)
-    flat_path = path.reshape(3, *flat_forcing.shape)
+    arguments = (
+        step_matrix(dt / tau),
+        float(tau),
+        steady.reshape(-1, axes),
+        state.reshape(3, -1, axes),
+        forcing.reshape(-1, samples, axes),
+    )
+    flat_path = path.reshape(3, -1, samples, axes)
     if coupling is None:
         _unroll(*arguments, flat_path)
     else:
-        offset, rate = state[0], state[1]
         held = np.empty(batch)
-        flat_held = held.reshape(-1, batch[-1])
-        for k in range(forcing.shape[-2]):
-            held[...] = first if k == 0 else coupling(k, offset + goal, rate / tau)
-            step_batch(k, *arguments, flat_held, flat_path)
-    return Trajectory(dt * np.arange(forcing.shape[-2]), *path)
+        flat_held, flat_due = held.reshape(-1, axes), due.reshape(2, -1, axes)
+        for k in range(samples):
+            held[...] = first if k == 0 else coupling(k, x, xd)
+            _step_and_show(k, *arguments, flat_held, flat_path, flat_due)
+    return Trajectory(dt * np.arange(samples), *path)
 
 
 @lru_cache
@@ -196,6 +206,27 @@ def step_batch(
 
 
 @numba.njit(cache=True)
+def _step_and_show(
+    k: int,
+    matrix: np.ndarray,
+    tau: float,
+    goal: np.ndarray,
+    state: np.ndarray,
+    forcing: np.ndarray,
+    coupling: np.ndarray,
+    path: np.ndarray,
+    due: np.ndarray,
+) -> None:
+    """A step of the whole batch, and position and velocity (2, B, D) at the next sample, for the coupling."""
+    step_batch(k, matrix, tau, goal, state, forcing, coupling, path)
+    batch, _, axes = forcing.shape
+    for b in range(batch):
+        for d in range(axes):
+            due[0, b, d] = state[0, b, d] + goal[b, d]
+            due[1, b, d] = state[1, b, d] / tau
+
+
+@numba.njit(cache=True)
 def _unroll(
     matrix: np.ndarray,
     tau: float,
@@ -210,3 +241,19 @@ def _unroll(
         for k in range(samples):
             for d in range(axes):
                 _advance(b, k, d, matrix, tau, goal, state, forcing, 0.0, path)
+
+
+@numba.njit(cache=True)
+def _write_forcing_target(
+    times: np.ndarray, x: np.ndarray, xd: np.ndarray, xdd: np.ndarray, tau: float, target: np.ndarray
+) -> None:
+    """Write `forcing_target` of times (T,) and signals (T, D) without numpy's arrays in between."""
+    samples, axes = x.shape
+    first = np.empty(axes)
+    for d in range(axes):
+        first[d] = compiled_initial_goal(x[0, d], xd[0, d], xdd[0, d], tau, 0.0) - x[-1, d]
+    for k in range(samples):
+        decay = np.exp(-ALPHA_G * times[k] / tau)
+        for d in range(axes):
+            g = x[-1, d] + decay * first[d]
+            target[k, d] = tau**2 * xdd[k, d] - ALPHA * (BETA * (g - x[k, d]) - tau * xd[k, d])

@@ -5,8 +5,9 @@ import time
 import numpy as np
 from pydantic import Field
 
-from structlearn.feedback.runtime import Controller, tick_latency
+from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.tick_latency import tick_latency
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, execute_run
@@ -43,7 +44,7 @@ def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Me
     Returns:
         `controller_tick_us_median`, `controller_tick_us_p99` and `controller_tick_us_max`.
     """
-    microseconds = 1e6 * tick_latency(Controller(skill, parameters.controller_hz), parameters.ticks)
+    microseconds = 1e6 * tick_latency(Controller(skill, parameters.controller_hz), parameters.ticks).seconds
     return {
         "controller_tick_us_median": float(np.median(microseconds)),
         "controller_tick_us_p99": float(np.percentile(microseconds, 99)),
