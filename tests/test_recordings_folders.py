@@ -120,7 +120,7 @@ def test_many_files_are_read_and_written_the_same_in_processes(tmp_path, monkeyp
     write_recordings(recordings, tmp_path / "one")
     serial = read_demonstrations(tmp_path / "one")
     monkeypatch.setattr(folders, "MANY_FILES", 2)
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
     write_recordings(recordings, tmp_path / "many")
     for path in (tmp_path / "one").iterdir():
         assert path.read_bytes() == (tmp_path / "many" / path.name).read_bytes()
