@@ -5,6 +5,8 @@ import time
 
 import numpy as np
 
+from structlearn.ground.parallel import parallel_map
+
 
 def noisy_mean(seed):
     return np.random.default_rng(seed).normal(size=1000).mean()
@@ -30,6 +32,24 @@ def square_at_the_second_try(item, marker):
     return item**2
 
 
+def slow_first_square(item):
+    time.sleep(0.1 if item == 0 else 0.0)
+    return item**2
+
+
+def busy(seconds):
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+
+
+def product_of_ones(size):
+    """Large enough for torch to take all its threads."""
+    import torch
+
+    return float((torch.ones(400 + size, 400) @ torch.ones(400, 400)).sum())
+
+
 def process_alone(item, door):
     """The process, which must not meet another one."""
     door.mkdir()
@@ -44,6 +64,10 @@ def missing(item):
 
 def process_of(item):
     return os.getpid()
+
+
+def processes_within(item):
+    return os.getpid(), parallel_map(process_of, range(3), "within")
 
 
 class Deadly:

@@ -13,11 +13,15 @@ import pytest
 from board_rollouts import POLICY, SEED, same, small_board
 from distributed import Client, LocalCluster
 from parallel_work import (
+    busy,
     missing,
     noisy_matrix,
     noisy_mean,
     process_alone,
     process_of,
+    processes_within,
+    product_of_ones,
+    slow_first_square,
     square,
     square_at_the_second_try,
 )
@@ -26,6 +30,7 @@ from structlearn.feedback.skill import open_loop
 from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
+from structlearn.ground.wall_clock import shared_works
 
 POLICIES = [open_loop(POLICY), open_loop(np.zeros(25)), open_loop(-POLICY)]
 SEEDS = [SEED, SEED, (1, 0, 3)]
@@ -38,7 +43,7 @@ def expected(count, deadly):
 @pytest.fixture(params=["1", "2"])
 def count(request, monkeypatch):
     """Number of processes."""
-    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", request.param)
+    monkeypatch.setenv("STRUCTLEARN_PROCESSES", request.param)
     return int(request.param)
 
 
@@ -97,7 +102,7 @@ def test_processes_give_what_a_loop_gives(count):
 def test_the_number_of_processes_does_not_change_a_bit(monkeypatch):
     found = []
     for number in ("1", "2"):
-        monkeypatch.setenv("LOKY_MAX_CPU_COUNT", number)
+        monkeypatch.setenv("STRUCTLEARN_PROCESSES", number)
         found.append(parallel_map(noisy_matrix, range(4), "matrices"))
     assert found[0] == found[1]
 
@@ -108,28 +113,54 @@ def test_rollouts_do_not_depend_on_the_number_of_processes(board, rollouts, coun
 
 
 def test_one_process_is_one_at_a_time_and_not_this_one(monkeypatch, tmp_path):
-    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
+    monkeypatch.setenv("STRUCTLEARN_PROCESSES", "1")
     found = parallel_map(partial(process_alone, door=tmp_path / "door"), range(8), "alone")
     assert os.getpid() not in found
 
 
-def test_the_order_is_kept_whoever_finishes_first(monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
-    finished = []
-
-    def work(item):
-        time.sleep(0.1 if item == 0 else 0.0)
-        finished.append(item)
-        return item**2
-
-    assert parallel_map(work, range(12), "squares") == [item**2 for item in range(12)]
-    assert sorted(finished) == list(range(12))
+def test_the_order_is_kept_whoever_finishes_first():
+    assert parallel_map(slow_first_square, range(12), "squares") == expected(12, {})
 
 
-def test_any_iterable_is_work_and_no_work_is_no_result(monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
+def test_any_iterable_is_work_and_no_work_is_no_result():
     assert parallel_map(abs, (item for item in (-1, 2)), "generator") == [1, 2]
     assert parallel_map(abs, [], "nothing") == []
+
+
+def test_processes_stay_for_the_next_work(count):
+    first, second = (parallel_map(process_of, range(20), "processes") for _ in range(2))
+    assert len(set(first + second)) <= count
+
+
+def test_work_that_is_shared_within_a_process_is_not_shared_again(count):
+    for process, inner in parallel_map(processes_within, range(2), "processes"):
+        assert set(inner) == {process}
+
+
+def test_torch_works_after_this_process_has_used_its_threads(count):
+    """Threads do not survive a fork; a process that waited for them would wait for ever."""
+    expected_sums = [product_of_ones(item) for item in range(4)]
+    parallel._end_processes()
+    assert parallel_map(product_of_ones, range(4), "products") == expected_sums
+
+
+def test_the_time_of_shared_work_is_kept(count):
+    parallel_map(time.sleep, [], "nothing")
+    parallel_map(busy, [0.1, 0.3], "busy")
+    nothing, work = shared_works[-2:]
+    assert (nothing.items_s, nothing.longest_s) == (0.0, 0.0)
+    assert 0.3 <= work.longest_s < work.items_s
+    assert work.items_s >= 0.4
+    assert work.wall_s >= 0.3
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"), [("BACKEND", "loky"), ("PROCESSES", "0"), ("PROCESSES", "two")]
+)
+def test_a_variable_that_makes_no_sense(monkeypatch, variable, value):
+    monkeypatch.setenv(f"STRUCTLEARN_{variable}", value)
+    with pytest.raises(InputError, match=f"^STRUCTLEARN_{variable}={value}: is"):
+        parallel_map(square, range(3), "squares")
 
 
 @pytest.mark.parametrize("deadly", [{0}, {5}, {11}, {2, 9}])
@@ -139,7 +170,7 @@ def test_only_what_ends_its_process_is_lost(deadly):
 
 
 def test_one_process_loses_no_more(monkeypatch):
-    monkeypatch.setenv("LOKY_MAX_CPU_COUNT", "1")
+    monkeypatch.setenv("STRUCTLEARN_PROCESSES", "1")
     assert parallel_map(partial(square, deadly={0, 1}), range(3), "squares", missing) == expected(3, {0, 1})
 
 
@@ -170,7 +201,7 @@ def test_a_cluster_gives_what_a_loop_gives(on_cluster):
 
 def test_a_cluster_gives_the_bits_of_this_machine(on_cluster, monkeypatch):
     found = parallel_map(noisy_matrix, range(4), "matrices")
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "loky")
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
     assert found == parallel_map(noisy_matrix, range(4), "matrices")
 
 

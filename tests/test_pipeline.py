@@ -64,7 +64,7 @@ def test_pages_name_only_files_that_are_there(project):
 
 def test_same_inputs_and_seed_give_the_same_bytes(root, project, tmp_path):
     """Also with another number of processes and another order of hashes."""
-    again = all_by_hand(clone(root, tmp_path), LOKY_MAX_CPU_COUNT="1", PYTHONHASHSEED="7")
+    again = all_by_hand(clone(root, tmp_path), STRUCTLEARN_PROCESSES="1", PYTHONHASHSEED="7")
     first, second = artefacts(project), artefacts(again)
     assert first.keys() == second.keys()
     assert [path for path in first if first[path] != second[path]] == []

@@ -80,7 +80,7 @@ def test_a_rollout_is_repeatable_and_its_seed_decides_it(board, runs):
 
 
 def test_the_number_of_processes_does_not_matter(board, runs, monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
     for one, other in zip(
         board.rollouts([open_loop(POLICY), open_loop(np.zeros(25))], [SEED, SEED]), runs, strict=True
     ):
@@ -231,7 +231,7 @@ def test_errors_of_the_program_are_not_hidden(board, error, executing):
 
 
 def test_a_rollout_whose_process_dies_is_left_out_alone(board, runs, monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "loky")
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
     alive, dead, also_alive = board.rollouts([open_loop(POLICY), Deadly(), open_loop(POLICY)], [SEED] * 3)
     assert_failed(dead, "the process died")
     assert same(alive, runs[0])

@@ -114,7 +114,7 @@ def test_a_run_alone_is_the_run_of_the_set(skill, runs, recordings):
 
 
 def test_the_number_of_processes_does_not_matter(skill, runs, recordings, monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "threading")
+    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
     for one, other in zip(executions(skill, runs, TESTBED), recordings, strict=True):
         assert same(one, other)
 

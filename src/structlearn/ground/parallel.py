@@ -1,23 +1,29 @@
 """Independent pieces of work over the cores or over a Dask cluster, with a progress bar.
 
-The environment variable `STRUCTLEARN_BACKEND` says where: `loky`, the default, is joblib's processes on this
-machine, as many as there are cores (fewer by `LOKY_MAX_CPU_COUNT`); another name is another backend of joblib
-(`threading`, `sequential`); `dask` is the cluster whose scheduler `DASK_SCHEDULER_ADDRESS` names.
+The environment variable `STRUCTLEARN_BACKEND` says where: `fork`, the default, in processes on this machine,
+as many as there are cores or as `STRUCTLEARN_PROCESSES` says; `dask` on the cluster whose scheduler
+`DASK_SCHEDULER_ADDRESS` names; `sequential` in this process.
 
-The cluster is asked directly: joblib's own Dask backend waits for ever for work whose process died (1.6).
+Processes are forked from this one at the first work, which takes hundredths of a second where interpreters
+that import everything anew take seconds. They stay for the next work, so each loads compiled code once.
 """
 
 import logging
+import multiprocessing
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING, TypeVar
 
-import joblib
-from joblib.externals.loky.process_executor import TerminatedWorkerError
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
+from structlearn.ground.wall_clock import SharedWork, shared_works
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -26,6 +32,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 BACKEND = "STRUCTLEARN_BACKEND"
+PROCESSES = "STRUCTLEARN_PROCESSES"
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 
 ANSWER_S = 10.0
@@ -33,6 +40,8 @@ ANSWER_S = 10.0
 
 WORKERS_S = 60.0
 """Workers that were started together with the scheduler have joined by then."""
+
+tqdm.monitor_interval = 0  # no thread of its own: processes are forked beside it
 
 
 def parallel_map(
@@ -60,21 +69,22 @@ def parallel_map(
         The results in the order of the items, whatever the number of processes.
 
     Raises:
-        InputError: the cluster cannot be reached.
+        InputError: a variable of the environment makes no sense, or the cluster cannot be reached.
         RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
-    backend = os.environ.get(BACKEND, "loky")
-    if local and backend == "dask":
-        backend = "loky"
-    run = _on_cluster if backend == "dask" else partial(_in_processes, backend=backend)
+    run = _backend(local)
     results: dict[int, Result] = {}
+    started_s, taken_s = time.perf_counter(), [0.0]
     # `disable=None`: no bar where nobody watches.
     with tqdm(total=len(work), desc=description, leave=False, disable=None) as bar:
 
         def take(places: Iterable[int]) -> None:
-            for place, result in run(function, {place: work[place] for place in places}):
+            for place, (result, item_s) in run(
+                partial(_timed, function), {place: work[place] for place in places}
+            ):
                 results[place] = result
+                taken_s.append(item_s)
                 bar.update()
 
         while len(results) < len(work):
@@ -92,6 +102,7 @@ def parallel_map(
                     except _ProcessDied:
                         results[place] = lost(work[place])
                         bar.update()
+    shared_works.append(SharedWork(time.perf_counter() - started_s, sum(taken_s), max(taken_s)))
     return [results[place] for place in range(len(work))]
 
 
@@ -103,34 +114,93 @@ class _ProcessDied(Exception):  # noqa: N818 - it says what happened, and no cal
         self.places = sorted(places)
 
 
+def _timed(function: Callable[[Item], Result], item: Item) -> tuple[Result, float]:
+    """Result, and what it took of the processor in s."""
+    started_s = time.process_time()
+    return function(item), time.process_time() - started_s
+
+
+def _backend(local: bool) -> Callable[[Callable, Mapping[int, Item]], Iterator[tuple[int, Result]]]:
+    """What runs a function on items by place, and gives places and results as they come."""
+    if _works_for_another:
+        return _in_a_loop  # the cores have their processes already
+    name = os.environ.get(BACKEND, "fork")
+    backends = {
+        "fork": _in_processes,
+        "dask": _in_processes if local else _on_cluster,
+        "sequential": _in_a_loop,
+    }
+    if name not in backends:
+        raise InputError(f"{BACKEND}={name}: is not one of {', '.join(backends)}")
+    return backends[name]
+
+
+def _in_a_loop(function: Callable[[Item], Result], work: Mapping[int, Item]) -> Iterator[tuple[int, Result]]:
+    return ((place, function(item)) for place, item in work.items())
+
+
 def _in_processes(
-    function: Callable[[Item], Result], work: Mapping[int, Item], backend: str
+    function: Callable[[Item], Result], work: Mapping[int, Item]
 ) -> Iterator[tuple[int, Result]]:
-    """Places and results as they come, by joblib."""
-    handed_out = set()
-
-    def calls() -> Iterator[tuple]:
-        for place, item in work.items():
-            handed_out.add(place)
-            yield joblib.delayed(_placed)(function, place, item)
-
-    count = joblib.cpu_count()
-    parallel = joblib.Parallel(
-        n_jobs=max(count, 2),  # the only job of one would run in this process, and could end it
-        backend=backend,
-        return_as="generator_unordered",
-        pre_dispatch="2 * n_jobs" if count > 1 else 1,
-    )
+    """By processes of this machine; no more items are handed out than keep them busy, so few are to blame."""
+    count = _process_count()
+    pool = _processes(count)
+    waiting = iter(work.items())
+    running: dict[Future, int] = {}
     try:
-        for place, result in parallel(calls()):
-            handed_out.remove(place)
-            yield place, result
-    except TerminatedWorkerError as error:
-        raise _ProcessDied(handed_out) from error
+        while True:
+            for place, item in islice(waiting, 2 * count - len(running)):
+                running[pool.submit(function, item)] = place
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                result = future.result()
+                yield running.pop(future), result
+    except BrokenProcessPool as error:
+        _end_processes()
+        raise _ProcessDied(running.values()) from error
+    finally:
+        for future in running:
+            future.cancel()
 
 
-def _placed(function: Callable[[Item], Result], place: int, item: Item) -> tuple[int, Result]:
-    return place, function(item)
+def _process_count() -> int:
+    """Processes at a time."""
+    given = os.environ.get(PROCESSES, "")
+    if given and not (given.isdecimal() and int(given)):
+        raise InputError(f"{PROCESSES}={given}: is no number of processes")
+    if given:
+        return int(given)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_pools: dict[int, ProcessPoolExecutor] = {}
+"""By its number of processes; there is one at a time."""
+
+_works_for_another = False
+"""Whether this process is one of a pool."""
+
+
+def _processes(count: int) -> ProcessPoolExecutor:
+    if count not in _pools:
+        _end_processes()
+        context = multiprocessing.get_context("fork")
+        _pools[count] = ProcessPoolExecutor(count, mp_context=context, initializer=_keep_to_one_core)
+    return _pools[count]
+
+
+def _end_processes() -> None:
+    while _pools:
+        _, pool = _pools.popitem()
+        pool.shutdown(cancel_futures=True)
+
+
+def _keep_to_one_core() -> None:
+    """In a new process: BLAS and OpenMP, so torch too, whose threads did not survive the fork, take one."""
+    global _works_for_another
+    _works_for_another = True
+    threadpool_limits(1)
+    os.environ["OMP_NUM_THREADS"] = "1"  # of libraries that are loaded later
 
 
 def _on_cluster(function: Callable[[Item], Result], work: Mapping[int, Item]) -> Iterator[tuple[int, Result]]:

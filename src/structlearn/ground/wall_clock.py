@@ -10,8 +10,8 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 
 TIMES = Path("reports/times/stages.json")
@@ -22,16 +22,56 @@ RUN_BY_DVC = "DVC_STAGE"
 
 
 @dataclass(frozen=True)
+class SharedWork:
+    """What a loop over processes took.
+
+    Attributes:
+        wall_s: on the clock.
+        items_s: of the processor, all items together.
+        longest_s: likewise, of the longest item, which no number of processes makes shorter.
+    """
+
+    wall_s: float
+    items_s: float
+    longest_s: float
+
+
+shared_works: list[SharedWork] = []
+"""All loops of this process, which `structlearn.ground.parallel` enters."""
+
+
+@dataclass(frozen=True)
 class StageTime:
-    """What one run of a stage took, without the start of Python and its imports.
+    """What one run of a stage took, from the start of Python; by Amdahl's law what more cores would bring.
+
+    On n equal cores it takes the serial part and, loop by loop, an n-th of the items, but no less than the
+    longest of them.
 
     Attributes:
         wall_s: on the clock.
         cpu_s: of the processor, worker processes on this machine included.
+        serial_s: on the clock, outside all loops over processes.
+        shared_s: of the processor, the items of these loops.
+        cores_4_s: on the clock of four cores.
+        cores_16_s: likewise.
+        cores_64_s: likewise.
     """
 
     wall_s: float
     cpu_s: float
+    serial_s: float
+    shared_s: float
+    cores_4_s: float
+    cores_16_s: float
+    cores_64_s: float
+
+
+def stage_time(wall_s: float, cpu_s: float, works: Sequence[SharedWork]) -> StageTime:
+    """Times of a stage from what was measured: the clock, the processor, its loops over processes."""
+    serial_s = max(wall_s - sum(work.wall_s for work in works), 0.0)
+    shared_s = sum(work.items_s for work in works)
+    cores_s = (serial_s + sum(max(work.items_s / n, work.longest_s) for work in works) for n in (4, 16, 64))
+    return StageTime(wall_s, cpu_s, serial_s, shared_s, *cores_s)
 
 
 def timed(main: Callable[[], None]) -> None:
@@ -39,15 +79,13 @@ def timed(main: Callable[[], None]) -> None:
 
     Worker processes end with the program, and the system counts a child's time when it has ended.
     """
-    started_s, used_s = time.perf_counter(), _cpu_s()
     main()
-    wall_s = time.perf_counter() - started_s
     if RUN_BY_DVC in os.environ:
         import structlearn.ground.artefacts  # noqa: F401 - `record` needs it, and at exit it is too late
 
         # by its command: DVC's name of a stage depends on the folder that DVC is called in
-        command = shlex.join(sys.argv)
-        atexit.register(lambda: record(command, StageTime(wall_s, _cpu_s() - used_s)))
+        command, wall_s = shlex.join(sys.argv), _since_start_s()
+        atexit.register(lambda: record(command, stage_time(wall_s, _cpu_s(), shared_works)))
 
 
 def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
@@ -60,7 +98,7 @@ def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
     """
     from structlearn.ground.artefacts import publish
 
-    rounded = StageTime(round(taken.wall_s, 1), round(taken.cpu_s, 1))
+    rounded = StageTime(*(round(value, 1) for value in astuple(taken)))
     times = {**read_times(path), command: rounded}
     entries = {name: asdict(times[name]) for name in sorted(times)}
     try:
@@ -75,7 +113,7 @@ def read_times(path: Path = TIMES) -> dict[str, StageTime]:
     try:
         entries = json.loads(path.read_text())
         return {
-            command: StageTime(float(entry["wall_s"]), float(entry["cpu_s"]))
+            command: StageTime(*(float(entry[field.name]) for field in fields(StageTime)))
             for command, entry in entries.items()
         }
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
@@ -86,3 +124,15 @@ def _cpu_s() -> float:
     """Of this process and its children that have ended."""
     used = os.times()
     return used.user + used.system + used.children_user + used.children_system
+
+
+def _since_start_s() -> float:
+    """On the clock since this process started; where there is no /proc, since this was imported."""
+    try:
+        started_ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
+    except OSError:
+        return time.perf_counter() - _IMPORTED_S
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - started_ticks / os.sysconf("SC_CLK_TCK")
+
+
+_IMPORTED_S = time.perf_counter()

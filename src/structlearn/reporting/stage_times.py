@@ -8,6 +8,7 @@ It is no artefact of a stage, since times differ from run to run; `make repro` a
 import os
 import platform
 from collections.abc import Iterable, Mapping
+from dataclasses import astuple, fields
 from pathlib import Path
 
 import pandas as pd
@@ -24,6 +25,17 @@ OVERVIEW = "overview"
 """Group of stages that belong to no testbed; their scripts lie beside the testbeds' folders."""
 
 
+HEADINGS = {
+    "wall_s": "wall time (s)",
+    "cpu_s": "CPU time (s)",
+    "busy": "cores busy",
+    "serial": "serial share",
+    "cores_4_s": "4 cores (s)",
+    "cores_16_s": "16 cores (s)",
+    "cores_64_s": "64 cores (s)",
+}
+
+
 def stage_times(pipelines: Iterable[Mapping], times: Mapping[str, StageTime]) -> pd.DataFrame:
     """One row per stage, in the order of the pipelines.
 
@@ -32,16 +44,17 @@ def stage_times(pipelines: Iterable[Mapping], times: Mapping[str, StageTime]) ->
         times: by command without `python`.
 
     Returns:
-        `testbed`, the folder of the stage's script; `stage`; `wall_s` and `cpu_s`, NaN where it has no time.
+        `testbed`, the folder of the stage's script; `stage`; the fields of `StageTime`, NaN where it has no
+        time.
     """
-    rows = []
+    rows, columns = [], [field.name for field in fields(StageTime)]
     for pipeline in pipelines:
         for name, stage in pipeline["stages"].items():
             command = stage["cmd"].removeprefix("python ")
             folder = Path(command.split()[0]).parent.name
-            taken = times.get(command, StageTime(float("nan"), float("nan")))
-            rows.append((OVERVIEW if folder == "stages" else folder, name, taken.wall_s, taken.cpu_s))
-    return pd.DataFrame(rows, columns=["testbed", "stage", "wall_s", "cpu_s"])
+            taken = astuple(times[command]) if command in times else [float("nan")] * len(columns)
+            rows.append((OVERVIEW if folder == "stages" else folder, name, *taken))
+    return pd.DataFrame(rows, columns=["testbed", "stage", *columns])
 
 
 def times_page(table: pd.DataFrame, machine: str) -> str:
@@ -53,9 +66,9 @@ def times_page(table: pd.DataFrame, machine: str) -> str:
     """
     shown = _with_sums(table)
     times = Table(
-        shown.drop(columns="sum"),
-        formats={"wall_s": ".1f", "cpu_s": ".1f", "busy": ".1f"},
-        headings={"wall_s": "wall time (s)", "cpu_s": "CPU time (s)", "busy": "cores busy"},
+        shown[["testbed", "stage", *HEADINGS]],
+        formats={column: ".0%" if column == "serial" else ".1f" for column in HEADINGS},
+        headings=HEADINGS,
         strong=frozenset(shown.index[shown["sum"]]),
     )
     facts = {
@@ -64,6 +77,8 @@ def times_page(table: pd.DataFrame, machine: str) -> str:
         "missing": int(table["wall_s"].isna().sum()),
         "wall_min": table["wall_s"].sum() / 60.0,
         "cpu_min": table["cpu_s"].sum() / 60.0,
+        "serial_share": shown["serial"].iloc[-1],
+        "most_cores_min": table["cores_64_s"].sum() / 60.0,
         "file": TIMES.name,
         "times": times,
     }
@@ -87,18 +102,21 @@ def _processor() -> str:
 
 
 def _with_sums(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with the cores that were busy, a row with the sum below each testbed, and one below all."""
+    """The table with sums below each testbed and below all, the cores that were busy, the serial share."""
     parts = []
     for testbed, group in table.groupby("testbed", sort=False):
         parts += [group.assign(sum=False), _sum(group, testbed)]
     shown = pd.concat([*parts, _sum(table, "all")], ignore_index=True)
-    shown.insert(4, "busy", shown["cpu_s"] / shown["wall_s"].where(shown["wall_s"] > 0.0))
-    return shown
+    one_core_s = shown["serial_s"] + shown["shared_s"]
+    return shown.assign(
+        busy=shown["cpu_s"] / shown["wall_s"].where(shown["wall_s"] > 0.0),
+        serial=shown["serial_s"] / one_core_s.where(one_core_s > 0.0),
+    )
 
 
 def _sum(table: pd.DataFrame, name: str) -> pd.DataFrame:
     """A row with the sums of the times that are known."""
-    sums = table[["wall_s", "cpu_s"]].sum(min_count=1)
+    sums = table.drop(columns=["testbed", "stage"]).sum(min_count=1)
     row = {"testbed": name, "stage": counted(len(table), "stage"), **sums, "sum": True}
     return pd.DataFrame([row])
 
