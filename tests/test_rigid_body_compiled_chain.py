@@ -4,7 +4,7 @@ import pytest
 from rigid_body_robots import ROBOTS, configuration, robot, states
 
 from structlearn.rigid_body import compiled_chain
-from structlearn.simulation.arm import Arm, ideal
+from structlearn.simulation.bullet_arm import BulletArm
 
 DT = 1.0 / 900.0
 
@@ -63,14 +63,14 @@ def test_accelerations_are_pinocchios_forward_dynamics(arm, body, work):
 def test_a_step_is_pybullets(arm, body, work):
     if arm.name in ("xarm6", "odd"):
         pytest.skip("Bullet sets inertias to zero that are positive, but of no real body")
-    with Arm(arm.tree, ideal(arm.inertias), DT) as bullet:
+    with BulletArm(arm.tree, arm.inertias, np.zeros(len(arm.tree.names)), DT) as bullet:
         for q, qd, torques in zip(*states(arm, 5), strict=True):
             bullet.place(q, qd)
             compiled_chain.dynamics(body, q, qd, work)
-            bullet.step(torques)
+            bullet_q, bullet_qd = bullet.step(torques)
             compiled_chain.step(body, q, qd, torques.copy(), DT, work)
-            np.testing.assert_allclose(bullet.qd, qd, rtol=1e-9, atol=1e-9)
-            np.testing.assert_allclose(bullet.q, q, atol=1e-10)
+            np.testing.assert_allclose(bullet_qd, qd, rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(bullet_q, q, atol=1e-10)
 
 
 def test_a_step_leaves_the_workspace_of_the_new_state(arm, body, work):
