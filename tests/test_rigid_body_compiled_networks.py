@@ -3,13 +3,8 @@ import pytest
 import torch
 
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_networks import (
-    Networks,
-    lagrangian,
-    lagrangian_torques,
-    perceptron,
-    perceptron_torques,
-)
+from structlearn.rigid_body.compiled_models import lagrangian, perceptron
+from structlearn.rigid_body.compiled_networks import Networks, lagrangian_torques, perceptron_torques
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
 

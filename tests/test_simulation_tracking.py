@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from committed import committed
 
+from structlearn.rigid_body.any_model import bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import bodies_model
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.simulation.arm import ArmParameters, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, engine_agreement, known, track

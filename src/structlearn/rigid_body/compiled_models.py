@@ -1,61 +1,24 @@
-"""Any model as inverse dynamics of one state, for control loops: known or learned bodies, or networks."""
+"""Learned models as inverse dynamics of one state, for control loops."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
-import numba
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.rigid_body.compiled_dynamics import (
-    RigidBodies,
-    friction_rows,
-    inverse_dynamics,
-    newton_euler,
+from structlearn.networks.compiled_layers import Layers, layer_values, pack
+from structlearn.rigid_body.any_model import (
+    LAGRANGIAN,
+    PERCEPTRON,
+    InverseDynamics,
+    bodies_model,
+    networks_model,
 )
-from structlearn.rigid_body.compiled_networks import (
-    Networks,
-    lagrangian,
-    lagrangian_torques,
-    perceptron,
-    perceptron_torques,
-)
+from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
+from structlearn.rigid_body.compiled_networks import Networks
+from structlearn.rigid_body.lagrangian import SMALLEST_INERTIA, StackedLagrangianNetworks
 from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
-
-BODIES, PERCEPTRON, LAGRANGIAN = range(3)
-
-
-class InverseDynamics(NamedTuple):
-    """A model of whatever kind, as arrays: one compiled loop runs with them all.
-
-    Attributes:
-        kind: `BODIES`, `PERCEPTRON` or `LAGRANGIAN`.
-        bodies: of the first kind; without joints of the others.
-        networks: of the others; without numbers of the first kind.
-    """
-
-    kind: int
-    bodies: RigidBodies
-    networks: Networks
-
-    def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Torques (n,) in N m at position, velocity and acceleration of the joints, (n,) each."""
-        return model_torques(self, q, qd, qdd)
-
-
-def bodies_model(bodies: RigidBodies) -> InverseDynamics:
-    """Rigid bodies among all kinds of models."""
-    places = np.empty(0, dtype=np.int64)
-    empty = (np.empty(0), places, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 0)))
-    return InverseDynamics(BODIES, bodies, Networks(*empty, places, places, np.empty((3, 0))))
-
-
-def networks_model(kind: int, networks: Networks) -> InverseDynamics:
-    """Networks among all kinds of models."""
-    frames, vectors = np.empty((0, 3, 3)), np.empty((0, 3))
-    chain = (np.empty(0, dtype=np.int64), frames, vectors, vectors, np.empty(0, dtype=bool))
-    nothing = RigidBodies(*chain, np.zeros(3), np.empty(0), vectors, frames, np.empty((3, 0)))
-    return InverseDynamics(kind, nothing, networks)
 
 
 def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> InverseDynamics:
@@ -84,11 +47,51 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
     return bodies_model(inverse_dynamics(tree, own, friction))
 
 
-@numba.njit(cache=True)
-def model_torques(model: InverseDynamics, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Torques (n,) in N m of a model of any kind."""
-    if model.kind == PERCEPTRON:
-        return perceptron_torques(model.networks, q, qd, qdd)
-    if model.kind == LAGRANGIAN:
-        return lagrangian_torques(model.networks, q, qd, qdd)
-    return newton_euler(model.bodies, q, qd, qdd)
+def perceptron(networks: StackedPerceptrons, model: int) -> Networks:
+    """One of M perceptrons as inverse dynamics of one state.
+
+    Args:
+        networks: trained.
+        model: which, from 0.
+    """
+    layers = networks.network.layers_of(model)
+    mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
+    # Standardising is linear and becomes part of the first and the last layer.
+    (weights, biases), inner = layers[0], layers[1:]
+    turned = np.ascontiguousarray(weights.T) / scale[:, None]
+    layers = [(turned.T, biases - mean @ turned), *inner]
+    weights, biases = layers[-1]
+    layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
+    nowhere = np.empty(0, dtype=np.int64)
+    return _packed([layers], nowhere, nowhere, 0.0, np.zeros((3, len(out_mean))))
+
+
+def lagrangian(
+    networks: StackedLagrangianNetworks, model: int, friction: np.ndarray | None = None
+) -> Networks:
+    """One of M deep Lagrangian networks as inverse dynamics of one state.
+
+    Args:
+        networks: trained.
+        model: which, from 0.
+        friction: (3, n) rows of friction (`friction_rows`) that act beside the network; None: none.
+    """
+    layers = [part.layers_of(model) for part in (networks.inertia, networks.potential)]
+    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
+    rubbing = np.zeros((3, networks.joints)) if friction is None else friction
+    return _packed(layers, *places, SMALLEST_INERTIA, rubbing)
+
+
+def _packed(
+    layers: Sequence[Layers],
+    rows: np.ndarray,
+    columns: np.ndarray,
+    least_inertia: float,
+    friction: np.ndarray,
+) -> Networks:
+    inputs = [np.shape(own[0][0])[1] for own in layers]
+    packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
+    memory = np.stack([layer_values(packed.sizes)] * len(layers))
+    return Networks(
+        packed.values, packed.first, packed.sizes, memory, rows, columns, least_inertia, np.array(friction)
+    )

@@ -1,7 +1,7 @@
 """Networks as inverse dynamics of one state, compiled: what a control loop evaluates in every tick.
 
 `multilayer_perceptron` and `lagrangian` are the batched references that are trained; the same is written here
-for one model and one state, on the forward pass of `networks.compiled_layers`.
+for one model and one state, on the forward pass of `networks.compiled_layers`. `compiled_models` packs them.
 """
 
 import math
@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.networks.compiled_layers import Layers, affine, hidden_layers, layer_values, pack
+from structlearn.networks.compiled_layers import affine, hidden_layers
 from structlearn.rigid_body.compiled_dynamics import add_friction
-from structlearn.rigid_body.lagrangian import SMALLEST_INERTIA, StackedLagrangianNetworks
-from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
 
 
 class Networks(NamedTuple):
@@ -26,7 +24,8 @@ class Networks(NamedTuple):
         memory: (P, L + 2, W) for the layers' values.
         rows: (n (n + 1) / 2,) where outputs of a Lagrangian's first network stand in the inertia's factor.
         columns: likewise; both are empty of a perceptron.
-        friction: (3, n) of `friction_rows`, beside a Lagrangian.
+        least_inertia: of a Lagrangian, added to the diagonal of its inertia.
+        friction: (3, n) of `compiled_dynamics.friction_rows`, beside a Lagrangian.
     """
 
     values: np.ndarray
@@ -35,48 +34,8 @@ class Networks(NamedTuple):
     memory: np.ndarray
     rows: np.ndarray
     columns: np.ndarray
+    least_inertia: float
     friction: np.ndarray
-
-
-def perceptron(networks: StackedPerceptrons, model: int) -> Networks:
-    """One of M perceptrons as inverse dynamics of one state.
-
-    Args:
-        networks: trained.
-        model: which, from 0.
-    """
-    layers = networks.network.layers_of(model)
-    mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
-    # Standardising is linear and becomes part of the first and the last layer.
-    (weights, biases), inner = layers[0], layers[1:]
-    turned = np.ascontiguousarray(weights.T) / scale[:, None]
-    layers = [(turned.T, biases - mean @ turned), *inner]
-    weights, biases = layers[-1]
-    layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
-    nowhere = np.empty(0, dtype=np.int64)
-    return _networks([layers], nowhere, nowhere, np.zeros((3, len(out_mean))))
-
-
-def lagrangian(
-    networks: StackedLagrangianNetworks, model: int, friction: np.ndarray | None = None
-) -> Networks:
-    """One of M deep Lagrangian networks as inverse dynamics of one state.
-
-    Args:
-        networks: trained.
-        model: which, from 0.
-        friction: (3, n) rows of friction (`friction_rows`) that act beside the network; None: none.
-    """
-    layers = [part.layers_of(model) for part in (networks.inertia, networks.potential)]
-    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
-    return _networks(layers, *places, np.zeros((3, networks.joints)) if friction is None else friction)
-
-
-def _networks(layers: list[Layers], rows: np.ndarray, columns: np.ndarray, friction: np.ndarray) -> Networks:
-    inputs = [np.shape(own[0][0])[1] for own in layers]
-    packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
-    memory = np.stack([layer_values(packed.sizes)] * len(layers))
-    return Networks(packed.values, packed.first, packed.sizes, memory, rows, columns, np.array(friction))
 
 
 @numba.njit(cache=True)
@@ -109,7 +68,7 @@ def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: n
         for j in range(i + 1):
             momentum[j] += factor[i, j] * qd[i]
             bracket[j] += factor[i, j] * qdd[i] + factor_rate[i, j] * qd[i]
-    torques = SMALLEST_INERTIA * qdd
+    torques = networks.least_inertia * qdd
     for i in range(n):
         for j in range(i + 1):
             torques[i] += factor[i, j] * bracket[j] + factor_rate[i, j] * momentum[j]

@@ -11,14 +11,16 @@ from pydantic import Field
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
+from structlearn.rigid_body.any_model import InverseDynamics, bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import InverseDynamics, bodies_model, compiled_model
+from structlearn.rigid_body.compiled_models import compiled_model
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_learning import Loss
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.simulation.arm import Engine
 from structlearn.testbeds.dynamics.world.arm_motion import (
     Feedback,
+    JointPath,
     SineParameters,
     joint_feedback,
     sine_controller,
@@ -152,9 +154,10 @@ def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, li
     """Scores of one model, and paths of the shown seed; the sines are the same for all seeds and run once."""
     motion = testbed.motion
     rows, paths = [], []
-    moved, wanted, errors = _follow_sines(testbed, candidate.model)
+    moved, path, errors = _follow_sines(testbed, candidate.model)
     rows += [_score(candidate, seed, "sine", moved, errors, motion) for seed in candidate.seeds]
     if SHOWN_SEED in candidate.seeds:
+        wanted, _ = tool_motion(testbed.arm.robot.tree, testbed.reaching.tool_m, path.q, path.qd)
         paths.append(_path(testbed, candidate, "sine", moved, wanted))
     for seed in candidate.seeds:
         moved, wanted, errors = _reach(testbed, candidate.model, seed)
@@ -166,17 +169,16 @@ def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, li
     return scores, paths
 
 
-def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, np.ndarray, tuple[float, float]]:
-    """The run, the tool's wanted positions (T, 3), and the errors of q and qd."""
-    tree = testbed.arm.robot.tree
-    reference = sine_path(tree, testbed.motion)
+def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, JointPath, tuple[float, float]]:
+    """The run, what it should be, and the errors of q and qd."""
+    reference = sine_path(testbed.arm.robot.tree, testbed.motion)
     q, qd = reference.q, reference.qd
     moved = run(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
     errors = tuple(
         float(np.mean(_squared_error(moved, found, wanted) / wanted.var(axis=0)))
         for found, wanted in ((moved.q, q), (moved.qd, qd))
     )
-    return moved, tool_motion(tree, testbed.reaching.tool_m, q, qd)[0], errors
+    return moved, reference, errors
 
 
 def _reach(

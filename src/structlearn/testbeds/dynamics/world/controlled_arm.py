@@ -11,12 +11,11 @@ from typing import NamedTuple, get_args
 import numba
 import numpy as np
 
+from structlearn.rigid_body.any_model import InverseDynamics, model_torques
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
-from structlearn.rigid_body.compiled_models import InverseDynamics, model_torques
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Engine, Mechanics, Payload, carrying
-from structlearn.simulation.bullet_arm import BulletArm
 from structlearn.simulation.compiled_arm import step
 
 OVERSPEED = 1.5
@@ -188,6 +187,8 @@ def _loop(
 
 def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
     """As `_in_loop`."""
+    from structlearn.simulation.bullet_arm import BulletArm  # only here: reports and views need no PyBullet
+
     tree, own = arm.robot.tree, arm.mechanics
     kinematics, work = body(tree, own.inertias), workspace(len(tree.names))
     with BulletArm(tree, own.inertias, own.coulomb, arm.dt, arm.payload) as moved:

@@ -13,8 +13,8 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.joint_log import JointLog, read_joint_log
+from structlearn.rigid_body.any_model import bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import bodies_model
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order
 from structlearn.simulation.arm import Engine, Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
