@@ -40,9 +40,9 @@ def main() -> None:
     for bed, names in beds:
         files = {name: f"{MODELS}/{bed.name}/{parameters.loss}/{name}.safetensors" for name in names}
         models = {name: read_dynamics_models(file) for name, file in files.items()}
-        tracked = track(bed, [*known(bed, parameters.seeds), *learned(bed, models)])
-        tables.append((*tracked, engine_agreement(bed)))
-    scores, paths, agreement = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
+        agreement = engine_agreement(bed)  # first: it also compiles, once, what all processes run
+        tables.append((agreement, *track(bed, [*known(bed, parameters.seeds), *learned(bed, models)])))
+    agreement, scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
     with publish("data/dynamics/tracking") as folder:
         folder.mkdir()
         write_table(scores, folder / "scores.parquet")
