@@ -1,21 +1,57 @@
 import numpy as np
 import pinocchio
 import pytest
-from committed import committed
-from rigid_body_robots import FINGERS, carrying
+from rigid_body_robots import carrying as carrying_in_pinocchio
+from rigid_body_robots import robot as rigid_body_robot
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.simulation.arm import Arm, ArmParameters, Mechanics, Payload, ideal, urdf_path
+from structlearn.rigid_body.compiled_chain import body, dynamics, workspace
+from structlearn.simulation import compiled_arm
+from structlearn.simulation.arm import Payload, carrying, urdf_path
+from structlearn.simulation.bullet_arm import BulletArm
 
 DT = 1.0 / 250.0
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)
-ARMS = [committed(ArmParameters, "arm"), ArmParameters(urdf="franka_panda/panda.urdf", locked_joints=FINGERS)]
+ENGINES = ("compiled", "pybullet")
 
 
-@pytest.fixture(scope="module", params=ARMS, ids=lambda parameters: parameters.urdf)
+@pytest.fixture(scope="module", params=["iiwa", "panda", "xarm"])
 def robot(request):
-    return request.param.read()
+    return rigid_body_robot(request.param)
+
+
+class Compiled:
+    """The compiled arm behind `BulletArm`'s interface."""
+
+    def __init__(self, tree, inertias, coulomb, dt):
+        self.body, self.coulomb, self.dt = body(tree, inertias), coulomb, dt
+        self.work = workspace(len(tree.names))
+
+    def place(self, q, qd):
+        self.q, self.qd = q.copy(), qd.copy()
+
+    def step(self, torques):
+        dynamics(self.body, self.q, self.qd, self.work)
+        compiled_arm.step(self.coulomb, torques, self.dt, self.work, self.q, self.qd)
+        return self.q.copy(), self.qd.copy()
+
+
+@pytest.fixture(params=ENGINES)
+def arm(request):
+    """Makes an arm of an engine."""
+    made = []
+
+    def make(robot, coulomb=None):
+        kind = Compiled if request.param == "compiled" else BulletArm
+        zero = np.zeros(len(robot.tree.names))
+        made.append(kind(robot.tree, robot.inertias, zero if coulomb is None else coulomb, DT))
+        return made[-1]
+
+    yield make
+    for one in made:
+        if isinstance(one, BulletArm):
+            one.__exit__()
 
 
 def states(robot, count):
@@ -24,71 +60,77 @@ def states(robot, count):
     return zip(*(rng.normal(size=(count, joints)) for _ in range(3)), strict=True)
 
 
-def test_a_step_is_pinocchios_forward_dynamics(robot):
-    data = robot.model.createData()
-    with Arm(robot.tree, ideal(robot.inertias), DT) as arm:
-        for q, qd, torques in states(robot, 10):
-            arm.place(q, qd)
-            arm.step(torques)
-            expected = pinocchio.aba(robot.model, data, q, qd, torques)
-            np.testing.assert_allclose((arm.qd - qd) / DT, expected, rtol=1e-9, atol=1e-9)
-            np.testing.assert_allclose(arm.q, q + DT * arm.qd, atol=1e-12)
-            np.testing.assert_array_equal(arm.torques, torques)
+def test_a_step_is_pinocchios_forward_dynamics(robot, arm):
+    data, one = robot.model.createData(), arm(robot)
+    for q, qd, torques in states(robot, 10):
+        one.place(q, qd)
+        moved, velocity = one.step(torques)
+        expected = pinocchio.aba(robot.model, data, q, qd, torques)
+        np.testing.assert_allclose((velocity - qd) / DT, expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(moved, q + DT * velocity, atol=1e-12)
 
 
 def test_a_payload_weighs_from_when_it_is_taken(robot):
-    loaded = compiled_dynamics.inverse_dynamics(robot.tree, carrying(robot, PAYLOAD))
+    loaded = compiled_dynamics.inverse_dynamics(robot.tree, carrying_in_pinocchio(robot, PAYLOAD))
     free = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    with Arm(robot.tree, ideal(robot.inertias), DT, PAYLOAD) as arm:
-        for dynamics in (free, loaded):
+    with BulletArm(robot.tree, robot.inertias, np.zeros(len(robot.tree.names)), DT, PAYLOAD) as arm:
+        for model in (free, loaded):
             for q, qd, qdd in states(robot, 5):
                 arm.place(q, qd)
-                arm.step(dynamics(q, qd, qdd))
-                np.testing.assert_allclose((arm.qd - qd) / DT, qdd, rtol=1e-9, atol=1e-9)
+                _, velocity = arm.step(model(q, qd, qdd))
+                np.testing.assert_allclose((velocity - qd) / DT, qdd, rtol=1e-9, atol=1e-9)
             arm.take_payload()
 
 
-def test_friction_slows_what_moves(robot):
-    joints = len(robot.tree.names)
-    viscous, coulomb = np.full(joints, 0.02), np.full(joints, 0.001)
-    mechanics = Mechanics(robot.inertias, viscous, coulomb, ripple=np.zeros(joints))
-    data = robot.model.createData()
-    dynamics = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    with Arm(robot.tree, mechanics, DT) as arm:
-        for q, qd, qdd in states(robot, 10):
-            fast = qd + 3.0 * np.sign(qd)  # no joint stops within the step
-            torques = dynamics(q, fast, qdd)
-            arm.place(q, fast)
-            arm.step(torques)
-            resisted = torques - viscous * fast - coulomb * np.sign(fast)
-            expected = pinocchio.aba(robot.model, data, q, fast, resisted)
-            np.testing.assert_allclose((arm.qd - fast) / DT, expected, rtol=1e-6, atol=1e-6)
+def test_a_link_with_a_payload_is_one_body(robot):
+    found, expected = carrying(robot.inertias, PAYLOAD), carrying_in_pinocchio(robot, PAYLOAD)
+    for name in ("mass", "first_moment", "inertia"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12)
 
 
-def test_friction_holds_a_joint_that_is_pushed_less(robot):
+def test_friction_slows_what_moves(robot, arm):
+    coulomb = np.full(len(robot.tree.names), 0.001)
+    data, one = robot.model.createData(), arm(robot, coulomb)
+    model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    for q, qd, qdd in states(robot, 10):
+        fast = qd + 3.0 * np.sign(qd)  # no joint stops within the step
+        torques = model(q, fast, qdd)
+        one.place(q, fast)
+        _, velocity = one.step(torques)
+        expected = pinocchio.aba(robot.model, data, q, fast, torques - coulomb * np.sign(fast))
+        np.testing.assert_allclose((velocity - fast) / DT, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_friction_holds_a_joint_that_is_pushed_less(robot, arm):
     joints = len(robot.tree.names)
-    mechanics = Mechanics(robot.inertias, np.zeros(joints), np.full(joints, 2.0), ripple=np.zeros(joints))
-    q = np.full(joints, 0.3)
-    still = np.zeros(joints)
+    q, still = np.full(joints, 0.3), np.zeros(joints)
     weight = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)(q, still, still)
-    with Arm(robot.tree, mechanics, DT) as arm:
-        arm.place(q, still)
-        for _ in range(100):
-            arm.step(weight + 1.5)
-        # Bullet's solver iterates, so it creeps; without friction the wrist would have turned many times.
-        np.testing.assert_allclose(arm.q, q, atol=1e-3)
+    one = arm(robot, np.full(joints, 2.0))
+    one.place(q, still)
+    for _ in range(100):
+        moved, _ = one.step(weight + 1.5)
+    np.testing.assert_allclose(
+        moved, q, atol=1e-12
+    )  # without friction the wrist would have turned many times
 
 
-def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot):
-    joints = len(robot.tree.names)
-    zero = np.zeros(joints)
-    mechanics = Mechanics(robot.inertias, zero, zero, np.full(joints, 0.5), 3.0, latency_steps=2)
-    with Arm(robot.tree, mechanics, DT) as arm:
-        arm.place(zero + 0.1, zero)
-        for command, expected in ((1.0, 1.0), (2.0, 1.0), (3.0, 1.0), (4.0, 2.0)):
-            ripple = 0.5 * np.sin(2.0 * np.pi * 3.0 * arm.q)
-            arm.step(zero + command)
-            np.testing.assert_allclose(arm.torques, expected + ripple)
+def test_both_engines_find_what_is_held_and_what_slides(robot):
+    rng, joints = np.random.default_rng(3), len(robot.tree.names)
+    coulomb = rng.uniform(0.1, 1.0, joints)
+    coulomb[0] = 0.0
+    one = Compiled(robot.tree, robot.inertias, coulomb, DT)
+    held = 0
+    with BulletArm(robot.tree, robot.inertias, coulomb, DT) as other:
+        for q, qd, push in states(robot, 100):
+            slow = 10.0 ** rng.uniform(-4.0, 0.0, joints) * qd * (rng.random(joints) < 0.7)
+            torques = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)(q, slow, 0.0 * q)
+            velocities = []
+            for arm in (one, other):
+                arm.place(q, slow)
+                velocities.append(arm.step(torques + coulomb * push)[1])
+            np.testing.assert_allclose(*velocities, atol=1e-10)
+            held += (velocities[0] == 0.0).sum()
+    assert 100 < held < 500
 
 
 def test_an_arm_that_is_not_there_is_named():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from committed import committed
@@ -6,14 +8,17 @@ from rigid_body_robots import robot as rigid_body_robot
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.simulation.arm import Arm, ArmParameters, ideal
+from structlearn.rigid_body.any_model import bodies_model
+from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
+    Feedback,
+    JointPath,
     SineParameters,
     joint_feedback,
-    run,
+    sine_controller,
     sine_path,
-    sine_policy,
 )
+from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, agreement, run
 
 SHORT = committed(SineParameters, "arm_motion", duration_s=4.0)
 
@@ -47,13 +52,25 @@ def test_an_arm_with_crooked_ranges_swings_about_their_middle():
     np.testing.assert_allclose(path.q[0], 0.5 * (panda.tree.lower + panda.tree.upper))
 
 
-def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback):
+@pytest.fixture(params=["compiled", "pybullet"])
+def arm(robot, request):
+    return SimulatedArm(robot, ideal(robot.inertias), 1.0 / SHORT.rate_hz, request.param)
+
+
+def constant(robot, torque, ticks):
+    """A controller that always wants the same torque; its path stands still at zero."""
+    zero = np.zeros((ticks, 7))
+    bodies = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    massless = (0.0 * values for values in (bodies.mass, bodies.moment, bodies.inertia))
+    wants = np.stack([np.zeros(7), np.zeros(7), np.full(7, torque)])
+    model = bodies._replace(**dict(zip(("mass", "moment", "inertia"), massless, strict=True)), friction=wants)
+    return sine_controller(bodies_model(model), JointPath(zero, zero, zero), Feedback(zero[0], zero[0]))
+
+
+def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm):
     reference = sine_path(robot.tree, SHORT)
-    model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
-    with Arm(robot.tree, ideal(robot.inertias), 1.0 / SHORT.rate_hz) as arm:
-        arm.place(reference.q[0], reference.qd[0])
-        policy = sine_policy(model, reference, feedback)
-        moved = run(arm, robot.tree, policy, len(reference.q), robot.model.effortLimit)
+    model = bodies_model(compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias))
+    moved = run(arm, sine_controller(model, reference, feedback), reference.q[0], reference.qd[0])
     assert moved.stopped is None
     assert nmse(moved.q, reference.q).max() < 1e-6
     correction = feedback.stiffness * (reference.q - moved.q)
@@ -63,27 +80,49 @@ def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback):
 @pytest.mark.parametrize(
     ("torque", "reason"), [(np.nan, "not finite"), (np.inf, "not finite"), (250.0, "speed limit")]
 )
-def test_an_arm_that_runs_away_is_stopped(robot, torque, reason):
-    with Arm(robot.tree, ideal(robot.inertias), 4e-3) as arm:
-        arm.place(np.zeros(7), np.zeros(7))
-        moved = run(arm, robot.tree, lambda k, q, qd: np.full(7, torque), 1000, robot.model.effortLimit)
+def test_an_arm_that_runs_away_is_stopped(robot, arm, torque, reason):
+    moved = run(arm, constant(robot, torque, 1000), np.zeros(7), np.zeros(7))
     assert moved.stopped == reason
     assert len(moved.q) == len(moved.torques) < 1000
     assert np.isfinite(moved.q).all()
 
 
-def test_an_arm_beyond_its_range_is_stopped(robot):
-    with Arm(robot.tree, ideal(robot.inertias), 4e-3) as arm:
-        arm.place(robot.tree.upper + 0.1, np.zeros(7))
-        moved = run(arm, robot.tree, lambda k, q, qd: np.zeros(7), 10, robot.model.effortLimit)
+def test_an_arm_beyond_its_range_is_stopped(robot, arm):
+    moved = run(arm, constant(robot, 0.0, 10), robot.tree.upper + 0.1, np.zeros(7))
     assert moved.stopped == "joint limit"
 
 
-def test_torques_are_cut_off_at_the_drives_limits(robot):
-    with Arm(robot.tree, ideal(robot.inertias), 4e-3) as arm:
-        arm.place(np.zeros(7), np.zeros(7))
-        moved = run(arm, robot.tree, lambda k, q, qd: np.full(7, -9.0), 1, np.full(7, 2.0))
-    np.testing.assert_array_equal(moved.torques, np.full((1, 7), -2.0))
+def test_torques_are_cut_off_at_the_drives_limits(robot, arm):
+    moved = run(arm, constant(robot, -900.0, 1), np.zeros(7), np.zeros(7))
+    np.testing.assert_array_equal(moved.torques, -robot.model.effortLimit[None])
+
+
+def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm):
+    zero, still, late = np.zeros(7), np.zeros((6, 7)), 2
+    mechanics = Mechanics(robot.inertias, zero, zero, np.full(7, 0.5), 3.0, latency_steps=late)
+    reference = JointPath(still + 0.1, still, still)
+    model = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    soft = Feedback(np.full(7, 2.0), np.full(7, 0.1))
+    moved = run(
+        replace(arm, mechanics=mechanics), sine_controller(bodies_model(model), reference, soft), zero, zero
+    )
+    commands = model(*(path[0] for path in (reference.q, reference.qd, reference.qdd)))
+    commands = commands + soft.stiffness * (0.1 - moved.q) - soft.damping * moved.qd
+    given = commands[np.maximum(np.arange(6) - late, 0)]
+    ripple = 0.5 * np.sin(2.0 * np.pi * 3.0 * moved.q)
+    np.testing.assert_allclose(moved.torques, given + ripple, atol=1e-12)
+    assert np.ptp(given, axis=0).min() > 0
+
+
+def test_engines_that_disagree_are_an_error():
+    runs = {
+        "compiled": (np.zeros((3, 2)), np.ones((3, 2))),
+        "pybullet": (np.full((3, 2), 1e-9), np.ones((3, 2))),
+    }
+    assert agreement(runs.__getitem__) == {"joint_rad": 1e-9, "torque_n_m": 0.0}
+    runs["pybullet"] = (np.zeros((3, 2)), np.full((3, 2), 1.5))
+    with pytest.raises(RuntimeError, match=r"PyBullet's differ by 0 rad and 0\.5 N m"):
+        agreement(runs.__getitem__)
 
 
 def test_too_few_periods_and_too_fast_sines_are_named(robot):

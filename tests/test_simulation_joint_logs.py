@@ -1,3 +1,5 @@
+from functools import partial
+
 import numpy as np
 import pytest
 from committed import committed
@@ -12,6 +14,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
     ideal_log,
+    log_agreement,
     own_log,
     payload_log,
     stand_in_log,
@@ -29,7 +32,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def log(robot):
-    return ideal_log(robot, MOTION)
+    return ideal_log(robot, MOTION, "compiled")
 
 
 def predicted(robot, inertias, log, friction=None) -> np.ndarray:
@@ -50,7 +53,7 @@ def test_the_ideal_log_obeys_the_urdfs_dynamics(robot, log):
 
 def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path):
     for name in ("a", "b"):
-        write_joint_log(ideal_log(robot, MOTION), tmp_path / f"{name}.mcap")
+        write_joint_log(ideal_log(robot, MOTION, "compiled"), tmp_path / f"{name}.mcap")
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
     back = read_joint_log(tmp_path / "a.mcap")
     np.testing.assert_array_equal(back.torques, log.torques)
@@ -59,7 +62,7 @@ def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path
 
 def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
     parameters = committed(StandInParameters, "stand_in")
-    log = stand_in_log(robot, MOTION, parameters)
+    log = stand_in_log(robot, parameters, MOTION, "compiled")
     true = stand_in(robot.tree, robot.inertias, parameters)
     friction = np.stack([true.viscous, true.coulomb, np.zeros(7)])
     wrong = nmse(predicted(robot, robot.inertias, log), log.torques[:-1])
@@ -67,7 +70,7 @@ def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
     assert (right < wrong).all()
     assert wrong[[0, 4, 5, 6]].min() > 0.2  # axes that carry little weight: friction decides
     assert "stand-in" in log.provenance["arm"]
-    assert stand_in_log(robot, MOTION, parameters).torques.tobytes() == log.torques.tobytes()
+    assert stand_in_log(robot, parameters, MOTION, "compiled").torques.tobytes() == log.torques.tobytes()
 
 
 def test_links_of_the_stand_in_are_real_bodies(robot):
@@ -84,12 +87,14 @@ def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot,
     shares = dict.fromkeys(("viscous_share", "coulomb_share", "ripple_share", "noise_share"), 0)
     spreads = dict.fromkeys(("mass_spread", "centre_spread_m", "latency_ticks"), 0)
     nothing = committed(StandInParameters, "stand_in", **shares, **spreads)
-    np.testing.assert_allclose(stand_in_log(robot, MOTION, nothing).torques, log.torques, atol=1e-8)
+    np.testing.assert_allclose(
+        stand_in_log(robot, nothing, MOTION, "compiled").torques, log.torques, atol=1e-8
+    )
 
 
 def test_the_payload_appears_when_it_is_picked_up(robot):
     parameters = committed(PayloadParameters, "record_motion.payload")
-    log = payload_log(robot, MOTION, parameters)
+    log = payload_log(robot, parameters, MOTION, "compiled")
     loaded = carrying(robot, parameters.body)
     without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500
@@ -97,6 +102,21 @@ def test_the_payload_appears_when_it_is_picked_up(robot):
     np.testing.assert_allclose(loaded_too[half:], log.torques[half:-1], atol=1e-8)
     assert np.abs(without[half:] - log.torques[half:-1]).max() > 1.0
     assert log.provenance["payload"] == "1.5 kg from 2 s on"
+
+
+def test_both_engines_write_the_same_logs(robot):
+    stand_in, payload = (
+        committed(StandInParameters, "stand_in"),
+        committed(PayloadParameters, "record_motion.payload"),
+    )
+    for log in (
+        partial(ideal_log, robot),
+        partial(stand_in_log, robot, stand_in),
+        partial(payload_log, robot, payload),
+    ):
+        row = log_agreement(log, MOTION).iloc[0]
+        assert row["joint_rad"] < 1e-11
+        assert row["torque_n_m"] < 1e-9
 
 
 def written(log: JointLog, folder, **changes):

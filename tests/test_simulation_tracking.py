@@ -1,15 +1,16 @@
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 from committed import committed
 
-from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.any_model import bodies_model
+from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.simulation.arm import ArmParameters, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, known, track
+from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, engine_agreement, known, track
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 from structlearn.testbeds.dynamics.world.reaching import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
@@ -31,16 +32,20 @@ def robot():
 
 @pytest.fixture(scope="module")
 def testbed(robot):
-    return Testbed("iiwa", robot, ideal(robot.inertias), MOTION, REACHING)
-
-
-def nothing_then_nan():
-    return lambda q, qd, qdd: np.full(7, np.nan)
+    arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / MOTION.rate_hz, "compiled")
+    return Testbed("iiwa", arm, MOTION, REACHING)
 
 
 @pytest.fixture(scope="module")
-def tables(testbed):
-    return track(testbed, [*known(testbed, 2), Candidate("broken", (1,), nothing_then_nan)])
+def stand_in_testbed(testbed, robot):
+    mechanics = stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in"))
+    return replace(testbed, name="stand_in", arm=replace(testbed.arm, mechanics=mechanics))
+
+
+@pytest.fixture(scope="module")
+def tables(testbed, robot):
+    broken = inverse_dynamics(robot.tree, robot.inertias, np.full((3, 7), np.nan))
+    return track(testbed, [*known(testbed, 2), Candidate("broken", (1,), bodies_model(broken))])
 
 
 def test_the_truth_follows_sines_and_reaches(tables):
@@ -71,7 +76,7 @@ def test_paths_show_arm_and_tool(tables, testbed, robot):
 
 def test_scores_are_those_of_the_definition(testbed, robot):
     heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
-    wrong = partial(compiled_dynamics.inverse_dynamics, robot.tree, heavy)
+    wrong = bodies_model(inverse_dynamics(robot.tree, heavy))
     scores, paths = track(testbed, [Candidate("wrong", (0,), wrong)])
     reach = scores.query("task == 'reach'").iloc[0]
     path = paths.query("task == 'reach'")
@@ -80,13 +85,20 @@ def test_scores_are_those_of_the_definition(testbed, robot):
     assert reach.position_nmse == pytest.approx(expected, rel=0.05)  # the path is every tenth tick
 
 
-def test_the_stand_in_has_a_default_model_beside_the_truth(robot, testbed):
-    mechanics = stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in"))
-    other = Testbed("stand_in", robot, mechanics, MOTION, REACHING)
+def test_the_stand_in_has_a_default_model_beside_the_truth(testbed, stand_in_testbed):
+    other = stand_in_testbed
     assert [candidate.name for candidate in known(testbed, 1)] == ["ground_truth"]
     assert [candidate.name for candidate in known(other, 1)] == ["ground_truth", "default"]
     scores = track(other, known(other, 1))[0].query("task == 'reach'").set_index("model").position_nmse
     assert scores["ground_truth"] < scores["default"]
+
+
+def test_both_engines_reach_alike(testbed, stand_in_testbed):
+    for one in (testbed, stand_in_testbed):
+        row = engine_agreement(one).iloc[0]
+        assert row["robot"] == one.name
+        assert row["joint_rad"] < 1e-11
+        assert row["torque_n_m"] < 1e-9
 
 
 def test_reaches_start_at_rest_and_end_at_goals_in_the_box(robot):

@@ -48,6 +48,7 @@ def main() -> None:
     results = DynamicsResults(
         **files.read_tables(),
         agreement=pd.DataFrame(agreement),
+        engines=files.read_engines(simulated),
         known=known_errors(robot, mechanics, motion),
         friction=friction_table(learned, mechanics),
         residuals=residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, 1.0 / dt),

@@ -6,8 +6,16 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.rigid_body.model_files import read_dynamics_models
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import Testbed, TrackingParameters, known, learned, track
+from structlearn.testbeds.dynamics.protocol.tracking import (
+    Testbed,
+    TrackingParameters,
+    engine_agreement,
+    known,
+    learned,
+    track,
+)
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
@@ -17,10 +25,12 @@ MODELS = "data/dynamics/models"
 def main() -> None:
     parameters = stage_parameters("track", TrackingParameters)
     motion = stage_parameters("arm_motion", SineParameters)
-    robot = stage_parameters("arm", ArmParameters).read()
+    arm = stage_parameters("arm", ArmParameters)
+    robot = arm.read()
 
     def testbed(name: str, mechanics: Mechanics) -> Testbed:
-        return Testbed(name, robot, mechanics, motion, parameters.reaching)
+        moved = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, arm.engine)
+        return Testbed(name, moved, motion, parameters.reaching)
 
     beds = [(testbed("iiwa", ideal(robot.inertias)), parameters.models)]
     if stage_parameters("record_motion", MotionSourceParameters).source == SIMULATED:
@@ -30,12 +40,14 @@ def main() -> None:
     for bed, names in beds:
         files = {name: f"{MODELS}/{bed.name}/{parameters.loss}/{name}.safetensors" for name in names}
         models = {name: read_dynamics_models(file) for name, file in files.items()}
-        tables.append(track(bed, [*known(bed, parameters.seeds), *learned(bed, models)]))
-    scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
+        agreement = engine_agreement(bed)  # first: it also compiles, once, what all processes run
+        tables.append((agreement, *track(bed, [*known(bed, parameters.seeds), *learned(bed, models)])))
+    agreement, scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
     with publish("data/dynamics/tracking") as folder:
         folder.mkdir()
         write_table(scores, folder / "scores.parquet")
         write_table(paths, folder / "paths.parquet")
+        write_table(agreement, folder / "agreement.parquet")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,8 @@ from structlearn.recordings import read_demonstrations
 from structlearn.recordings.joint_log import read_joint_log
 from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.rigid_body.model_learning import LearningParameters
-from structlearn.simulation.arm import ArmParameters
+from structlearn.rigid_body.tree import read_urdf
+from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.recorded.protocol.panda_identification import (
     RecordedDynamicsParameters,
     identify,
@@ -20,11 +21,11 @@ from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ,
 def main() -> None:
     parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters)
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
-    panda = ArmParameters(urdf=parameters.urdf, locked_joints=parameters.locked_joints).read()
+    panda = read_urdf(urdf_path(parameters.urdf), parameters.locked_joints)
     log = read_joint_log("data/raw/recorded/panda/exciting_trajectory.mcap")
     models, results = identify(panda, panda_motion(log, parameters), parameters, learning)
     slides = read_demonstrations("data/raw/recorded/slides", rate_hz=RATE_HZ)
-    torques, payloads = torque_check(ArmParameters(urdf=ARM, locked_joints=()).read(), slides, CUTOFF_HZ)
+    torques, payloads = torque_check(read_urdf(urdf_path(ARM)), slides, CUTOFF_HZ)
     with publish("data/recorded/dynamics") as folder:
         folder.mkdir()
         for name, learned in models.items():

@@ -6,8 +6,8 @@ moment h = m c is all that is needed of the centre of mass, and each tick is spa
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import get_args
+from collections.abc import Sequence
+from typing import NamedTuple, get_args
 
 import numba
 import numpy as np
@@ -16,34 +16,52 @@ from structlearn.ground.compiled_vectors import cross
 from structlearn.rigid_body.friction import COULOMB_WIDTH, FrictionTerm
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
-InverseDynamics = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Torques (n,) in N m at position, velocity and acceleration of the joints, (n,) each."""
+
+class RigidBodies(NamedTuple):
+    """Links and joints of a model as compiled functions take them; called, it is its inverse dynamics.
+
+    Attributes:
+        parents: (n,) index of the parent joint, -1 for the base.
+        rotation: (n, 3, 3) joint frame in the parent's at position zero.
+        translation: (n, 3) m, its origin in the parent's frame.
+        axis: (n, 3) unit vector, in the joint frame.
+        prismatic: (n,) bool; the others turn.
+        gravity: (3,) m/s^2, acceleration of free fall in the base frame.
+        mass: (n,) kg.
+        moment: (n, 3) kg m, mass times centre of mass.
+        inertia: (n, 3, 3) kg m^2, about the joint frame's origin; need not be symmetric.
+        friction: (3, n) of `friction_rows`.
+    """
+
+    parents: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    axis: np.ndarray
+    prismatic: np.ndarray
+    gravity: np.ndarray
+    mass: np.ndarray
+    moment: np.ndarray
+    inertia: np.ndarray
+    friction: np.ndarray
+
+    def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Torques (n,) in N m at q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides)."""
+        return newton_euler(self, q, qd, qdd)
 
 
 def inverse_dynamics(
     tree: KinematicTree, inertias: LinkInertias, friction: np.ndarray | None = None
-) -> InverseDynamics:
+) -> RigidBodies:
     """Newton-Euler inverse dynamics of one state (eq. III.1).
 
     Args:
         tree: the arm.
         inertias: of its links, physical or not.
         friction: (3, n) of its joints as `friction_rows` gives it; None: none.
-
-    Returns:
-        Function of q, qd, qdd (n,) in rad, rad/s, rad/s^2 (m where a joint slides) that returns torques (n,).
     """
-    chain = chain_arrays(tree)
-    masses = np.ascontiguousarray(inertias.mass, dtype=float)
-    moments = np.ascontiguousarray(inertias.first_moment, dtype=float)
-    about_origin = inertia_about_origin(inertias)
-    rubbing = np.zeros((3, len(masses))) if friction is None else np.ascontiguousarray(friction, dtype=float)
-    gravity = np.ascontiguousarray(tree.gravity, dtype=float)
-
-    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        return _newton_euler(*chain, gravity, masses, moments, about_origin, rubbing, q, qd, qdd)
-
-    return torques
+    numbers = (tree.gravity, inertias.mass, inertias.first_moment, inertia_about_origin(inertias))
+    rubbing = np.zeros((3, len(tree.names))) if friction is None else friction
+    return RigidBodies(*chain_arrays(tree), *(np.array(array, dtype=float) for array in (*numbers, rubbing)))
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
@@ -123,34 +141,25 @@ def _turned_back(turn: np.ndarray, vector: np.ndarray, out: np.ndarray) -> None:
 
 
 @numba.njit(cache=True)
-def _newton_euler(
-    parents: np.ndarray,
-    rotation: np.ndarray,
-    translation: np.ndarray,
-    axis: np.ndarray,
-    prismatic: np.ndarray,
-    gravity: np.ndarray,
-    mass: np.ndarray,
-    moment: np.ndarray,
-    inertia: np.ndarray,
-    friction: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-) -> np.ndarray:
+def newton_euler(bodies: RigidBodies, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (n,) in N m of the recursion."""
+    parents, prismatic, axis = bodies.parents, bodies.prismatic, bodies.axis
+    mass, moment, inertia = bodies.mass, bodies.moment, bodies.inertia
     count = len(q)
     turn, offset = np.empty((count, 3, 3)), np.empty((count, 3))
     spin, spin_rate, lift = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     force, torque = np.empty((count, 3)), np.empty((count, 3))
     carried = np.empty(3)
     for i in range(count):
-        joint_placement(rotation[i], translation[i], axis[i], prismatic[i], q[i], turn[i], offset[i])
+        joint_placement(
+            bodies.rotation[i], bodies.translation[i], axis[i], prismatic[i], q[i], turn[i], offset[i]
+        )
         w, dw, a = spin[i], spin_rate[i], lift[i]
         parent = parents[i]
         if parent < 0:
             w[:] = 0.0
             dw[:] = 0.0
-            _turned_back(turn[i], gravity, a)
+            _turned_back(turn[i], bodies.gravity, a)
             for k in range(3):
                 a[k] = -a[k]
         else:
@@ -205,7 +214,7 @@ def _newton_euler(
             lever = cross(offset[i], carried)
             for k in range(3):
                 torque[parent, k] += lever[k]
-    add_friction(friction, qd, torques)
+    add_friction(bodies.friction, qd, torques)
     return torques
 
 

@@ -1,69 +1,84 @@
 """Networks as inverse dynamics of one state, compiled: what a control loop evaluates in every tick.
 
 `multilayer_perceptron` and `lagrangian` are the batched references that are trained; the same is written here
-for one model and one state, on the forward pass of `networks.compiled_layers`.
+for one model and one state, on the forward pass of `networks.compiled_layers`. `compiled_models` packs them.
 """
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
-from structlearn.networks.compiled_layers import affine, hidden_layers, layer_values, pack
-from structlearn.rigid_body.compiled_dynamics import InverseDynamics, add_friction
-from structlearn.rigid_body.lagrangian import SMALLEST_INERTIA, StackedLagrangianNetworks
-from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
+from structlearn.networks.compiled_layers import affine, hidden_layers
+from structlearn.rigid_body.compiled_dynamics import add_friction
 
 
-def perceptron(networks: StackedPerceptrons, model: int) -> InverseDynamics:
-    """One of M perceptrons as inverse dynamics of one state.
+class Networks(NamedTuple):
+    """A perceptron, or the two networks of a Lagrangian one, as compiled functions take them.
 
-    Args:
-        networks: trained.
-        model: which, from 0.
+    Attributes:
+        values: all numbers, as in `compiled_layers.PackedNetworks`.
+        first: (P,) where each network begins in `values`.
+        sizes: (P, L + 1) inputs, then width of each layer.
+        memory: (P, L + 2, W) for the layers' values.
+        rows: (n (n + 1) / 2,) where outputs of a Lagrangian's first network stand in the inertia's factor.
+        columns: likewise; both are empty of a perceptron.
+        least_inertia: of a Lagrangian, added to the diagonal of its inertia.
+        friction: (3, n) of `compiled_dynamics.friction_rows`, beside a Lagrangian.
     """
-    layers = networks.network.layers_of(model)
-    mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
-    # Standardising is linear and becomes part of the first and the last layer.
-    (weights, biases), inner = layers[0], layers[1:]
-    turned = np.ascontiguousarray(weights.T) / scale[:, None]
-    layers = [(turned.T, biases - mean @ turned), *inner]
-    weights, biases = layers[-1]
-    layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
-    packed = pack([(np.zeros_like(mean), np.ones_like(scale), layers)])
-    arguments = (packed.values, packed.sizes[0], layer_values(packed.sizes))
 
-    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        return _perceptron(*arguments, np.concatenate((q, qd, qdd)))
-
-    return torques
+    values: np.ndarray
+    first: np.ndarray
+    sizes: np.ndarray
+    memory: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    least_inertia: float
+    friction: np.ndarray
 
 
-def lagrangian(
-    networks: StackedLagrangianNetworks, model: int, friction: np.ndarray | None = None
-) -> InverseDynamics:
-    """One of M deep Lagrangian networks as inverse dynamics of one state.
+@numba.njit(cache=True)
+def perceptron_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (n,) in N m of a perceptron."""
+    inputs = np.concatenate((q, qd, qdd))
+    return _forward(networks.values, 0, networks.sizes[0], inputs, networks.memory[0]).copy()
 
-    Args:
-        networks: trained.
-        model: which, from 0.
-        friction: (3, n) rows of friction (`compiled.friction_rows`) that act beside the network; None: none.
-    """
-    joints = networks.joints
-    packed = pack(
-        [
-            (np.zeros(joints), np.ones(joints), layers.layers_of(model))
-            for layers in (networks.inertia, networks.potential)
-        ]
-    )
-    memory = (layer_values(packed.sizes), layer_values(packed.sizes))
-    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
-    rubbing = np.zeros((3, joints)) if friction is None else np.ascontiguousarray(friction, dtype=float)
-    arguments = (packed.values, packed.first, packed.sizes, *memory, *places, rubbing)
 
-    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        return _lagrangian(*arguments, q, qd, qdd)
-
+@numba.njit(cache=True)
+def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (n,) in N m of a Lagrangian network; the equations are in `lagrangian`'s header."""
+    values, first, sizes = networks.values, networks.first, networks.sizes
+    inertia_work, potential_work = networks.memory[0], networks.memory[1]
+    rows, columns = networks.rows, networks.columns
+    n = len(q)
+    raw = _forward(values, first[0], sizes[0], q, inertia_work)
+    raw_rate = _tangent(values, first[0], sizes[0], inertia_work, qd)
+    factor, factor_rate, slope = np.zeros((n, n)), np.zeros((n, n)), np.ones(len(rows))
+    for k in range(len(rows)):
+        row, column = rows[k], columns[k]
+        value = raw[k]
+        if row == column:
+            slope[k] = 1.0 / (1.0 + math.exp(-value))
+            value = max(value, 0.0) + math.log1p(math.exp(-abs(value)))  # softplus
+        factor[row, column] = value
+        factor_rate[row, column] = slope[k] * raw_rate[k]
+    momentum, bracket = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        for j in range(i + 1):
+            momentum[j] += factor[i, j] * qd[i]
+            bracket[j] += factor[i, j] * qdd[i] + factor_rate[i, j] * qd[i]
+    torques = networks.least_inertia * qdd
+    for i in range(n):
+        for j in range(i + 1):
+            torques[i] += factor[i, j] * bracket[j] + factor_rate[i, j] * momentum[j]
+    cotangent = np.empty(len(rows))
+    for k in range(len(rows)):
+        cotangent[k] = slope[k] * qd[rows[k]] * momentum[columns[k]]
+    _forward(values, first[1], sizes[1], q, potential_work)
+    torques -= _adjoint(values, first[1], sizes[0], inertia_work, cotangent)
+    torques += _adjoint(values, len(values), sizes[1], potential_work, np.ones(1))
+    add_friction(networks.friction, qd, torques)
     return torques
 
 
@@ -76,11 +91,6 @@ def _forward(
     at = hidden_layers(values, begin, last, sizes, inputs, work)
     affine(values, at, sizes[last], sizes[last + 1], work[last], work[last + 1])
     return work[last + 1, : sizes[last + 1]]
-
-
-@numba.njit(cache=True)
-def _perceptron(values: np.ndarray, sizes: np.ndarray, work: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    return _forward(values, 0, sizes, inputs, work).copy()
 
 
 @numba.njit(cache=True, fastmath={"contract"})
@@ -124,49 +134,3 @@ def _adjoint(
                 out[i] *= 1.0 - work[layer, i] * work[layer, i]
         gradient = out
     return gradient
-
-
-@numba.njit(cache=True)
-def _lagrangian(
-    values: np.ndarray,
-    first: np.ndarray,
-    sizes: np.ndarray,
-    inertia_work: np.ndarray,
-    potential_work: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    friction: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-) -> np.ndarray:
-    """Torques; the equations are in `lagrangian`'s header."""
-    n = len(q)
-    raw = _forward(values, first[0], sizes[0], q, inertia_work)
-    raw_rate = _tangent(values, first[0], sizes[0], inertia_work, qd)
-    factor, factor_rate, slope = np.zeros((n, n)), np.zeros((n, n)), np.ones(len(rows))
-    for k in range(len(rows)):
-        row, column = rows[k], columns[k]
-        value = raw[k]
-        if row == column:
-            slope[k] = 1.0 / (1.0 + math.exp(-value))
-            value = max(value, 0.0) + math.log1p(math.exp(-abs(value)))  # softplus
-        factor[row, column] = value
-        factor_rate[row, column] = slope[k] * raw_rate[k]
-    momentum, bracket = np.zeros(n), np.zeros(n)
-    for i in range(n):
-        for j in range(i + 1):
-            momentum[j] += factor[i, j] * qd[i]
-            bracket[j] += factor[i, j] * qdd[i] + factor_rate[i, j] * qd[i]
-    torques = SMALLEST_INERTIA * qdd
-    for i in range(n):
-        for j in range(i + 1):
-            torques[i] += factor[i, j] * bracket[j] + factor_rate[i, j] * momentum[j]
-    cotangent = np.empty(len(rows))
-    for k in range(len(rows)):
-        cotangent[k] = slope[k] * qd[rows[k]] * momentum[columns[k]]
-    _forward(values, first[1], sizes[1], q, potential_work)
-    torques -= _adjoint(values, first[1], sizes[0], inertia_work, cotangent)
-    torques += _adjoint(values, len(values), sizes[1], potential_work, np.ones(1))
-    add_friction(friction, qd, torques)
-    return torques

@@ -8,17 +8,18 @@ position, as `rotation` and `translation` say in the frame of the parent joint.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 import pinocchio
-import torch
-from torch import Tensor
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.urdf_checks import check_urdf
 
-Array = TypeVar("Array", np.ndarray, Tensor)
+if TYPE_CHECKING:  # torch takes seconds to load, and only what learns needs it
+    from torch import Tensor
+
+Array = TypeVar("Array", np.ndarray, "Tensor")
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,15 @@ class LinkInertias(Generic[Array]):
 
     def tensors(self) -> "LinkInertias[Tensor]":
         """The same as float64 tensors."""
+        import torch
+
         fields = (self.mass, self.first_moment, self.inertia)
         return LinkInertias(*(torch.as_tensor(field, dtype=torch.float64) for field in fields))
 
     def arrays(self) -> "LinkInertias[np.ndarray]":
         """The same as float64 arrays, cut off from any gradient."""
+        import torch
+
         fields = (torch.as_tensor(field) for field in (self.mass, self.first_moment, self.inertia))
         return LinkInertias(*(field.detach().double().numpy() for field in fields))
 
@@ -115,9 +120,14 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
         model = pinocchio.buildReducedModel(model, joints, pinocchio.neutral(model))
     if model.nv == 0:
         raise InputError(f"{path}: the robot has no joint that moves")
-    robot = Robot(model.name, _tree(model), _inertias(model), model)
+    robot = robot_of(model)
     _check_inertias(robot, path)
     return robot
+
+
+def robot_of(model: pinocchio.Model) -> Robot:
+    """A robot with a fixed base from Pinocchio's model of it."""
+    return Robot(model.name, _tree(model), _inertias(model), model)
 
 
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:

@@ -1,29 +1,22 @@
-"""Any arm in PyBullet: torques in, motion out.
+"""What an arm of the simulations is made of: any URDF's kinematics, and what may differ from that URDF.
 
-The body that PyBullet simulates is written anew from the kinematic tree and the inertias of its links, so
-what moves is by construction what Pinocchio and our own dynamics compute with: locked joints are merged,
-a "true" arm may differ from its URDF, and there is nothing that could collide.
-
-Coulomb friction is Bullet's own: a motor that holds speed zero with bounded torque, solved implicitly. As an
-explicit torque it would let a light wrist rattle at any step that is fast enough to be of use.
+Two engines move it: `compiled_arm` in a compiled loop, and `bullet_arm` in PyBullet, for which the first is
+held against.
 """
 
-import tempfile
-from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Literal
 
 import numpy as np
-import pybullet
 import pybullet_data
 from pydantic import Field
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
+from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
 
-_PAYLOAD = "payload"
+Engine = Literal["compiled", "pybullet"]
 
 
 @dataclass(frozen=True)
@@ -73,16 +66,30 @@ class Payload:
         return self.mass_kg * self.radius_m**2
 
 
+def carrying(inertias: LinkInertias, payload: Payload) -> LinkInertias:
+    """Inertias of links of which the last one carries a payload (parallel axes)."""
+    mass, moment, inertia = inertias.mass.copy(), inertias.first_moment.copy(), inertias.inertia.copy()
+    point = np.array(payload.point_m)
+    apart = point - moment[-1] / mass[-1]
+    reduced = payload.mass_kg * mass[-1] / (payload.mass_kg + mass[-1])
+    inertia[-1] += (payload.inertia + reduced * apart @ apart) * np.eye(3) - reduced * np.outer(apart, apart)
+    mass[-1] += payload.mass_kg
+    moment[-1] += payload.mass_kg * point
+    return LinkInertias(mass, moment, inertia)
+
+
 class ArmParameters(Parameters):
-    """Which arm.
+    """Which arm, and what moves it.
 
     Attributes:
         urdf: a path, or a file of `pybullet_data`, e.g. `kuka_iiwa/model.urdf`.
         locked_joints: joints held at zero, e.g. a gripper's fingers.
+        engine: of its simulation.
     """
 
     urdf: str = Field(min_length=1)
     locked_joints: tuple[str, ...]
+    engine: Engine
 
     def read(self) -> Robot:
         """The arm.
@@ -103,183 +110,3 @@ def urdf_path(name: str) -> Path:
         if path.is_file():
             return path
     raise InputError(f"urdf: there is no file '{name}', and none of that name in pybullet_data")
-
-
-class Arm:
-    """One arm on a fixed base. Use as a context manager: PyBullet's server is closed at the end.
-
-    Attributes:
-        q: (n,) joint positions, rad or m.
-        qd: (n,) joint velocities.
-        dt: s per step.
-        torques: (n,) N m that the drives gave in the last step, friction not taken off.
-    """
-
-    def __init__(
-        self, tree: KinematicTree, mechanics: Mechanics, dt: float, payload: Payload | None = None
-    ) -> None:
-        """Load the arm.
-
-        Args:
-            tree: kinematics and gravity.
-            mechanics: what it is made of.
-            dt: s per physics step.
-            payload: what `take_payload` will take; the arm starts without.
-        """
-        self.dt = dt
-        self._payload = payload
-        self._client = pybullet.connect(pybullet.DIRECT)
-        self._id = {"physicsClientId": self._client}
-        pybullet.setGravity(*tree.gravity, **self._id)
-        pybullet.setTimeStep(dt, **self._id)
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "arm.urdf"
-            file.write_text(arm_urdf(tree, mechanics.inertias, payload))
-            # without the flag Bullet makes up inertias from collision shapes
-            flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-            self._body = pybullet.loadURDF(str(file), useFixedBase=True, flags=flags, **self._id)
-        infos = [
-            pybullet.getJointInfo(self._body, joint, **self._id)
-            for joint in range(pybullet.getNumJoints(self._body, **self._id))
-        ]
-        places = {info[1].decode(): joint for joint, info in enumerate(infos)}
-        self._joints = [places[_joint_name(number)] for number in range(len(tree.names))]
-        for link in range(-1, len(infos)):  # Bullet damps every body unless told otherwise
-            pybullet.changeDynamics(
-                self._body, link, linearDamping=0, angularDamping=0, jointDamping=0, **self._id
-            )
-        if payload is not None:
-            self._payload_link = places[_PAYLOAD]
-            self._set_payload(0.0, 0.0)
-        self._mechanics = mechanics
-        count = len(self._joints)
-        pybullet.setJointMotorControlArray(  # also where there is no friction: the default is a brake
-            self._body,
-            self._joints,
-            pybullet.VELOCITY_CONTROL,
-            targetVelocities=[0.0] * count,
-            forces=mechanics.coulomb.tolist(),
-            **self._id,
-        )
-        self.q, self.qd, self.torques = np.zeros(count), np.zeros(count), np.zeros(count)
-        self._commands: deque[np.ndarray] = deque()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pybullet.disconnect(self._client)
-
-    def place(self, q: np.ndarray, qd: np.ndarray) -> None:
-        """Put the joints at positions and velocities (n,) each."""
-        for joint, position, velocity in zip(self._joints, q.tolist(), qd.tolist(), strict=True):
-            pybullet.resetJointState(self._body, joint, position, velocity, **self._id)
-        self._commands.clear()
-        self._read()
-
-    def take_payload(self) -> None:
-        """From now on the last link carries the payload."""
-        self._set_payload(self._payload.mass_kg, self._payload.inertia)
-
-    def step(self, torques: np.ndarray) -> None:
-        """Advance by one step with commanded joint torques (n,) in N m.
-
-        A latency delays them; until the first one arrives after `place`, the drives hold it already.
-        """
-        own = self._mechanics
-        self._commands.append(torques)
-        if len(self._commands) > own.latency_steps + 1:
-            self._commands.popleft()
-        self.torques = self._commands[0]
-        if own.ripple_waves > 0.0:
-            self.torques = self.torques + own.ripple * np.sin(2.0 * np.pi * own.ripple_waves * self.q)
-        pybullet.setJointMotorControlArray(
-            self._body,
-            self._joints,
-            pybullet.TORQUE_CONTROL,
-            forces=(self.torques - own.viscous * self.qd).tolist(),
-            **self._id,
-        )
-        pybullet.stepSimulation(**self._id)
-        self._read()
-
-    def _read(self) -> None:
-        states = pybullet.getJointStates(self._body, self._joints, **self._id)
-        self.q = np.array([state[0] for state in states])
-        self.qd = np.array([state[1] for state in states])
-
-    def _set_payload(self, mass: float, inertia: float) -> None:
-        pybullet.changeDynamics(
-            self._body,
-            self._payload_link,
-            mass=mass,
-            localInertiaDiagonal=[inertia] * 3,
-            **self._id,
-        )
-
-
-def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | None = None) -> str:
-    """URDF of an arm without shapes and limits, numbers with all their digits.
-
-    Inertias are written along their principal axes: Bullet's own diagonalisation is good to six digits only.
-    Bullet solves a constraint for every joint with limits in every step; whoever moves the arm watches them.
-
-    Args:
-        tree: kinematics.
-        inertias: of the links.
-        payload: adds a body of this payload's place to the last link.
-    """
-    parts = [_link("base", 0.0, np.zeros(3), np.zeros(3), np.eye(3))]
-    for number in range(len(tree.names)):
-        centre = inertias.first_moment[number] / inertias.mass[number]
-        moments, axes = np.linalg.eigh(inertias.inertia[number])
-        if np.linalg.det(axes) < 0:
-            axes[:, 0] = -axes[:, 0]
-        parent = tree.parents[number]
-        kind = "prismatic" if tree.prismatic[number] else "revolute"
-        parts += [
-            _link(f"link_{number}", inertias.mass[number], moments, centre, axes),
-            f'<joint name="{_joint_name(number)}" type="{kind}">'
-            f'<parent link="{"base" if parent < 0 else f"link_{parent}"}"/><child link="link_{number}"/>'
-            f"{_origin(tree.translation[number], tree.rotation[number])}"
-            f'<axis xyz="{_numbers(tree.axis[number])}"/>'
-            # an upper limit below the lower one means none
-            '<limit lower="1" upper="-1" effort="1e9" velocity="1e9"/></joint>',
-        ]
-    if payload is not None:
-        parts += [
-            _link(_PAYLOAD, 1.0, np.ones(3), np.zeros(3), np.eye(3)),
-            f'<joint name="{_PAYLOAD}" type="fixed"><parent link="link_{len(tree.names) - 1}"/>'
-            f'<child link="{_PAYLOAD}"/>{_origin(np.array(payload.point_m), np.eye(3))}</joint>',
-        ]
-    return '<robot name="arm">' + "\n".join(parts) + "</robot>"
-
-
-def _joint_name(number: int) -> str:
-    return f"joint_{number}"
-
-
-def _link(name: str, mass: float, moments: np.ndarray, centre: np.ndarray, axes: np.ndarray) -> str:
-    ixx, iyy, izz = moments.tolist()
-    return (
-        f'<link name="{name}"><inertial>{_origin(centre, axes)}<mass value="{float(mass)!r}"/>'
-        f'<inertia ixx="{ixx!r}" ixy="0" ixz="0" iyy="{iyy!r}" iyz="0" izz="{izz!r}"/></inertial></link>'
-    )
-
-
-def _origin(translation: np.ndarray, rotation: np.ndarray) -> str:
-    return f'<origin xyz="{_numbers(translation)}" rpy="{_numbers(_roll_pitch_yaw(rotation))}"/>'
-
-
-def _roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
-    """URDF's angles (3,) of a rotation: R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
-    pitch = np.arctan2(-rotation[2, 0], level)
-    if level < 1e-9:  # roll and yaw turn about the same axis: leave it to yaw
-        return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
-    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
-    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
-
-
-def _numbers(values: np.ndarray) -> str:
-    return " ".join(repr(float(value)) for value in values)

@@ -14,7 +14,7 @@ from structlearn.recordings.joint_log import JointLog, read_joint_log
 from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.model_learning import Loss
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.testbeds.dynamics.names import ROBOT
+from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 
 RAW, DATA = Path("data/raw/dynamics"), Path("data/dynamics")
 
@@ -42,6 +42,20 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
         InputError: a file is missing or damaged.
     """
     return {name: read_table(TABLES[name]) for name in names or TABLES}
+
+
+def read_engines(simulated: bool) -> pd.DataFrame:
+    """Rows of `controlled_arm.agreement`, of the simulated logs and of reaches.
+
+    Args:
+        simulated: whether the robot's log is.
+
+    Raises:
+        InputError: a file is missing or damaged.
+    """
+    logs = [RAW / IDEAL, PAYLOAD_LOG, *([ROBOT_LOG] if simulated else [])]
+    tables = [read_table(folder / "agreement.parquet") for folder in (*logs, DATA / "tracking")]
+    return pd.concat(tables, ignore_index=True)
 
 
 def read_robot_motion(cutoff_hz: float) -> tuple[Motion, float]:

@@ -16,7 +16,8 @@ from structlearn.testbeds.dynamics.page.figures import drawings
 from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
 from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
-from structlearn.testbeds.dynamics.world.arm_motion import OVERSPEED
+from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
+from structlearn.testbeds.dynamics.world.joint_logs import COMPARED_S
 
 SOURCES = {
     "log": Source("data/raw/dynamics/stand_in", "record_motion"),
@@ -79,6 +80,7 @@ def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, obj
         "simulated": results.stand_in is not None,
         "training": results.training,
         "overspeed": OVERSPEED,
+        "compared_s": COMPARED_S,
         "stopped_nmse": STOPPED_NMSE,
         "settled_share": SETTLED_SHARE,
         "joints": int(results.errors["joint"].max()),

@@ -41,11 +41,13 @@ def metrics(results: DynamicsResults) -> Metrics:
     the tool's velocity in reaches; a run that had to be stopped counts at least 1, and is one of
     `unstable_<model>` runs, sines and reaches. `robot_...` is the same of the stand-in, `robot_nmse_<model>`
     the NMSE on its log, mean over joints and seeds. `online_nmse_<model>` is that on the whole motion after
-    one pass.
+    one pass. `engines_max_difference_...` is the largest difference of the compiled arm from PyBullet's.
     """
     values: Metrics = {
         "simulated": True,
         "rnea_max_error_nm": results.largest_disagreement,
+        "engines_max_difference_rad": float(results.engines["joint_rad"].max()),
+        "engines_max_difference_nm": float(results.engines["torque_n_m"].max()),
         "base_parameters": results.base["parameter"].nunique(),
         "epochs_limit": results.training.epochs.raw,
     }

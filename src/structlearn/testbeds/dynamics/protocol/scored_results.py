@@ -33,6 +33,7 @@ class DynamicsResults:
         scores, paths: see `protocol.tracking.track`.
         online, payload: see `rigid_body.online_learning`.
         agreement: a row per URDF, see `rigid_body.agreement`, with `robot`.
+        engines: how far the compiled arm is from PyBullet's, see `world.controlled_arm.agreement`.
         known, friction, residuals: of the robot's log, see `protocol.robot_behind_log`.
         stand_in: the simulated robot; None: the robot's log is your own.
         motion: the sines.
@@ -49,6 +50,7 @@ class DynamicsResults:
     online: pd.DataFrame
     payload: pd.DataFrame
     agreement: pd.DataFrame
+    engines: pd.DataFrame
     known: pd.DataFrame
     friction: pd.DataFrame
     residuals: pd.DataFrame

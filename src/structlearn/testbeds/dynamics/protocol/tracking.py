@@ -1,7 +1,7 @@
 """How well an arm follows with a model in its controller: sines it learned from, and reaches (III.4)."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 
@@ -11,27 +11,27 @@ from pydantic import Field
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.compiled_dynamics import InverseDynamics, inverse_dynamics
+from structlearn.rigid_body.any_model import InverseDynamics, bodies_model
+from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import compiled_model
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_learning import Loss
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.tree import Robot
-from structlearn.simulation.arm import Arm, Mechanics
+from structlearn.simulation.arm import Engine
 from structlearn.testbeds.dynamics.world.arm_motion import (
     Feedback,
-    Run,
+    JointPath,
     SineParameters,
     joint_feedback,
-    run,
+    sine_controller,
     sine_path,
-    sine_policy,
 )
+from structlearn.testbeds.dynamics.world.controlled_arm import Run, SimulatedArm, agreement, run
 from structlearn.testbeds.dynamics.world.reaching import (
     ReachingParameters,
     first_posture,
     reaches,
-    reaching_policy,
+    reaching_controller,
 )
 
 SHOWN_RATE_HZ = 25.0
@@ -65,12 +65,12 @@ class Candidate:
         name: of the model.
         seeds: of the goals it reaches for; a learned model has that of its training, one that was not learned
             has all.
-        build: makes the compiled model, in the process that uses it.
+        model: itself.
     """
 
     name: str
     seeds: tuple[int, ...]
-    build: Callable[[], InverseDynamics]
+    model: InverseDynamics
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,7 @@ class Testbed:
 
     Attributes:
         name: of the arm.
-        robot: its URDF, from which the gains of the joints come.
-        mechanics: what really moves.
+        arm: itself; the gains of the joints come from its URDF.
         motion: the sines.
         reaching: the reaches.
     """
@@ -88,30 +87,45 @@ class Testbed:
     __test__ = False  # not a test, whatever pytest thinks of its name
 
     name: str
-    robot: Robot
-    mechanics: Mechanics
+    arm: SimulatedArm
     motion: SineParameters
     reaching: ReachingParameters
+
+    @property
+    def feedback(self) -> Feedback:
+        """Of the joints."""
+        robot = self.arm.robot
+        return joint_feedback(robot.tree, robot.inertias, self.motion.feedback)
 
 
 def known(testbed: Testbed, seeds: int) -> list[Candidate]:
     """What is known of an arm: the truth, and the URDF where the truth is another."""
-    tree, true = testbed.robot.tree, testbed.mechanics
-    friction = np.stack([true.viscous, true.coulomb, np.zeros_like(true.viscous)])
-    goals = tuple(range(seeds))
-    truth = Candidate("ground_truth", goals, partial(inverse_dynamics, tree, true.inertias, friction))
-    if true.inertias is testbed.robot.inertias:
+    robot, true = testbed.arm.robot, testbed.arm.mechanics
+    truth = Candidate("ground_truth", tuple(range(seeds)), _true_model(testbed))
+    if true.inertias is robot.inertias:
         return [truth]
-    return [truth, Candidate("default", goals, partial(inverse_dynamics, tree, testbed.robot.inertias))]
+    default = bodies_model(inverse_dynamics(robot.tree, robot.inertias))
+    return [truth, Candidate("default", truth.seeds, default)]
 
 
 def learned(testbed: Testbed, models: Mapping[str, DynamicsModels]) -> list[Candidate]:
     """Learned models by name, one candidate per seed."""
     return [
-        Candidate(name, (seed,), partial(compiled_model, group, seed, testbed.robot.tree))
+        Candidate(name, (seed,), compiled_model(group, seed, testbed.arm.robot.tree))
         for name, group in models.items()
         for seed in range(group.count)
     ]
+
+
+def engine_agreement(testbed: Testbed) -> pd.DataFrame:
+    """A row of `controlled_arm.agreement`, of the reaches of seed 0 with the true model."""
+    model = _true_model(testbed)
+
+    def both(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
+        moved = _reach(replace(testbed, arm=replace(testbed.arm, engine=engine)), model, SHOWN_SEED)[0]
+        return moved.q, moved.torques
+
+    return pd.DataFrame([{"robot": testbed.name} | agreement(both)])
 
 
 def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -138,58 +152,56 @@ def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFra
 
 def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
     """Scores of one model, and paths of the shown seed; the sines are the same for all seeds and run once."""
-    robot, motion = testbed.robot, testbed.motion
-    torques = candidate.build()
-    feedback = joint_feedback(robot.tree, robot.inertias, motion.feedback)
+    motion = testbed.motion
     rows, paths = [], []
-    with Arm(robot.tree, testbed.mechanics, 1.0 / motion.rate_hz) as arm:
-        moved, wanted, errors = _follow_sines(testbed, arm, torques, feedback)
-        rows += [_score(candidate, seed, "sine", moved, errors, motion) for seed in candidate.seeds]
-        if SHOWN_SEED in candidate.seeds:
-            paths.append(_path(testbed, candidate, "sine", moved, wanted))
-        for seed in candidate.seeds:
-            moved, wanted, errors = _reach(testbed, arm, torques, feedback, seed)
-            rows.append(_score(candidate, seed, "reach", moved, errors, motion))
-            if seed == SHOWN_SEED:
-                paths.append(_path(testbed, candidate, "reach", moved, wanted))
+    moved, path, errors = _follow_sines(testbed, candidate.model)
+    rows += [_score(candidate, seed, "sine", moved, errors, motion) for seed in candidate.seeds]
+    if SHOWN_SEED in candidate.seeds:
+        wanted, _ = tool_motion(testbed.arm.robot.tree, testbed.reaching.tool_m, path.q, path.qd)
+        paths.append(_path(testbed, candidate, "sine", moved, wanted))
+    for seed in candidate.seeds:
+        moved, wanted, errors = _reach(testbed, candidate.model, seed)
+        rows.append(_score(candidate, seed, "reach", moved, errors, motion))
+        if seed == SHOWN_SEED:
+            paths.append(_path(testbed, candidate, "reach", moved, wanted))
     scores = pd.DataFrame(rows)
     scores.insert(0, "robot", testbed.name)
     return scores, paths
 
 
-def _follow_sines(
-    testbed: Testbed, arm: Arm, torques: InverseDynamics, feedback: Feedback
-) -> tuple[Run, np.ndarray, tuple[float, float]]:
-    """The run, the tool's wanted positions (T, 3), and the errors of q and qd."""
-    robot = testbed.robot
-    reference = sine_path(robot.tree, testbed.motion)
-    arm.place(reference.q[0], reference.qd[0])
-    policy = sine_policy(torques, reference, feedback)
-    moved = run(arm, robot.tree, policy, len(reference.q), robot.model.effortLimit)
+def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, JointPath, tuple[float, float]]:
+    """The run, what it should be, and the errors of q and qd."""
+    reference = sine_path(testbed.arm.robot.tree, testbed.motion)
     q, qd = reference.q, reference.qd
+    moved = run(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
     errors = tuple(
         float(np.mean(_squared_error(moved, found, wanted) / wanted.var(axis=0)))
         for found, wanted in ((moved.q, q), (moved.qd, qd))
     )
-    return moved, tool_motion(robot.tree, testbed.reaching.tool_m, q, qd)[0], errors
+    return moved, reference, errors
 
 
 def _reach(
-    testbed: Testbed, arm: Arm, torques: InverseDynamics, feedback: Feedback, seed: int
+    testbed: Testbed, model: InverseDynamics, seed: int
 ) -> tuple[Run, np.ndarray, tuple[float, float]]:
     """The run, the tool's wanted positions (T, 3), and the errors of x and xd."""
-    robot, parameters = testbed.robot, testbed.reaching
-    reference = reaches(robot.tree, parameters, testbed.motion.rate_hz, seed)
-    posture = first_posture(robot.tree, parameters)
-    arm.place(posture, np.zeros_like(posture))
-    policy = reaching_policy(robot.tree, torques, reference, feedback, parameters)
-    moved = run(arm, robot.tree, policy, len(reference.x), robot.model.effortLimit)
-    x, xd = tool_motion(robot.tree, parameters.tool_m, moved.q, moved.qd)
+    tree, parameters = testbed.arm.robot.tree, testbed.reaching
+    reference = reaches(tree, parameters, testbed.motion.rate_hz, seed)
+    posture = first_posture(tree, parameters)
+    controller = reaching_controller(tree, model, reference, testbed.feedback, parameters)
+    moved = run(testbed.arm, controller, posture, np.zeros_like(posture))
+    x, xd = tool_motion(tree, parameters.tool_m, moved.q, moved.qd)
     errors = tuple(
         float(_squared_error(moved, found, wanted).sum() / wanted.var(axis=0).sum())
         for found, wanted in ((x, reference.x), (xd, reference.xd))
     )
     return moved, reference.x, errors
+
+
+def _true_model(testbed: Testbed) -> InverseDynamics:
+    true = testbed.arm.mechanics
+    friction = np.stack([true.viscous, true.coulomb, np.zeros_like(true.viscous)])
+    return bodies_model(inverse_dynamics(testbed.arm.robot.tree, true.inertias, friction))
 
 
 def _squared_error(moved: Run, found: np.ndarray, wanted: np.ndarray) -> np.ndarray:
@@ -220,7 +232,7 @@ def _score(
 
 def _path(testbed: Testbed, candidate: Candidate, task: str, moved: Run, wanted: np.ndarray) -> pd.DataFrame:
     every = max(1, round(testbed.motion.rate_hz / SHOWN_RATE_HZ))
-    tree = testbed.robot.tree
+    tree = testbed.arm.robot.tree
     q, qd = moved.q[::every], moved.qd[::every]
     tool, _ = tool_motion(tree, testbed.reaching.tool_m, q, qd)
     columns = {"robot": testbed.name, "model": candidate.name, "task": task}

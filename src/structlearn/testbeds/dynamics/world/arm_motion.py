@@ -9,17 +9,17 @@ joint takes, and at the measured velocity that drives a light wrist away within 
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
-import numba
 import numpy as np
 from pydantic import Field
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.compiled_dynamics import InverseDynamics, inverse_dynamics
+from structlearn.rigid_body.any_model import InverseDynamics
+from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
+from structlearn.rigid_body.operational_space_velocity import VelocityControl
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
-from structlearn.simulation.arm import Arm
+from structlearn.testbeds.dynamics.world.controlled_arm import Controller
 
 
 class FeedbackParameters(Parameters):
@@ -79,29 +79,6 @@ class JointPath:
     q: np.ndarray
     qd: np.ndarray
     qdd: np.ndarray
-
-
-@dataclass(frozen=True)
-class Run:
-    """What a controlled arm did; shorter than its reference where it was stopped.
-
-    Attributes:
-        q: (T, n) rad.
-        qd: (T, n) rad/s.
-        torques: (T, n) N m, of the drives during the step that follows.
-        stopped: why it was stopped; None where it ran through.
-    """
-
-    q: np.ndarray
-    qd: np.ndarray
-    torques: np.ndarray
-    stopped: str | None
-
-
-class Policy(Protocol):
-    """Torques (n,) in N m at tick k, position and velocity (n,)."""
-
-    def __call__(self, k: int, q: np.ndarray, qd: np.ndarray) -> np.ndarray: ...  # noqa: D102
 
 
 def joint_range(tree: KinematicTree) -> tuple[np.ndarray, np.ndarray]:
@@ -164,89 +141,8 @@ def sine_path(tree: KinematicTree, parameters: SineParameters) -> JointPath:
     return JointPath(middle + swing, amplitude * frequency * np.cos(phase), -(frequency**2) * swing)
 
 
-def sine_policy(torques: InverseDynamics, reference: JointPath, feedback: Feedback) -> Policy:
+def sine_controller(model: InverseDynamics, reference: JointPath, feedback: Feedback) -> Controller:
     """The law in the module's header."""
-
-    def policy(k: int, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        wanted, rate = reference.q[k], reference.qd[k]
-        model = torques(wanted, rate, reference.qdd[k])
-        return _corrected(model, feedback.stiffness, feedback.damping, wanted, rate, q, qd)
-
-    return policy
-
-
-@numba.njit(cache=True)
-def _corrected(
-    torques: np.ndarray,
-    stiffness: np.ndarray,
-    damping: np.ndarray,
-    q_ref: np.ndarray,
-    qd_ref: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-) -> np.ndarray:
-    return torques + stiffness * (q_ref - q) + damping * (qd_ref - qd)
-
-
-def run(
-    arm: Arm, tree: KinematicTree, policy: Policy, ticks: int, torque_limit: np.ndarray, take_at: int = -1
-) -> Run:
-    """Let a policy move an arm from where it is, until it ends or must be stopped.
-
-    A run is stopped as a robot's safety controller would: a joint is faster than `OVERSPEED` times its limit
-    or beyond its range, or the policy's torques are no numbers.
-
-    Args:
-        arm: placed.
-        tree: limits.
-        policy: see there.
-        ticks: number of control ticks.
-        torque_limit: (n,) N m; torques beyond are cut off.
-        take_at: tick at which the arm takes its payload; -1: never.
-    """
-    count, fastest = len(tree.names), OVERSPEED * tree.velocity
-    q, qd, torques = np.empty((ticks, count)), np.empty((ticks, count)), np.empty((ticks, count))
-    for k in range(ticks):
-        if k == take_at:
-            arm.take_payload()
-        fault = _fault(arm.q, arm.qd, tree.lower, tree.upper, fastest)
-        if fault == 0:
-            command = _bounded(policy(k, arm.q, arm.qd), torque_limit)
-            fault = 3 if np.isnan(command[0]) else 0
-        if fault > 0:
-            return Run(q[:k], qd[:k], torques[:k], _FAULTS[fault])
-        q[k], qd[k] = arm.q, arm.qd
-        arm.step(command)
-        torques[k] = arm.torques
-    return Run(q, qd, torques, None)
-
-
-OVERSPEED = 1.5
-"""Multiple of its speed limit at which a joint counts as run away; overshoot stays below."""
-
-_FAULTS = ("", "speed limit", "joint limit", "not finite")
-
-
-@numba.njit(cache=True)
-def _fault(q: np.ndarray, qd: np.ndarray, lower: np.ndarray, upper: np.ndarray, fastest: np.ndarray) -> int:
-    """Index of what is wrong with a state, as in `_FAULTS`; 0: nothing."""
-    for i in range(len(q)):
-        if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
-            return 3
-        if abs(qd[i]) > fastest[i]:
-            return 1
-        if q[i] < lower[i] or q[i] > upper[i]:
-            return 2
-    return 0
-
-
-@numba.njit(cache=True)
-def _bounded(torques: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """Torques within their limits; all NaN where one is no finite number."""
-    out = np.empty(len(torques))
-    for i in range(len(torques)):
-        if not np.isfinite(torques[i]):
-            out[:] = np.nan
-            return out
-        out[i] = min(max(torques[i], -limit[i]), limit[i])
-    return out
+    path, gains = (reference.q, reference.qd, reference.qdd), (feedback.stiffness, feedback.damping)
+    nothing = VelocityControl(np.zeros(3), np.zeros(len(feedback.damping)), 0.0, 0.0)
+    return Controller(model, *path, *gains, of_tool=False, tool=nothing)

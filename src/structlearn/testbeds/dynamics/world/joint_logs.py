@@ -1,10 +1,11 @@
 """Joint logs of the simulated arms, and a robot's own log checked against its URDF."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from pydantic import Field
 
 import structlearn
@@ -12,19 +13,23 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.joint_log import JointLog, read_joint_log
+from structlearn.rigid_body.any_model import bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order
-from structlearn.simulation.arm import Arm, Mechanics, Payload, ideal
+from structlearn.simulation.arm import Engine, Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
     SineParameters,
     joint_feedback,
-    run,
+    sine_controller,
     sine_path,
-    sine_policy,
 )
+from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, agreement, run
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, measured_torques, stand_in
 
 SIMULATED = "simulated"
+
+COMPARED_S = 8.0
+"""First part of a motion that both engines run; in it all joints move, and some of them turn back."""
 
 
 class PayloadParameters(Parameters):
@@ -64,30 +69,48 @@ class MotionSourceParameters(Parameters):
     payload: PayloadParameters
 
 
-def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:
+def ideal_log(robot: Robot, motion: SineParameters, engine: Engine) -> JointLog:
     """Sines of the arm as its URDF has it, tracked with that very model (III.4.1)."""
-    return _sine_log("sine", robot, ideal(robot.inertias), motion, {"arm": "as in its URDF"})
+    arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / motion.rate_hz, engine)
+    return _sine_log("sine", arm, motion, {"arm": "as in its URDF"})
 
 
-def stand_in_log(robot: Robot, motion: SineParameters, parameters: StandInParameters) -> JointLog:
+def stand_in_log(
+    robot: Robot, parameters: StandInParameters, motion: SineParameters, engine: Engine
+) -> JointLog:
     """Sines of the stand-in for the real robot, tracked with the URDF's model (III.4.2)."""
     mechanics = stand_in(robot.tree, robot.inertias, parameters)
     remark = {
         "arm": "stand-in with friction, ripple, latency and other inertias",
         "seed": str(parameters.seed),
     }
-    log = _sine_log("sine", robot, mechanics, motion, remark)
+    log = _sine_log("sine", SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, engine), motion, remark)
     return replace(log, torques=measured_torques(log.torques, robot.tree, parameters))
 
 
-def payload_log(robot: Robot, motion: SineParameters, parameters: PayloadParameters) -> JointLog:
+def payload_log(
+    robot: Robot, parameters: PayloadParameters, motion: SineParameters, engine: Engine
+) -> JointLog:
     """Sines of the arm as its URDF has it, which picks up a body that its controller does not know."""
     tick = round(parameters.at_share * motion.duration_s * motion.rate_hz)
     remark = {
         "arm": "as in its URDF",
         "payload": f"{parameters.mass_kg:g} kg from {tick / motion.rate_hz:g} s on",
     }
-    return _sine_log("payload", robot, ideal(robot.inertias), motion, remark, parameters.body, tick)
+    mechanics, dt = ideal(robot.inertias), 1.0 / motion.rate_hz
+    arm = SimulatedArm(robot, mechanics, dt, engine, parameters.body, tick)
+    return _sine_log("payload", arm, motion, remark)
+
+
+def log_agreement(log: Callable[[SineParameters, Engine], JointLog], motion: SineParameters) -> pd.DataFrame:
+    """A row of `controlled_arm.agreement` of a log of the first `COMPARED_S`."""
+    piece = motion.model_copy(update={"duration_s": min(COMPARED_S, motion.duration_s)})
+
+    def both(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
+        made = log(piece, engine)
+        return made.positions, made.torques
+
+    return pd.DataFrame([agreement(both)])
 
 
 def own_log(source: str | Path, topic: str, tree: KinematicTree, max_gap_s: float) -> JointLog:
@@ -122,31 +145,22 @@ def own_log(source: str | Path, topic: str, tree: KinematicTree, max_gap_s: floa
     return JointLog(log.name, tree.names, log.stamps, *columns, provenance=log.provenance)
 
 
-def _sine_log(
-    name: str,
-    robot: Robot,
-    mechanics: Mechanics,
-    motion: SineParameters,
-    remark: Mapping[str, str],
-    payload: Payload | None = None,
-    take_at: int = -1,
-) -> JointLog:
+def _sine_log(name: str, arm: SimulatedArm, motion: SineParameters, remark: Mapping[str, str]) -> JointLog:
+    robot = arm.robot
     reference = sine_path(robot.tree, motion)
     feedback = joint_feedback(robot.tree, robot.inertias, motion.feedback)
-    policy = sine_policy(inverse_dynamics(robot.tree, robot.inertias), reference, feedback)
-    ticks = len(reference.q)
-    with Arm(robot.tree, mechanics, 1.0 / motion.rate_hz, payload) as arm:
-        arm.place(reference.q[0], reference.qd[0])
-        moved = run(arm, robot.tree, policy, ticks, robot.model.effortLimit, take_at)
+    model = bodies_model(inverse_dynamics(robot.tree, robot.inertias))
+    moved = run(arm, sine_controller(model, reference, feedback), reference.q[0], reference.qd[0])
     if moved.stopped:
         raise InputError(
             f"simulated {name}: stopped after {len(moved.q) / motion.rate_hz:.3g} s: {moved.stopped}; "
             "give the sines less amplitude or longer periods, or the joints more feedback"
         )
-    stamps = np.round(np.arange(ticks) * (1e9 / motion.rate_hz)).astype(np.int64)
+    stamps = np.round(np.arange(len(moved.q)) * (1e9 / motion.rate_hz)).astype(np.int64)
     provenance = {
         "origin": "simulated",
         "generator": f"structlearn {structlearn.__version__}",
+        "engine": arm.engine,
         "robot": robot.name,
         **remark,
     }

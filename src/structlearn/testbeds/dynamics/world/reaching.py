@@ -7,14 +7,15 @@ from pydantic import Field
 
 from structlearn.ground import minimum_jerk
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.compiled_dynamics import InverseDynamics
+from structlearn.rigid_body.any_model import InverseDynamics
 from structlearn.rigid_body.operational_space_velocity import (
     VelocityControl,
     VelocityControlParameters,
     tool_motion,
 )
 from structlearn.rigid_body.tree import KinematicTree
-from structlearn.testbeds.dynamics.world.arm_motion import Feedback, Policy, joint_range
+from structlearn.testbeds.dynamics.world.arm_motion import Feedback, joint_range
+from structlearn.testbeds.dynamics.world.controlled_arm import Controller
 
 
 class ReachingParameters(Parameters):
@@ -83,27 +84,24 @@ def reaches(tree: KinematicTree, parameters: ReachingParameters, rate_hz: float,
     return ToolPath(*(np.ascontiguousarray(part.reshape(-1, 3)) for part in parts))
 
 
-def reaching_policy(
+def reaching_controller(
     tree: KinematicTree,
-    torques: InverseDynamics,
+    model: InverseDynamics,
     reference: ToolPath,
     feedback: Feedback,
     parameters: ReachingParameters,
-) -> Policy:
+) -> Controller:
     """Velocity-based operational-space control along the reference with a model of the arm.
 
     Args:
         tree: the arm.
-        torques: its model.
+        model: of the arm.
         reference: of the tool.
         feedback: of the joints; only its damping is used.
         parameters: tool and gains.
     """
-    control = VelocityControl(tree, parameters.tool_m, first_posture(tree, parameters), parameters.control)
-
-    def policy(k: int, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        wanted = (reference.x[k], reference.xd[k], reference.xdd[k])
-        velocity, acceleration = control.reference(q, qd, wanted)
-        return torques(q, qd, acceleration) + feedback.damping * (velocity - qd)
-
-    return policy
+    gains = parameters.control
+    tool = np.array(parameters.tool_m)
+    control = VelocityControl(tool, first_posture(tree, parameters), gains.tool_1_s, gains.posture_1_s)
+    path, soft = (reference.x, reference.xd, reference.xdd), np.zeros_like(feedback.stiffness)
+    return Controller(model, *path, soft, feedback.damping, of_tool=True, tool=control)

@@ -1,0 +1,187 @@
+"""Any arm in PyBullet: torques in, motion out.
+
+The body that PyBullet simulates is written anew from the kinematic tree and the inertias of its links, so
+what moves is by construction what Pinocchio and our own dynamics compute with: locked joints are merged,
+a "true" arm may differ from its URDF, and there is nothing that could collide.
+
+Coulomb friction is Bullet's own: a motor that holds speed zero with bounded torque, solved implicitly. As an
+explicit torque it would let a light wrist rattle at any step that is fast enough to be of use.
+"""
+
+import tempfile
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import pybullet
+
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.simulation.arm import Payload
+
+_PAYLOAD = "payload"
+
+
+SOLVER_ITERATIONS = 1000
+"""For friction; Bullet's 50 stop early."""
+
+
+class BulletArm:
+    """One arm on a fixed base. Use as a context manager: PyBullet's server is closed at the end."""
+
+    def __init__(
+        self,
+        tree: KinematicTree,
+        inertias: LinkInertias,
+        coulomb: np.ndarray,
+        dt: float,
+        payload: Payload | None = None,
+    ) -> None:
+        """Load the arm.
+
+        Args:
+            tree: kinematics and gravity.
+            inertias: of the links, those of real bodies.
+            coulomb: (n,) N m of friction.
+            dt: s per physics step.
+            payload: what `take_payload` will take; the arm starts without.
+        """
+        self._payload = payload
+        self._client = pybullet.connect(pybullet.DIRECT)
+        self._id = {"physicsClientId": self._client}
+        pybullet.setGravity(*tree.gravity, **self._id)
+        pybullet.setTimeStep(dt, **self._id)
+        if coulomb.any():
+            pybullet.setPhysicsEngineParameter(
+                numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=0.0, **self._id
+            )
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "arm.urdf"
+            file.write_text(arm_urdf(tree, inertias, payload))
+            # without the flag Bullet makes up inertias from collision shapes
+            flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+            self._body = pybullet.loadURDF(str(file), useFixedBase=True, flags=flags, **self._id)
+        infos = [
+            pybullet.getJointInfo(self._body, joint, **self._id)
+            for joint in range(pybullet.getNumJoints(self._body, **self._id))
+        ]
+        places = {info[1].decode(): joint for joint, info in enumerate(infos)}
+        self._joints = [places[_joint_name(number)] for number in range(len(tree.names))]
+        for link in range(
+            -1, len(infos)
+        ):  # Bullet damps every body and bounds its speed unless told otherwise
+            free = {"linearDamping": 0, "angularDamping": 0, "jointDamping": 0, "maxJointVelocity": 1e9}
+            pybullet.changeDynamics(self._body, link, **free, **self._id)
+        for joint, mass, inertia in zip(self._joints, inertias.mass, inertias.inertia, strict=True):
+            self._set_inertia(joint, float(mass), _principal(inertia)[0].tolist())
+        if payload is not None:
+            self._payload_link = places[_PAYLOAD]
+            self._set_inertia(self._payload_link, 0.0, [0.0] * 3)
+        count = len(self._joints)
+        pybullet.setJointMotorControlArray(  # also where there is no friction: the default is a brake
+            self._body,
+            self._joints,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=[0.0] * count,
+            forces=coulomb.tolist(),
+            **self._id,
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pybullet.disconnect(self._client)
+
+    def place(self, q: np.ndarray, qd: np.ndarray) -> None:
+        """Put the joints at positions and velocities (n,) each."""
+        for joint, position, velocity in zip(self._joints, q.tolist(), qd.tolist(), strict=True):
+            pybullet.resetJointState(self._body, joint, position, velocity, **self._id)
+
+    def take_payload(self) -> None:
+        """From now on the last link carries the payload."""
+        self._set_inertia(self._payload_link, self._payload.mass_kg, [self._payload.inertia] * 3)
+
+    def step(self, torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities (n,) after a step with torques (n,) in N m on the joints."""
+        pybullet.setJointMotorControlArray(
+            self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torques.tolist(), **self._id
+        )
+        pybullet.stepSimulation(**self._id)
+        states = pybullet.getJointStates(self._body, self._joints, **self._id)
+        return np.array([state[0] for state in states]), np.array([state[1] for state in states])
+
+    def _set_inertia(self, link: int, mass: float, moments: list[float]) -> None:
+        """Set a link's mass and principal moments."""
+        pybullet.changeDynamics(self._body, link, mass=mass, localInertiaDiagonal=moments, **self._id)
+
+
+def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | None = None) -> str:
+    """URDF of an arm without shapes and limits, numbers with all their digits, masses and moments all one.
+
+    Inertias have the frames of their principal axes: Bullet's own diagonalisation is good to six digits only.
+    They are set later, for Bullet's reader takes moments that no body can have for zero. Bullet solves a
+    constraint for every joint with limits in every step; whoever moves the arm watches them.
+
+    Args:
+        tree: kinematics.
+        inertias: of the links, whose axes and centres of mass count.
+        payload: adds a body of this payload's place to the last link.
+    """
+    parts = [_link("base", np.zeros(3), np.eye(3))]
+    for number in range(len(tree.names)):
+        centre = inertias.first_moment[number] / inertias.mass[number]
+        parent = tree.parents[number]
+        kind = "prismatic" if tree.prismatic[number] else "revolute"
+        parts += [
+            _link(f"link_{number}", centre, _principal(inertias.inertia[number])[1]),
+            f'<joint name="{_joint_name(number)}" type="{kind}">'
+            f'<parent link="{"base" if parent < 0 else f"link_{parent}"}"/><child link="link_{number}"/>'
+            f"{_origin(tree.translation[number], tree.rotation[number])}"
+            f'<axis xyz="{_numbers(tree.axis[number])}"/>'
+            # an upper limit below the lower one means none
+            '<limit lower="1" upper="-1" effort="1e9" velocity="1e9"/></joint>',
+        ]
+    if payload is not None:
+        parts += [
+            _link(_PAYLOAD, np.zeros(3), np.eye(3)),
+            f'<joint name="{_PAYLOAD}" type="fixed"><parent link="link_{len(tree.names) - 1}"/>'
+            f'<child link="{_PAYLOAD}"/>{_origin(np.array(payload.point_m), np.eye(3))}</joint>',
+        ]
+    return '<robot name="arm">' + "\n".join(parts) + "</robot>"
+
+
+def _joint_name(number: int) -> str:
+    return f"joint_{number}"
+
+
+def _link(name: str, centre: np.ndarray, axes: np.ndarray) -> str:
+    return (
+        f'<link name="{name}"><inertial>{_origin(centre, axes)}<mass value="1"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+    )
+
+
+def _principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Principal moments (3,) of an inertia, and their axes, the columns of a rotation."""
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] = -axes[:, 0]
+    return moments, axes
+
+
+def _origin(translation: np.ndarray, rotation: np.ndarray) -> str:
+    return f'<origin xyz="{_numbers(translation)}" rpy="{_numbers(_roll_pitch_yaw(rotation))}"/>'
+
+
+def _roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
+    """URDF's angles (3,) of a rotation: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
+    pitch = np.arctan2(-rotation[2, 0], level)
+    if level < 1e-9:  # roll and yaw turn about the same axis: leave it to yaw
+        return np.array([0.0, pitch, np.arctan2(-rotation[0, 1], rotation[1, 1])])
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
+
+
+def _numbers(values: np.ndarray) -> str:
+    return " ".join(repr(float(value)) for value in values)

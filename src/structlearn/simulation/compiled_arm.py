@@ -1,0 +1,118 @@
+"""Any arm in a compiled loop: a step of semi-implicit Euler, with Coulomb friction solved implicitly.
+
+As an explicit torque Coulomb friction would let a light wrist rattle at any step that is fast enough to be of
+use. So the velocities v after a step and the friction impulses f are found together (Bullet's motors that
+hold speed zero with bounded torque are the same problem, which Bullet solves by iteration):
+
+    M (v - qd) = dt (tau - b) + f        |f_i| <= dt c_i        f_i = -dt c_i sign(v_i) where v_i is not 0
+
+Which joints slide, and which way, is guessed from their velocities before the step. The guess is put right
+joint by joint, always the first one that contradicts it: M is positive definite, so the solution is the only
+one, and this ends there (Murty 1974). Mostly the guess is right, and a step costs one Cholesky factor.
+"""
+
+import numba
+import numpy as np
+
+from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
+
+TIE = 1e-9
+"""Relative; a joint held by friction slides when it needs so much more than there is. Keeps round-off from
+letting a joint change between both for ever."""
+
+
+@numba.njit(cache=True)
+def step(
+    coulomb: np.ndarray, torques: np.ndarray, dt: float, work: Workspace, q: np.ndarray, qd: np.ndarray
+) -> None:
+    """Move q and qd (n,) on by dt.
+
+    Args:
+        coulomb: (n,) N m of friction.
+        torques: (n,) N m on the joints, without this friction.
+        dt: s.
+        work: of `compiled_chain.dynamics` at q and qd; of its mass matrix the lower triangle is used.
+        q: (n,) rad; changed.
+        qd: (n,) rad/s; changed. A joint that friction holds has exactly zero.
+    """
+    count = len(q)
+    impulse, slides, change = np.empty(count), np.empty(count), np.empty(count)
+    matrix = np.empty((count, count))
+    for i in range(count):
+        impulse[i] = dt * (torques[i] - work.bias[i])
+        slides[i] = np.sign(qd[i])
+    wrong = 0
+    while wrong >= 0:
+        _slide(coulomb, dt, impulse, slides, qd, work.mass_matrix, matrix, change)
+        wrong = _put_right(coulomb, dt, impulse, slides, qd, work.mass_matrix, change)
+    for i in range(count):
+        qd[i] = qd[i] + change[i]
+        q[i] += dt * qd[i]
+
+
+@numba.njit(cache=True, inline="always")
+def _held(coulomb: np.ndarray, slides: np.ndarray, i: int) -> bool:
+    return coulomb[i] > 0.0 and slides[i] == 0.0
+
+
+@numba.njit(cache=True)
+def _slide(
+    coulomb: np.ndarray,
+    dt: float,
+    impulse: np.ndarray,
+    slides: np.ndarray,
+    qd: np.ndarray,
+    mass: np.ndarray,
+    matrix: np.ndarray,
+    change: np.ndarray,
+) -> None:
+    """Write the changes (n,) of velocity if joints slide (-1, 1) and are held (0) as guessed."""
+    count = len(qd)
+    for i in range(count):
+        if _held(coulomb, slides, i):
+            change[i] = -qd[i]
+        else:
+            change[i] = impulse[i] - dt * coulomb[i] * slides[i]
+    for i in range(count):
+        held = _held(coulomb, slides, i)
+        for j in range(i + 1):
+            other = _held(coulomb, slides, j)
+            matrix[j, i] = mass[i, j]
+            if held != other:  # what is held is known, and goes to the right side
+                matrix[j, i] = 0.0
+                if held:
+                    change[j] -= mass[i, j] * change[i]
+                else:
+                    change[i] -= mass[i, j] * change[j]
+            elif held:
+                matrix[j, i] = 1.0 if i == j else 0.0
+    factorise(matrix)
+    solve(matrix, change)
+
+
+@numba.njit(cache=True)
+def _put_right(
+    coulomb: np.ndarray,
+    dt: float,
+    impulse: np.ndarray,
+    slides: np.ndarray,
+    qd: np.ndarray,
+    mass: np.ndarray,
+    change: np.ndarray,
+) -> int:
+    """Correct the guess of the first joint that contradicts it; return which, -1 if none does."""
+    for i in range(len(qd)):
+        if coulomb[i] == 0.0:
+            continue
+        if slides[i] != 0.0:
+            if slides[i] * (qd[i] + change[i]) < 0.0:
+                slides[i] = 0.0
+                return i
+        else:
+            needed = -impulse[i]
+            for j in range(len(qd)):
+                needed += mass[max(i, j), min(i, j)] * change[j]
+            if abs(needed) > dt * coulomb[i] * (1.0 + TIE):
+                slides[i] = -np.sign(needed)
+                return i
+    return -1

@@ -1,0 +1,244 @@
+"""An arm with a model in its controller, tick by tick: in one compiled loop, or in PyBullet.
+
+The controller's tick is the same compiled function for both; what differs is who moves the arm. PyBullet is
+the reference: `agreement` says how far the compiled arm is from it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, get_args
+
+import numba
+import numpy as np
+
+from structlearn.rigid_body.any_model import InverseDynamics, model_torques
+from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
+from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference
+from structlearn.rigid_body.tree import Robot
+from structlearn.simulation.arm import Engine, Mechanics, Payload, carrying
+from structlearn.simulation.compiled_arm import step
+
+OVERSPEED = 1.5
+"""Multiple of its speed limit at which a joint counts as run away; overshoot stays below."""
+
+LARGEST_DIFFERENCE_RAD, LARGEST_DIFFERENCE_N_M = 1e-7, 1e-5
+"""Between both engines, of an arm that its controller holds; round-off of a light wrist comes to 2e-10 rad."""
+
+_FAULTS = ("", "speed limit", "joint limit", "not finite")
+
+
+class Controller(NamedTuple):
+    """What a control tick works with; made by `arm_motion.sine_controller` or `reaching.reaching_controller`.
+
+    Attributes:
+        model: inverse dynamics.
+        wanted: (T, n) rad of the joints, or (T, 3) m of the tool.
+        rate: likewise, per s.
+        change: likewise, per s^2.
+        stiffness: (n,) N m/rad, of the joints along their own path.
+        damping: (n,) N m s/rad.
+        of_tool: whether the path is the tool's.
+        tool: control of the tool along its path.
+    """
+
+    model: InverseDynamics
+    wanted: np.ndarray
+    rate: np.ndarray
+    change: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    of_tool: bool
+    tool: VelocityControl
+
+
+@dataclass(frozen=True)
+class SimulatedArm:
+    """An arm that can be let run.
+
+    Attributes:
+        robot: its URDF, which has the limits.
+        mechanics: what really moves.
+        dt: s per control tick and physics step.
+        engine: who moves it.
+        payload: that it takes on the way.
+        take_at: tick at which it does; None: never.
+    """
+
+    robot: Robot
+    mechanics: Mechanics
+    dt: float
+    engine: Engine
+    payload: Payload | None = None
+    take_at: int | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a controlled arm did; shorter than its reference where it was stopped.
+
+    Attributes:
+        q: (T, n) rad.
+        qd: (T, n) rad/s.
+        torques: (T, n) N m, of the drives during the step that follows, friction not taken off.
+        stopped: why it was stopped; None where it ran through.
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    torques: np.ndarray
+    stopped: str | None
+
+
+def run(arm: SimulatedArm, controller: Controller, q: np.ndarray, qd: np.ndarray) -> Run:
+    """Let a controller move an arm from a state (n,) along its path, until it ends or must be stopped.
+
+    A run is stopped as a robot's safety controller would: a joint is faster than `OVERSPEED` times its limit
+    or beyond its range, or the model's torques are no numbers. Torques beyond the drives' limits are cut off.
+    A latency delays them; until the first one arrives, the drives hold it already.
+    """
+    ticks, count = len(controller.wanted), len(q)
+    log = _Log(*(np.zeros((ticks + extra, count)) for extra in (1, 1, 0, 0)))
+    log.q[0], log.qd[0] = q, qd
+    move = _in_loop if arm.engine == "compiled" else _in_pybullet
+    end, fault = move(arm, controller, _drives(arm), log)
+    return Run(log.q[:end], log.qd[:end], log.torques[:end], _FAULTS[fault] or None)
+
+
+def agreement(move: Callable[[Engine], tuple[np.ndarray, np.ndarray]]) -> dict[str, float]:
+    """How far both engines are apart: largest differences `joint_rad` and `torque_n_m`.
+
+    Args:
+        move: runs the same with an engine; returns positions and torques (T, n).
+
+    Raises:
+        RuntimeError: they are further apart than `LARGEST_DIFFERENCE_RAD` or `LARGEST_DIFFERENCE_N_M`.
+    """
+    runs = [move(engine) for engine in get_args(Engine)]
+    joint, torque = (float(np.abs(one - other).max(initial=0.0)) for one, other in zip(*runs, strict=True))
+    if not (joint <= LARGEST_DIFFERENCE_RAD and torque <= LARGEST_DIFFERENCE_N_M):
+        raise RuntimeError(f"the compiled arm and PyBullet's differ by {joint:.3g} rad and {torque:.3g} N m")
+    return {"joint_rad": joint, "torque_n_m": torque}
+
+
+class _Drives(NamedTuple):
+    """Limits and drives, (n,) each; the latency is in ticks."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    fastest: np.ndarray
+    limit: np.ndarray
+    viscous: np.ndarray
+    ripple: np.ndarray
+    ripple_rad: float
+    latency: int
+
+
+class _Log(NamedTuple):
+    """States (T + 1, n) before every tick and after the last, commands and torques of the drives (T, n)."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    commands: np.ndarray
+    torques: np.ndarray
+
+
+def _drives(arm: SimulatedArm) -> _Drives:
+    tree, own = arm.robot.tree, arm.mechanics
+    return _Drives(
+        tree.lower, tree.upper, OVERSPEED * tree.velocity, arm.robot.model.effortLimit,
+        own.viscous, own.ripple, 2.0 * np.pi * own.ripple_waves, own.latency_steps,
+    )  # fmt: skip
+
+
+def _in_loop(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
+    """Ticks that were run, and the place in `_FAULTS` of what stopped it."""
+    tree, inertias = arm.robot.tree, arm.mechanics.inertias
+    free = body(tree, inertias)
+    loaded = free if arm.payload is None else body(tree, carrying(inertias, arm.payload))
+    take_at = len(log.torques) if arm.take_at is None else arm.take_at
+    work = workspace(len(tree.names))
+    return _loop(controller, drives, free, loaded, take_at, arm.mechanics.coulomb, arm.dt, log, work)
+
+
+@numba.njit(cache=True)
+def _loop(
+    controller: Controller,
+    drives: _Drives,
+    free: Body,
+    loaded: Body,
+    take_at: int,
+    coulomb: np.ndarray,
+    dt: float,
+    log: _Log,
+    work: Workspace,
+) -> tuple[int, int]:
+    for k in range(len(log.torques)):
+        own = free if k < take_at else loaded
+        dynamics(own, log.q[k], log.qd[k], work)
+        fault, torques = _tick(controller, drives, own, work, k, log)
+        if fault > 0:
+            return k, fault
+        q, qd = log.q[k + 1], log.qd[k + 1]
+        q[:] = log.q[k]
+        qd[:] = log.qd[k]
+        step(coulomb, torques, dt, work, q, qd)
+    return len(log.torques), 0
+
+
+def _in_pybullet(arm: SimulatedArm, controller: Controller, drives: _Drives, log: _Log) -> tuple[int, int]:
+    """As `_in_loop`."""
+    from structlearn.simulation.bullet_arm import BulletArm  # only here: reports and views need no PyBullet
+
+    tree, own = arm.robot.tree, arm.mechanics
+    kinematics, work = body(tree, own.inertias), workspace(len(tree.names))
+    with BulletArm(tree, own.inertias, own.coulomb, arm.dt, arm.payload) as moved:
+        moved.place(log.q[0], log.qd[0])
+        for k in range(len(log.torques)):
+            if k == arm.take_at:
+                moved.take_payload()
+            dynamics(kinematics, log.q[k], log.qd[k], work)
+            fault, torques = _tick(controller, drives, kinematics, work, k, log)
+            if fault > 0:
+                return k, fault
+            log.q[k + 1], log.qd[k + 1] = moved.step(torques)
+    return len(log.torques), 0
+
+
+@numba.njit(cache=True)
+def _tick(
+    controller: Controller, drives: _Drives, own: Body, work: Workspace, k: int, log: _Log
+) -> tuple[int, np.ndarray]:
+    """Check the state, decide and log; return what is wrong, and the torques on the joints.
+
+    Coulomb friction is not among them, and of the arm's body only the kinematics count.
+    """
+    q, qd, torques = log.q[k], log.qd[k], np.empty(len(drives.limit))
+    for i in range(len(q)):
+        if not (np.isfinite(q[i]) and np.isfinite(qd[i])):
+            return 3, torques
+        if abs(qd[i]) > drives.fastest[i]:
+            return 1, torques
+        if q[i] < drives.lower[i] or q[i] > drives.upper[i]:
+            return 2, torques
+    command = _command(controller, own, work, k, q, qd)
+    given = log.commands[max(k - drives.latency, 0)]
+    for i in range(len(q)):
+        if not np.isfinite(command[i]):
+            return 3, torques
+        log.commands[k, i] = min(max(command[i], -drives.limit[i]), drives.limit[i])
+        log.torques[k, i] = given[i] + drives.ripple[i] * np.sin(drives.ripple_rad * q[i])
+        torques[i] = log.torques[k, i] - drives.viscous[i] * qd[i]
+    return 0, torques
+
+
+@numba.njit(cache=True)
+def _command(
+    controller: Controller, own: Body, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
+) -> np.ndarray:
+    """The laws in the headers of `arm_motion` and `operational_space_velocity`."""
+    wanted, rate, change = controller.wanted[k], controller.rate[k], controller.change[k]
+    if controller.of_tool:
+        velocity, acceleration = joint_reference(controller.tool, own, work, q, qd, wanted, rate, change)
+        return model_torques(controller.model, q, qd, acceleration) + controller.damping * (velocity - qd)
+    feedback = controller.stiffness * (wanted - q) + controller.damping * (rate - qd)
+    return model_torques(controller.model, wanted, rate, change) + feedback
