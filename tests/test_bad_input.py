@@ -292,9 +292,7 @@ def test_networks_of_another_sensor(root, feedback, capsys):
     three = constant_network(channels=3)
     write_networks([(name, three) for name in NAMES[1:]], NETWORKS)
     change_parameters(feedback, "evaluate_feedback", settings_deg=[0], runs=1)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        message = complaint(root, "scraping/evaluate_feedback.py", capsys)
+    message = complaint(root, "scraping/evaluate_feedback.py", capsys)
     assert "the network of 'scrape' takes 3 channels, but its expected traces have 38" in message
 
 

@@ -24,25 +24,17 @@ from reporting_refinement import COSTS, CURVES, history, refinement_results
 from reporting_refinement import parameters as refinement_parameters
 from reporting_refinement import scores as refined_scores
 from reporting_scraping import demonstration, noise_table, positions_only, segmentation_results
+from reporting_verdicts import AnyFigure
 
 from structlearn.ground.artefacts import write_metrics
 from structlearn.reporting.claims import NO, NOT_TESTED, UNDECIDED, UNKNOWN, YES, Evidence
-from structlearn.reporting.document import Panel, render, words_in_view
-from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.evidence import mean_ratio, weakest
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
 
 NO_ABLATIONS = pd.DataFrame()
-PICTURE = np.full((8, 8, 3), 255, np.uint8)
-
-
-class AnyFigure(dict):
-    """Panels for whatever figure a template asks for."""
-
-    def __missing__(self, name):
-        return [Panel(f"figures/{name}.svg", 10, 10)]
 
 
 @pytest.fixture(scope="module")
@@ -112,19 +104,6 @@ def test_positions_alone_give_a_page_that_is_not_called_simulated(made, seeds):
     assert verdicts(report, "index")["least_cut_error"] == NOT_TESTED
     assert not [key for key in report.metrics if key.startswith(("cut_error", "sweep"))]
     assert not [key for key in report.metrics if key.endswith("deg")]
-
-
-def test_the_whole_report_shows_every_figure_and_headlines_are_few(
-    segmentation, feedback, settings, monkeypatch, tmp_path
-):
-    monkeypatch.setattr(module, "scraping_still", lambda run, board_deg: PICTURE)
-    report = scraping_report(segmentation, feedback, refinement_results(), NO_ABLATIONS, settings)
-    made = report.pages, report.drawings, report.tables, report.metrics, report.headlines
-    publish_report(tmp_path, *made)  # an unknown figure, table, source or value raises
-    text = "".join((tmp_path / f"{name}.html").read_text() for name in report.pages)
-    shown = {re.sub(r"-\d+$", "", name) for name in re.findall(r'src="figures/([\w-]+)\.', text)}
-    assert shown == set(report.drawings)
-    assert not re.search(r'(src|href)="(https?:)?//', text)
 
 
 def test_every_claim_holds_where_the_data_say_so(made, feedback, segmentation):
