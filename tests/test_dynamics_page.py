@@ -50,6 +50,12 @@ def verdicts(results):
     return reporting_verdicts.verdicts(page.__name__, evidence(results))
 
 
+@pytest.fixture(scope="module")
+def told(results):
+    """Verdicts as the results stand."""
+    return verdicts(results)
+
+
 def changed(results, table, chosen, **columns):
     """The same with other values in some rows of a table, given as wanted values by column."""
     frame = getattr(results, table).copy()
@@ -120,28 +126,28 @@ def test_metrics_are_all_there_and_the_first_ones_few(results):
         ("agreement", lambda it: replace(it, agreement=it.agreement.assign(compiled_n_m=1e-8))),
     ],
 )
-def test_claims_can_hold_and_fail(results, claim, change):
-    assert verdicts(results)[claim] == "yes"
+def test_claims_can_hold_and_fail(results, told, claim, change):
+    assert told[claim] == "yes"
     assert verdicts(change(results))[claim] == "no"
 
 
-def test_nothing_follows_from_a_network_that_never_met_the_criterion(results):
+def test_nothing_follows_from_a_network_that_never_met_the_criterion(results, told):
     claims = ("networks_over_strict", "networks_oscillate")
     calm = with_scores(
         with_scores(trained(results), "mlp", velocity_nmse=0.001), "delan", velocity_nmse=0.001
     )
-    for case, verdict in ((results, "not tested"), (trained(results), "yes"), (calm, "no")):
-        assert {verdicts(case)[claim] for claim in claims} == {verdict}
+    for found, verdict in ((told, "not tested"), (verdicts(trained(results)), "yes"), (verdicts(calm), "no")):
+        assert {found[claim] for claim in claims} == {verdict}
     unlearned = with_outcomes(results, "delan", ROBOT, nmse_mean=4.0)
     assert verdicts(unlearned)["robot_delan_ran"] == "not tested"
 
 
-def test_best_is_not_good_online(results):
-    assert verdicts(results)["online_absolute"] == "no"
+def test_best_is_not_good_online(results, told):
+    assert told["online_absolute"] == "no"
     for model in ("spd", "tri", "cov"):
         results = with_online(results, model, 1e-3)
-    assert verdicts(results)["online_absolute"] == "yes"
-    assert verdicts(results)["online_scaled"] == "yes"
+    found = verdicts(results)
+    assert found["online_absolute"] == found["online_scaled"] == "yes"
 
 
 def test_a_stopped_run_counts_as_an_arm_that_does_not_move(results):
