@@ -23,9 +23,10 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The pipelines first, which take longest, and last what waits for them in another process."""
+    """First the pipeline, which takes longest, and last what would wait for it in another process."""
     waiting = {item.path for item in items if "reduced_project" in item.fixturenames}
-    items.sort(key=lambda item: (not item.path.name.startswith("test_pipeline"), item.path in waiting))
+    waiting -= {ROOT / "tests/test_pipeline.py"}
+    items.sort(key=lambda item: (item.path in waiting, not item.path.name.startswith("test_pipeline")))
 
 
 @pytest.fixture(scope="session")
