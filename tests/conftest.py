@@ -1,30 +1,53 @@
 """Settings and small data that several test files share."""
 
+import fcntl
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 import recordings_bags
 from hypothesis import settings
+from reduced_pipeline import by_hand, clone
 
 from structlearn.ground import quaternion
+from structlearn.ground.parallel import BACKEND
 from structlearn.recordings.demonstration import Demonstration
 
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("repeatable")
 
+os.environ.setdefault(BACKEND, "sequential")  # tests of processes ask for them; starting them takes long
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The pipelines first: they take longest, and all others fill the other processes meanwhile."""
-    items.sort(key=lambda item: not item.path.name.startswith("test_pipeline"))
+    """First the pipeline, which takes longest, and last what would wait for it in another process."""
+    waiting = {item.path for item in items if "reduced_project" in item.fixturenames}
+    waiting -= {ROOT / "tests/test_pipeline.py"}
+    items.sort(key=lambda item: (item.path in waiting, not item.path.name.startswith("test_pipeline")))
 
 
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The project's root."""
     return ROOT
+
+
+@pytest.fixture(scope="session")
+def reduced_project(root, tmp_path_factory) -> Path:
+    """Whole pipeline on reduced parameters, run once for all tests, which only read it."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
+    project, finished = folder / "reduced_project", folder / "reduced_project.finished"
+    with open(folder / "reduced_project.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not finished.exists():
+            by_hand(clone(root, project))
+            finished.touch()
+    return project
 
 
 @pytest.fixture(scope="session")

@@ -122,6 +122,11 @@ def make_recording(name="demo", seed=0, count=40, fingers=2, provenance=None, se
     return Recording(name, tuple(streams), segments, provenance or {"origin": "simulated", "seed": str(seed)})
 
 
+def as_recorded(recordings):
+    """The same streams as a robot would have recorded them: nobody knows where the primitives lie."""
+    return [Recording(one.name, one.streams, None, {"origin": "recorded"}) for one in recordings]
+
+
 def recorded_data(name):
     """Folder of a public data set: below RECORDED_DATA, by default beside the repository in `shared`."""
     default = Path(__file__).resolve().parents[1] / ".." / "shared"

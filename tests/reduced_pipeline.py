@@ -4,10 +4,13 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import yaml
 from committed import merged
+
+from structlearn.ground.parallel import BACKEND
 
 REDUCED = {
     "simulate": {"count": 4},
@@ -29,7 +32,7 @@ REDUCED = {
         "search": {"samples": 3},
     },
     "evaluate_refinement": {"settings_deg": [0, 5, 10], "runs": 1},
-    "compare_search": {"budget": 14, "seeds": 1, "evaluation_runs": 1},
+    "compare_search": {"budget": 13, "seeds": 1, "evaluation_runs": 1},
     "obstacle_scene": {"settings": 3},
     "obstacle_demonstrator": {"baseline_count": 3, "count": 3},
     "obstacle_training": {
@@ -65,7 +68,7 @@ REDUCED = {
     },
     "inspect_servoing": {"demonstrations": ["rotation_1_1", "translation_1_1"], "trials": 1},
     "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
-    "recorded_corrections": {"splits": 2},
+    "recorded_corrections": {"splits": 5},
     "recorded_avoidance": {
         "folds": 2,
         "network": {"hidden": [6], "members": 2, "training": {"iterations": 5}},
@@ -111,8 +114,43 @@ def clone(root: Path, target: Path) -> Path:
 
 
 def environment() -> dict[str, str]:
-    """The environment in which `python` and `dvc` are those of the tests."""
-    return {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    """In which `python` and `dvc` are those of the tests, and work is spread as it is for a user."""
+    kept = {name: value for name, value in os.environ.items() if name != BACKEND}
+    return kept | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+
+
+def by_hand(
+    project: Path,
+    stages: Iterable[str] | None = None,
+    file: str = "dvc.yaml",
+    spread: bool = False,
+    **variables: str,
+) -> Path:
+    """Run stages in the order of their file in one process without DVC, to spare their starts.
+
+    Args:
+        project: a clone.
+        stages: names of some; None for all.
+        file: that lists them.
+        spread: their work is spread over processes.
+        variables: of the environment.
+
+    Returns:
+        The project.
+    """
+    listed = yaml.safe_load((project / file).read_text())["stages"]
+    scripts = [stage["cmd"].split()[1] for name, stage in listed.items() if stages is None or name in stages]
+    alone = {} if spread else {BACKEND: "sequential"}
+    command = [sys.executable, "-c", ONE_BY_ONE, *scripts]
+    subprocess.run(command, cwd=project, env=environment() | alone | variables, check=True)
+    return project
+
+
+ONE_BY_ONE = """
+import runpy, sys
+for script in sys.argv[1:]:
+    runpy.run_path(script, run_name="__main__")
+"""
 
 
 def repro(project: Path, *options: str, **variables: str) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import NO_TOPICS, committed
+from committed import NO_TOPICS, committed, parameter_tree
 from feedback_toy import toy_dataset
 from recordings_bags import header, pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill
@@ -23,20 +23,23 @@ TOPIC = "/tool"
 
 
 @pytest.fixture
-def project(root, tmp_path, monkeypatch) -> Path:
+def project(tmp_path, monkeypatch) -> Path:
     """An empty project with the real parameters; its demonstrations come from `bags`."""
-    parameters = yaml.safe_load((root / "params.yaml").read_text())
-    parameters["record"] = {"source": "bags", "topics": {"pose": TOPIC} | NO_TOPICS}
-    (tmp_path / "params.yaml").write_text(yaml.safe_dump(parameters))
+    own = {"record": {"source": "bags", "topics": NO_TOPICS | {"pose": TOPIC}}}
+    write_parameters(parameter_tree(own), tmp_path)
     (tmp_path / "bags").mkdir()
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
+def write_parameters(parameters: dict, folder: Path) -> None:
+    (folder / "params.yaml").write_text(yaml.dump(parameters, Dumper=yaml.CSafeDumper))
+
+
 def change_parameters(project: Path, key: str, **values) -> None:
-    parameters = yaml.safe_load((project / "params.yaml").read_text())
+    parameters = yaml.load((project / "params.yaml").read_text(), yaml.CSafeLoader)
     parameters[key].update(values)
-    (project / "params.yaml").write_text(yaml.safe_dump(parameters))
+    write_parameters(parameters, project)
 
 
 def contents() -> dict[Path, bytes]:
@@ -292,9 +295,7 @@ def test_networks_of_another_sensor(root, feedback, capsys):
     three = constant_network(channels=3)
     write_networks([(name, three) for name in NAMES[1:]], NETWORKS)
     change_parameters(feedback, "evaluate_feedback", settings_deg=[0], runs=1)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        message = complaint(root, "scraping/evaluate_feedback.py", capsys)
+    message = complaint(root, "scraping/evaluate_feedback.py", capsys)
     assert "the network of 'scrape' takes 3 channels, but its expected traces have 38" in message
 
 

@@ -37,14 +37,6 @@ def test_each_stopping_is_the_lowest_of_its_own_part(table):
     assert (validation["validation"] <= optimistic["validation"]).all()
 
 
-def test_processes_do_not_change_a_number(table, monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "sequential")
-    names = ("ffnn_phase", "pmnn_6")
-    again = model_comparison.compare_representations(toy_dataset(), QUICK, names)
-    expected = pd.concat([table[table["representation"] == name] for name in names], ignore_index=True)
-    pd.testing.assert_frame_equal(again, expected, check_exact=True)
-
-
 def made_up(errors):
     """A table with given generalisation errors per representation and fold."""
     rows = [

@@ -7,7 +7,6 @@ from structlearn.avoidance.learned_models import read_models, write_models
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
 from structlearn.avoidance.shapes import obstacle
 from structlearn.feedback.supervised_training import TrainingParameters
-from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
@@ -30,16 +29,9 @@ PARAMETERS = committed(
 )
 
 
-@pytest.fixture(autouse=True)
-def _here(monkeypatch):
-    monkeypatch.setenv(parallel.BACKEND, "sequential")
-
-
 @pytest.fixture(scope="module")
 def learned():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(parallel.BACKEND, "sequential")
-        return learn(toy_dataset(scenarios=4), SCENARIOS, PARAMETERS)
+    return learn(toy_dataset(scenarios=4), SCENARIOS, PARAMETERS)
 
 
 def test_every_source_has_its_models_and_errors(learned):

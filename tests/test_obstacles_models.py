@@ -14,7 +14,6 @@ from structlearn.avoidance.phase_modulated import (
 )
 from structlearn.feedback.pmnn import write_networks
 from structlearn.feedback.supervised_training import TrainingParameters
-from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 
@@ -24,11 +23,6 @@ SPLIT = committed(SplitParameters, "obstacle_training.split", test_share=0.2)
 
 def chosen(**changes):
     return committed(NetworkParameters, "obstacle_training.per_setting", **changes)
-
-
-@pytest.fixture(autouse=True)
-def _here(monkeypatch):
-    monkeypatch.setenv(parallel.BACKEND, "sequential")  # starting processes would take most of the time
 
 
 def toy_dataset(scenarios=2, demonstrations=5, samples=25, noise=0.05, size=(0.0, 2.0, 0.2), seed=0):

@@ -16,8 +16,8 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario
 PARAMETERS = committed(
     AvoidanceEvaluationParameters,
     "obstacle_evaluation",
-    rate_hz=50.0,
-    kept_every=2,
+    rate_hz=25.0,
+    kept_every=1,
     speeds_m_s=(0.1, 0.3),
     pairs=12,
 )

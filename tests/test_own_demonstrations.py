@@ -2,26 +2,18 @@
 
 import json
 import runpy
-from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
-from committed import NO_TOPICS, committed, merged
+from committed import NO_TOPICS, merged, parameter_tree
 from conftest import minimum_jerk
-from recordings_bags import pose_messages, write_bag
+from recordings_bags import as_recorded, pose_messages, write_bag
+from reduced_pipeline import REDUCED
 
-from structlearn.feedback.skill import ReactiveSkill, read_skill
-from structlearn.primitives.fitting import FitParameters, learn_sequence
-from structlearn.recordings import write_recordings
-from structlearn.recordings.clock import synchronise
-from structlearn.recordings.recording import Recording
-from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.segments import cut
-from structlearn.testbeds.scraping.protocol.executions import corrected_runs, executions, nominal_runs
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
-from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.feedback.skill import read_skill
+from structlearn.recordings import read_recordings, write_recordings
 
 STAGES = (
     "scraping/record_nominal.py",
@@ -44,8 +36,11 @@ STAGES = (
 )
 
 
-def report_values() -> dict:
-    """Headline figures and details of the report."""
+def report_values(root: Path, parameters: dict[str, Any]) -> dict[str, Any]:
+    """Headline figures and details of the report, after all stages in the working directory."""
+    Path("params.yaml").write_text(yaml.safe_dump(parameters))
+    for stage in STAGES:
+        runpy.run_path(str(root / "stages" / stage), run_name="__main__")
     return {
         key: value
         for name in ("metrics", "details")
@@ -63,17 +58,14 @@ def write_reach(path: Path, duration: float, rest: float) -> None:
 
 
 def test_another_task_goes_through_to_the_report(root, tmp_path, monkeypatch):
-    (tmp_path / "bags").mkdir()
+    monkeypatch.chdir(tmp_path)
+    Path("bags").mkdir()
     for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
-        write_reach(tmp_path / "bags" / f"take_{number}.mcap", duration, rest)
-    parameters = yaml.safe_load((root / "params.yaml").read_text())
+        write_reach(Path(f"bags/take_{number}.mcap"), duration, rest)
+    parameters = parameter_tree(REDUCED)
     parameters["record"] = {"source": "bags", "topics": {"pose": "/arm/pose"} | NO_TOPICS}
     parameters["segment"]["primitives"] = [{"name": "reach", "axis": "xyz", "threshold_m_s": 0.05}]
-    (tmp_path / "params.yaml").write_text(yaml.safe_dump(parameters))
-    monkeypatch.chdir(tmp_path)
-    for stage in STAGES:
-        runpy.run_path(str(root / "stages" / stage), run_name="__main__")
-    values = report_values()
+    values = report_values(root, parameters)
     assert values["demonstrations"] == 3
     assert not values["simulated"]
     assert values["fit_reach_mean_mm"] < 2.0
@@ -83,42 +75,21 @@ def test_another_task_goes_through_to_the_report(root, tmp_path, monkeypatch):
     assert 'class="badge"' not in page  # nothing on it is simulated
 
 
-def as_recorded(recordings: Iterable[Recording]) -> list[Recording]:
-    """The same streams as a robot would have recorded them: nobody knows where the primitives lie."""
-    return [Recording(one.name, one.streams, None, {"origin": "recorded"}) for one in recordings]
-
-
-def test_own_executions_and_corrections_give_feedback_models(root, tmp_path, monkeypatch):
-    testbed = committed(TestbedParameters, "testbed")
-    nominal = guided_demonstrations(committed(DemonstratorParameters, "simulate", count=4), testbed)
-    demonstrations = [synchronise(recording, 300.0) for recording in nominal]
-    parameters = yaml.safe_load((root / "params.yaml").read_text())
-    segmentation = cut(demonstrations, committed(SegmentParameters, "segment"))
-    skill = ReactiveSkill(
-        learn_sequence(demonstrations, segmentation.results, committed(FitParameters, "fit_primitives"))
-    )
-    write_recordings(as_recorded(nominal), tmp_path / "bags" / "nominal")
-    write_recordings(
-        as_recorded(executions(skill, nominal_runs(2), testbed)), tmp_path / "bags" / "executions"
-    )
-    corrected = as_recorded(executions(skill, corrected_runs([5.0], 3), testbed))
-    write_recordings(corrected, tmp_path / "bags" / "corrections" / "5")
-
-    topics = NO_TOPICS | {"pose": "/pose", "wrench": "/wrench", "tactile": ["/tactile/0", "/tactile/1"]}
-    parameters["record"] = {"source": "bags/nominal", "topics": topics}
-    parameters["expected_traces"]["source"] = "bags/executions"
-    parameters["record_corrections"] |= {"source": "bags/corrections", "settings_deg": [5]}
-    parameters["coupling_dataset"]["settings_deg"] = [5]
-    quick = {"hidden": [8], "pointwise": {"steps": 100}, "unrolled": {"steps": 10}}
-    parameters["train_feedback"] = merged(parameters["train_feedback"], quick)
-    parameters["compare_models"] |= {"steps": 20, "evaluate_every": 10}
-    parameters["time_controller"]["ticks"] = 200
-    (tmp_path / "params.yaml").write_text(yaml.safe_dump(parameters))
+def test_own_executions_and_corrections_give_feedback_models(root, reduced_project, tmp_path, monkeypatch):
+    """The simulated testbed's, as a robot would have recorded them."""
     monkeypatch.chdir(tmp_path)
-    for stage in STAGES:
-        runpy.run_path(str(root / "stages" / stage), run_name="__main__")
-
-    values = report_values()
+    raw, folders = reduced_project / "data/raw/scraping", ("nominal", "unrolls", "corrections/5")
+    for folder in folders:
+        write_recordings(as_recorded(read_recordings(raw / folder)), Path("bags") / folder)
+    topics = {"pose": "/pose", "wrench": "/wrench", "tactile": ["/tactile/0", "/tactile/1"]}
+    own = {
+        "record": {"source": "bags/nominal", "topics": NO_TOPICS | topics},
+        "expected_traces": {"source": "bags/unrolls"},
+        "record_corrections": {"source": "bags/corrections", "settings_deg": [5]},
+        "coupling_dataset": {"settings_deg": [5]},
+    }
+    parameters = merged(parameter_tree(REDUCED), own)
+    values = report_values(root, parameters)
     assert values["pmnn_prim2_generalization_nmse"] > 0.0
     assert not any(name.startswith("cost_ratio") for name in values)  # the board is the simulated one
     axis = np.array(parameters["coupling_dataset"]["axis"])

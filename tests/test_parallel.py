@@ -40,6 +40,11 @@ def expected(count, deadly):
     return [("lost", item) if item in deadly else item**2 for item in range(count)]
 
 
+@pytest.fixture(autouse=True)
+def _in_processes(monkeypatch):
+    monkeypatch.delenv(parallel.BACKEND)  # the tests\' own choice
+
+
 @pytest.fixture(params=["1", "2"])
 def count(request, monkeypatch):
     """Number of processes."""

@@ -1,22 +1,40 @@
 """The real pipeline, end to end, on reduced parameters in a temporary clone."""
 
 import json
+import re
+import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import pytest
 import yaml
-from reduced_pipeline import artefacts, clone, environment, repro
+from reduced_pipeline import artefacts, by_hand, clone, environment, repro
+
+from structlearn.reporting.document import words_in_view
 
 CUTTING = ["record_nominal", "segment", "fit_primitives"]
-"""Stages on which DVC itself is tried; the others run in one process without it, to spare their starts."""
+"""Stages on which DVC itself is tried."""
 
+SPREAD = (
+    "segment_sweep",
+    "expected_traces",
+    "compare_models",
+    "obstacle_demonstrate",
+    "obstacle_train",
+    "train_dynamics",
+    "online",
+    "track",
+    "geodesics",
+    "train_latent",
+    "servo",
+)
+"""Stages that spread their work over processes, each in its own way, and that are done soon."""
 
-@pytest.fixture(scope="module")
-def project(root, tmp_path_factory) -> Path:
-    return all_by_hand(clone(root, tmp_path_factory.mktemp("clone")))
+TESTBEDS = {"scraping": 6, "obstacles": 4, "dynamics": 4, "servoing": 3}
+"""With the number of their recordings."""
 
 
 @pytest.fixture(scope="module")
@@ -28,50 +46,57 @@ def watched(root, tmp_path_factory) -> Path:
     return project
 
 
-def all_by_hand(project: Path, **variables: str) -> Path:
-    """Every stage of the main pipeline in order, in one process."""
-    subprocess.run(
-        [sys.executable, "-c", ALL_BY_HAND], cwd=project, env=environment() | variables, check=True
-    )
-    return project
+@pytest.fixture
+def copied(reduced_project, tmp_path) -> Path:
+    """The finished project, to run stages in it again."""
+    return Path(shutil.copytree(reduced_project, tmp_path / "copied", symlinks=True))
 
 
-def test_everything_is_there(project):
-    stages = yaml.safe_load((project / "dvc.yaml").read_text())["stages"]
+def test_everything_is_there(reduced_project):
+    stages = yaml.safe_load((reduced_project / "dvc.yaml").read_text())["stages"]
     for stage in stages.values():
         for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
-            path = project / (out if isinstance(out, str) else next(iter(out)))
+            path = reduced_project / (out if isinstance(out, str) else next(iter(out)))
             assert path.stat().st_size, path
-    for testbed, count in {"scraping": 6, "obstacles": 4, "dynamics": 4, "servoing": 3}.items():
-        assert len(list((project / "reports/recordings" / testbed).glob("*.rrd"))) == count
-        values = json.loads((project / "reports" / testbed / "metrics.json").read_text())
+    for testbed, count in TESTBEDS.items():
+        assert len(list((reduced_project / "reports/recordings" / testbed).glob("*.rrd"))) == count
+        values = json.loads((reduced_project / "reports" / testbed / "metrics.json").read_text())
         assert sum(values[f"claims_{word}"] for word in ("yes", "no", "undecided", "not_tested"))
-    assert not list(project.rglob(".publish-*"))
+    assert not list(reduced_project.rglob(".publish-*"))
 
 
-def test_pages_name_only_files_that_are_there(project):
-    made = [project / "reports" / testbed for testbed in ("scraping", "obstacles", "dynamics", "servoing")]
-    for page in [
-        project / "reports/index.html",
-        *(page for folder in made for page in folder.glob("*.html")),
-    ]:
-        for link in page.read_text().replace('src="', 'href="').split('href="')[1:]:
-            target = link.split('"')[0].split("#")[0]
-            elsewhere = target.startswith(("../recorded", "recorded", "calibration", "ablations", "times"))
-            if target and not elsewhere:
-                assert (page.parent / target).exists(), f"{page}: {target}"
+@pytest.mark.parametrize("testbed", ["", *TESTBEDS])
+def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, testbed):
+    """And those of a testbed name every figure and table beside them, and load nothing from elsewhere."""
+    folder = reduced_project / "reports" / testbed
+    linked = set()
+    for page in folder.glob("*.html"):
+        text = page.read_text()
+        assert words_in_view(text) <= 1500
+        assert not re.search(r'(src|href)="(https?:)?//', text)
+        assert not re.search(
+            r"\bnan\b", re.sub(r"<(style|script)>.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
+        )
+        targets = {link.split("#")[0] for link in re.findall(r'(?:src|href)="([^"]*)"', text)}
+        elsewhere = ("../recorded", "recorded", "calibration", "ablations", "times")
+        linked |= {target for target in targets if target and not target.startswith(elsewhere)}
+    assert {target for target in linked if not (folder / target).exists()} == set()
+    for still in folder.glob("figures/*still*.png"):
+        assert plt.imread(still).std() > 0.02  # not a void
+    if testbed:
+        assert {path.relative_to(folder).as_posix() for path in folder.glob("*s/*")} <= linked
 
 
-def test_same_inputs_and_seed_give_the_same_bytes(root, project, tmp_path):
-    """Also with another number of processes and another order of hashes."""
-    again = all_by_hand(clone(root, tmp_path), STRUCTLEARN_PROCESSES="1", PYTHONHASHSEED="7")
-    first, second = artefacts(project), artefacts(again)
-    assert first.keys() == second.keys()
-    assert [path for path in first if first[path] != second[path]] == []
+def test_more_processes_give_the_same_bytes(reduced_project, copied):
+    """And another order of hashes."""
+    again = artefacts(by_hand(copied, SPREAD, spread=True, PYTHONHASHSEED="7"))
+    once = artefacts(reduced_project)
+    assert once.keys() == again.keys()
+    assert [path for path in once if once[path] != again[path]] == []
 
 
-def test_dvc_makes_the_same_and_keeps_the_times(watched, project):
-    made, by_hand = artefacts(watched), artefacts(project)
+def test_dvc_makes_the_same_and_keeps_the_times(watched, reduced_project):
+    made, by_hand = artefacts(watched), artefacts(reduced_project)
     assert {path: data for path, data in made.items() if path.startswith("data")}.items() <= by_hand.items()
     assert set(json.loads((watched / "reports/times/stages.json").read_text())) == {
         f"stages/scraping/{name}.py" for name in CUTTING
@@ -99,47 +124,36 @@ def test_rewording_a_page_makes_only_that_page_again(watched):
     assert [name for name, stage in stages.items() if template in stage["deps"]] == ["report_obstacles"]
 
 
-def test_a_killed_stage_leaves_nothing_half_written(project):
+def test_a_killed_stage_leaves_nothing_half_written(reduced_project, copied):
     """Killed after its second table of three; what stood there before stays, the next run does the rest."""
-    before = artefacts(project)
-    script = "stages/scraping/fit_primitives.py"
-    assert killed(project, KILLED_HALF_WAY, script) == -signal.SIGKILL
-    kept = {path: data for path, data in artefacts(project).items() if ".publish-" not in path}
+    before = artefacts(reduced_project)
+    assert killed(copied, KILLED_HALF_WAY, "stages/scraping/fit_primitives.py") == -signal.SIGKILL
+    kept = {path: data for path, data in artefacts(copied).items() if ".publish-" not in path}
     assert kept == before
-    subprocess.run([sys.executable, script], cwd=project, env=environment(), check=True)
-    assert artefacts(project) == before
-    assert not list(project.rglob(".publish-*"))
+    assert artefacts(by_hand(copied, ["fit_primitives"])) == before
+    assert not list(copied.rglob(".publish-*"))
 
 
-def test_a_killed_refinement_keeps_its_iterations(project):
+def test_a_killed_refinement_keeps_its_iterations(reduced_project, copied):
     """Killed after the first iteration of the first primitive; the next run does only what is missing."""
-    before = artefacts(project)
     script = "stages/scraping/refine.py"
-    assert killed(project, KILLED_AFTER_AN_ITERATION, script) == -signal.SIGKILL
-    unfinished = project / "data/unfinished"
+    assert killed(copied, KILLED_AFTER_AN_ITERATION, script) == -signal.SIGKILL
+    unfinished = copied / "data/unfinished"
     (kept,) = unfinished.iterdir()
     assert [path.name for path in sorted(kept.iterdir())] == ["000", "001"]
     done = subprocess.run(
-        [sys.executable, script], cwd=project, env=environment(), capture_output=True, text=True, check=True
+        [sys.executable, script], cwd=copied, env=environment(), capture_output=True, text=True, check=True
     )
     told = [line.split(":")[0] for line in done.stdout.splitlines() if "iteration" in line]
     assert told == ["scrape, iteration 0", "scrape, iteration 1"]
     assert not unfinished.exists()
-    assert artefacts(project) == before
+    assert artefacts(copied) == artefacts(reduced_project)
 
 
 def killed(project: Path, code: str, script: str) -> int:
     """Exit code of a stage that kills itself on the way."""
     command = [sys.executable, "-c", code, script]
     return subprocess.run(command, cwd=project, env=environment(), check=False).returncode
-
-
-ALL_BY_HAND = """
-import runpy, sys, yaml
-for stage in yaml.safe_load(open("dvc.yaml"))["stages"].values():
-    sys.argv = stage["cmd"].split()[1:]
-    runpy.run_path(sys.argv[0], run_name="__main__")
-"""
 
 
 KILLED_HALF_WAY = """

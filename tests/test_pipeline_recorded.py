@@ -1,29 +1,105 @@
-"""The pipeline on recorded data, end to end, on reduced parameters in a temporary clone."""
+"""The pipeline on recorded data, end to end, on reduced parameters, and what must hold of the recordings."""
 
 import json
+import shutil
+from pathlib import Path
 
-from reduced_pipeline import clone, repro
+import numpy as np
+import pandas as pd
+import pytest
+from reduced_pipeline import by_hand, clone, repro
+
+from structlearn.testbeds.recorded.files import RecordedFiles
+
+FILE = "stages/recorded/dvc.yaml"
 
 
-def test_recorded_data_have_a_pipeline_of_their_own(root, recorded_data, tmp_path):
-    project = clone(root, tmp_path)
-    ran = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
-    stages = {stage.split(":")[-1] for stage in ran}
-    assert {
-        "import_recordings",
-        "reaches",
-        "corrected_reaches",
-        "unscrewing",
-        "scraping",
-        "slides",
-        "avoidance",
-        "dynamics",
-        "latent_touch",
-    } <= stages
-    assert {"inspect", "report"} <= stages
-    values = json.loads((project / "reports/recorded/metrics.json").read_text())
-    assert values["reach_cut_error_ms_2mm"] <= 40.0
+@pytest.fixture(scope="module")
+def project(root, recorded_data, reduced_project, tmp_path_factory) -> Path:
+    """Every stage has run, without DVC."""
+    project = clone(root, tmp_path_factory.mktemp("recorded"))
+    simulated = "data/raw/scraping/unrolls"  # whose touch is compared with what was recorded
+    shutil.copytree(reduced_project / simulated, project / simulated)
+    return by_hand(project, file=FILE, RECORDED_DATA=str(recorded_data.resolve()))
+
+
+@pytest.fixture(scope="module")
+def tables(project) -> dict[str, pd.DataFrame]:
+    return RecordedFiles(project / "data").tables()
+
+
+@pytest.fixture(scope="module")
+def values(project) -> dict[str, float]:
+    """Metrics and details of the report."""
+    files = (project / f"reports/recorded/{name}.json" for name in ("metrics", "details"))
+    return {key: value for file in files for key, value in json.loads(file.read_text()).items()}
+
+
+def test_everything_is_shown(project):
+    assert json.loads((project / "reports/calibration/metrics.json").read_text())["compared"]
     recordings = {path.stem for path in (project / "reports/recordings/recorded").glob("*.rrd")}
     assert {"reaches", "corrected_reaches", "unscrewing", "scraping_recorded", "slides"} <= recordings
-    again = repro(project, "stages/recorded/dvc.yaml", RECORDED_DATA=str(recorded_data.resolve()))
-    assert [stage.split(":")[1] for stage in again] == ["import_recordings"]  # it always looks
+
+
+def test_the_import_runs_whenever_dvc_is_asked_for_anything(project, recorded_data):
+    asked, variables = f"{FILE}:unscrewing", {"RECORDED_DATA": str(recorded_data.resolve())}
+    assert repro(project, asked, **variables) == [f"{FILE}:import_recordings", asked]
+    assert repro(project, asked, **variables) == [f"{FILE}:import_recordings"]
+
+
+def test_reaches_are_found_between_rests(values):
+    assert values["reach_cut_error_ms_0p5mm"] < 25.0
+    assert values["reach_cut_error_ms_2mm"] <= 40.0
+
+
+def test_one_primitive_serves_all_reaches(tables, values):
+    errors = tables["reach_errors"]
+    learned = errors[errors["variant"] == "learned from"]
+    assert len(learned) == 97
+    assert learned["mean_mm"].mean() <= 16.7
+    assert learned["end_mm"].max() <= 0.4
+    assert set(errors["variant"].value_counts()) == {97}  # also left out, and without scaling
+    assert abs(values["reach_own_spread_mm"] - 17.3) < 0.2
+
+
+def test_phase_alone_reproduces_the_higher_reaches(tables):
+    distances, scores = tables["coupling_distances"], tables["coupling_scores"]
+    means = distances.groupby("split")[["nominal_mm", "coupling_mm", "spread_mm"]].mean().mean()
+    assert means["nominal_mm"] > 55.0
+    assert means["coupling_mm"] < 20.0
+    assert abs(means["coupling_mm"] - means["spread_mm"]) < 1.0  # as good as their own mean
+    assert (distances["coupling_mm"] < distances["nominal_mm"]).all()
+    assert distances["end_share"].mean() < 0.02
+    assert scores["target_end_share"].max() < 0.02
+
+
+def test_unscrewing_turns_nearly_all_the_way_round(tables):
+    errors = tables["unscrewing_errors"]
+    single, joint = errors[errors["learned_from"] != "all"], errors[errors["learned_from"] == "all"]
+    assert (single["turn_deg"] > 340.0).all()
+    assert single["mean_deg"].mean() <= 2.5
+    assert joint["mean_deg"].item() <= 1.5
+    assert errors["end_deg"].max() <= 0.5
+
+
+def test_scraping_execution_is_reproduced_as_a_sequence(tables):
+    errors, scores = tables["sequence_errors"], tables["electrode_scores"]
+    assert errors["mean_mm"].max() < 1.0
+    assert errors["mean_deg"].max() < 1.0
+    sequence = tables["sequence"]
+    switches = np.flatnonzero(np.diff(sequence["primitive"].factorize()[0]))
+    assert len(switches) == 2
+    for signal in (["ax", "ay", "az"], ["dwx", "dwy", "dwz"]):
+        jumps = sequence[signal].diff().abs().to_numpy()[switches + 1]
+        assert jumps.max() < 0.05 * sequence[signal].abs().max(axis=None)
+    assert len(scores) == 3 * 38
+    assert scores[scores["range"] > 20]["nmse"].mean() < 0.1
+
+
+def test_slides_deviate_more_on_another_material(tables):
+    by_group = tables["slide_deviations"].groupby("group")["rms"]
+    assert by_group.count().to_dict() == {"learned": 10, "left out": 2, "other material": 12}
+    assert by_group.mean()["other material"] > by_group.mean()["learned"]
+    assert set(tables["slide_statistics"]["electrode"]) == set(range(1, 20))
+    clock = tables["clock_errors"].set_index("kind")
+    assert clock.loc["pose", "rms_error"] < 2e-4  # m, with every second sample held out

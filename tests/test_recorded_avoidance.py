@@ -8,17 +8,11 @@ from recordings_bags import recorded_data
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.network_training import NetworkParameters
 from structlearn.feedback.supervised_training import TrainingParameters
-from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 from structlearn.testbeds.recorded.protocol import avoidance_representations, avoidance_samples
 
 ROWS = 12
-
-
-@pytest.fixture(autouse=True)
-def _here(monkeypatch):
-    monkeypatch.setenv(parallel.BACKEND, "sequential")  # starting processes would take most of the time
 
 
 def tables(rows=ROWS, seed=0):

@@ -33,9 +33,7 @@ LEARNING = committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6
 
 @pytest.fixture(scope="module")
 def identified():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        return identify(robot("panda"), rubbing_motion(robot("panda")), PARAMETERS, LEARNING)
+    return identify(robot("panda"), rubbing_motion(robot("panda")), PARAMETERS, LEARNING)
 
 
 def test_every_model_is_scored_on_every_joint_of_both_parts(identified):

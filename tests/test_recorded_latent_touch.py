@@ -7,7 +7,6 @@ import pytest
 from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
-from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.recordings import clmc, slide, synchronise
 from structlearn.recordings.demonstration import Demonstration
@@ -35,11 +34,6 @@ FEW = committed(
 )
 
 
-@pytest.fixture(autouse=True)
-def _here(monkeypatch):
-    monkeypatch.setenv(parallel.BACKEND, "sequential")  # starting processes would take most of the time
-
-
 def touch_set(name, groups, seed=0, scale=1.0):
     samples = toy_dataset(contacts=len(groups), samples=130, seed=seed)
     signals = (scale * samples.signals).astype(np.float32)
@@ -56,9 +50,7 @@ def results():
         touch_set(touch_sets.UNSCREWING, ("1", "2", "3")),
         touch_set(touch_sets.SIMULATED, ("c",) * 4, seed=3),
     ]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(parallel.BACKEND, "sequential")
-        return latent_touch.learn_touch(sets, SKIN, FEW)
+    return latent_touch.learn_touch(sets, SKIN, FEW)
 
 
 def demonstration(name, counts):

@@ -2,11 +2,13 @@
 
 import re
 import runpy
+from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+import reporting_verdicts
 from committed import committed
 from reporting_feedback import (
     ADAPTED,
@@ -24,25 +26,23 @@ from reporting_refinement import COSTS, CURVES, history, refinement_results
 from reporting_refinement import parameters as refinement_parameters
 from reporting_refinement import scores as refined_scores
 from reporting_scraping import demonstration, noise_table, positions_only, segmentation_results
+from reporting_verdicts import AnyFigure
 
 from structlearn.ground.artefacts import write_metrics
-from structlearn.reporting.claims import NO, NOT_TESTED, UNDECIDED, UNKNOWN, YES, Evidence
-from structlearn.reporting.document import Panel, render, words_in_view
-from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.claims import NO, NOT_TESTED, UNDECIDED, UNKNOWN, YES, Evidence, combined
+from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.scraping.page import scraping_report as module
-from structlearn.testbeds.scraping.page.evidence import mean_ratio, weakest
+from structlearn.testbeds.scraping.page.evidence import (
+    feedback_evidence,
+    mean_ratio,
+    refinement_evidence,
+    segmentation_evidence,
+    weakest,
+)
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
 
 NO_ABLATIONS = pd.DataFrame()
-PICTURE = np.full((8, 8, 3), 255, np.uint8)
-
-
-class AnyFigure(dict):
-    """Panels for whatever figure a template asks for."""
-
-    def __missing__(self, name):
-        return [Panel(f"figures/{name}.svg", 10, 10)]
 
 
 @pytest.fixture(scope="module")
@@ -74,14 +74,22 @@ def made(monkeypatch, settings, segmentation):
     return make
 
 
-def verdicts(report, page):
+PAGES = {
+    "segmentation": segmentation_evidence,
+    "feedback": feedback_evidence,
+    "refinement": refinement_evidence,
+}
+
+
+def judged(page, results):
+    """By evidence, the verdicts on the cases of a page's claims; nothing is known of what was not found."""
+    found = defaultdict(lambda: UNKNOWN, PAGES[page](results))
+    return reporting_verdicts.cases(module.PACKAGE, found, f"{page}_claims.yaml")
+
+
+def verdicts(page, results):
     """By evidence, the verdict on a page's claims."""
-    return {one.claim.evidence: one.verdict for one in report.pages[page].judged}
-
-
-def cases(report, page, evidence):
-    (found,) = [one.cases for one in report.pages[page].judged if one.claim.evidence == evidence]
-    return {case: verdict for case, *_, verdict in found}
+    return {name: combined(list(words.values())) for name, words in judged(page, results).items()}
 
 
 def test_pages_are_those_that_have_data_and_link_no_others(made, feedback):
@@ -107,46 +115,33 @@ def test_pages_are_those_that_have_data_and_link_no_others(made, feedback):
 @pytest.mark.parametrize("seeds", [(0,), (0, 1, 2)])
 def test_positions_alone_give_a_page_that_is_not_called_simulated(made, seeds):
     own = segmentation_results([positions_only(demonstration(seed)) for seed in seeds])
-    report = made(segmentation=replace(own, noise=noise_table().iloc[:0]))
+    own = replace(own, noise=noise_table().iloc[:0])
+    report = made(segmentation=own)
     assert 'class="badge"' not in render(report.pages["index"], AnyFigure())
-    assert verdicts(report, "index")["least_cut_error"] == NOT_TESTED
+    assert verdicts("segmentation", own)["least_cut_error"] == NOT_TESTED
     assert not [key for key in report.metrics if key.startswith(("cut_error", "sweep"))]
     assert not [key for key in report.metrics if key.endswith("deg")]
 
 
-def test_the_whole_report_shows_every_figure_and_headlines_are_few(
-    segmentation, feedback, settings, monkeypatch, tmp_path
-):
-    monkeypatch.setattr(module, "scraping_still", lambda run, board_deg: PICTURE)
-    report = scraping_report(segmentation, feedback, refinement_results(), NO_ABLATIONS, settings)
-    made = report.pages, report.drawings, report.tables, report.metrics, report.headlines
-    publish_report(tmp_path, *made)  # an unknown figure, table, source or value raises
-    text = "".join((tmp_path / f"{name}.html").read_text() for name in report.pages)
-    shown = {re.sub(r"-\d+$", "", name) for name in re.findall(r'src="figures/([\w-]+)\.', text)}
-    assert shown == set(report.drawings)
-    assert not re.search(r'(src|href)="(https?:)?//', text)
-
-
-def test_every_claim_holds_where_the_data_say_so(made, feedback, segmentation):
-    report = made(feedback, refinement_results())
-    assert set(verdicts(report, "feedback").values()) == {YES, NO}
+def test_every_claim_holds_where_the_data_say_so(feedback, segmentation):
+    assert set(verdicts("feedback", feedback).values()) == {YES, NO}
     refuted = {"level_board", "in_the_unroll", "level_board_after"}
-    for page in ("feedback", "refinement"):
-        for evidence, verdict in verdicts(report, page).items():
+    for page, results in (("feedback", feedback), ("refinement", refinement_results())):
+        for evidence, verdict in verdicts(page, results).items():
             expected = NO if evidence in refuted else NOT_TESTED if evidence == "text_form" else YES
             assert verdict == expected, evidence
-    found = verdicts(report, "index")
+    found = verdicts("segmentation", segmentation)
     assert (found["smooth"], found["downsampling"], found["least_cut_error"]) == (NO, YES, YES)  # at 100 Hz
 
 
-def test_an_undecided_or_lost_sweep_over_noise_is_no_yes(made, segmentation):
+def test_an_undecided_or_lost_sweep_over_noise_is_no_yes(segmentation):
     for change, expected in (
         (noise_table(advantage_ms=-5.0), NO),
         (noise_table().query("seed == 0"), UNDECIDED),  # one person decides nothing
         (_even_at_one_level(noise_table()), UNDECIDED),
     ):
-        report = made(segmentation=replace(segmentation, noise=change))
-        assert verdicts(report, "index")["least_cut_error"] == expected
+        swept = replace(segmentation, noise=change)
+        assert verdicts("segmentation", swept)["least_cut_error"] == expected
 
 
 def _even_at_one_level(table):
@@ -160,45 +155,44 @@ def _even_at_one_level(table):
     return table
 
 
-def test_a_model_that_is_worse_refutes_its_claims(made, feedback):
+def test_a_model_that_is_worse_refutes_its_claims(feedback):
     table = comparison(NMSE | {"pmnn_100": 0.45, "ffnn_phase": 0.6})
-    report = made(replace(feedback, comparison=table, orderings=orderings(table)))
-    found = verdicts(report, "feedback")
+    found = verdicts("feedback", replace(feedback, comparison=table, orderings=orderings(table)))
     assert {found[name] for name in ("best_structure", "order_of_structures", "phase_helps")} == {NO}
 
 
-def test_a_claim_about_one_primitive_is_not_one_about_both(made, feedback):
+def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
     table = feedback.orderings.copy()
     pair = (table["better"] == "ffnn_phase") & (table["worse"] == "ffnn") & (table["primitive"] == "turn")
     table.loc[pair, "half_width"] = 1.0
-    report = made(replace(feedback, orderings=table))
-    assert cases(report, "feedback", "phase_helps") == {"Turn": UNDECIDED, "Scrape": YES}
-    assert verdicts(report, "feedback")["phase_helps"] == UNDECIDED
+    one = replace(feedback, orderings=table)
+    assert judged("feedback", one)["phase_helps"] == {"Turn": UNDECIDED, "Scrape": YES}
+    assert verdicts("feedback", one)["phase_helps"] == UNDECIDED
     missing = replace(feedback, orderings=feedback.orderings[feedback.orderings["worse"] != "ffnn"])
-    assert verdicts(made(missing), "feedback")["phase_helps"] == NOT_TESTED
+    assert verdicts("feedback", missing)["phase_helps"] == NOT_TESTED
 
 
-def test_executions_decide_on_cost_force_torque_and_coupling(made, feedback):
+def test_executions_decide_on_cost_force_torque_and_coupling(feedback):
     dear = scores({"nominal": 4.0, "pointwise": 10.0, "unrolled": 5.0})
-    found = verdicts(made(with_board(feedback, scores=dear)), "feedback")
+    found = verdicts("feedback", with_board(feedback, scores=dear))
     assert (found["lower_cost"], found["in_the_unroll"]) == (NO, YES)
-    weak = verdicts(made(with_board(feedback, scores=scores(force_n=1.1))), "feedback")
+    weak = verdicts("feedback", with_board(feedback, scores=scores(force_n=1.1)))
     assert weak["force_held"] == NO
     flat = scores()
     flat["roll_torque_mn_m"] = np.where(flat["setting_deg"] == 5.0, 9.0, flat["roll_torque_mn_m"])
-    assert verdicts(made(with_board(feedback, scores=flat)), "feedback")["torque_monotone"] == NO
+    assert verdicts("feedback", with_board(feedback, scores=flat))["torque_monotone"] == NO
     same = with_board(feedback, traces=traces(gain=0.0))
-    assert verdicts(made(same), "feedback")["tells_tilts_apart"] != YES
+    assert verdicts("feedback", same)["tells_tilts_apart"] != YES
     falling = with_board(feedback, traces=traces(gain=-2.0))  # one way is enough
-    assert verdicts(made(falling), "feedback")["tells_tilts_apart"] == YES
+    assert verdicts("feedback", falling)["tells_tilts_apart"] == YES
 
 
-def test_the_level_board_has_a_row_of_its_own(made, feedback):
+def test_the_level_board_has_a_row_of_its_own(feedback):
     table = feedback.board.scores.copy()
     level = (table["setting_deg"] == 0.0) & (table["model"] != "nominal")
     table.loc[level, "cost_rad"] = 1.0
-    assert verdicts(made(feedback), "feedback")["level_board"] == NO
-    assert verdicts(made(with_board(feedback, scores=table)), "feedback")["level_board"] == YES
+    assert verdicts("feedback", feedback)["level_board"] == NO
+    assert verdicts("feedback", with_board(feedback, scores=table))["level_board"] == YES
 
 
 def changed(setting, **costs):
@@ -219,9 +213,9 @@ def changed(setting, **costs):
         (changed(0.0, after=1.0), "level_board_after", YES),
     ],
 )
-def test_costs_after_refinement_decide(made, feedback, costs, evidence, expected):
-    report = made(feedback, refinement_results(scores=refined_scores(costs)))
-    assert verdicts(report, "refinement")[evidence] == expected
+def test_costs_after_refinement_decide(costs, evidence, expected):
+    found = verdicts("refinement", refinement_results(scores=refined_scores(costs)))
+    assert found[evidence] == expected
 
 
 @pytest.mark.parametrize(
@@ -234,11 +228,10 @@ def test_costs_after_refinement_decide(made, feedback, costs, evidence, expected
         ((80.0, 50.0, 42.0), 0.5, NOT_TESTED),  # stopped because no iterations were left
     ],
 )
-def test_converged_means_that_no_later_iteration_is_lower(made, feedback, curve, threshold, expected):
+def test_converged_means_that_no_later_iteration_is_lower(curve, threshold, expected):
     scales = {name: {"exploration": 1.0, "threshold_rad": threshold} for name in ADAPTED}
     changes = {"history": history({"turn": curve}), "parameters": refinement_parameters(scales=scales)}
-    report = made(feedback, refinement_results(**changes))
-    assert cases(report, "refinement", "converged") == {"Turn": expected}
+    assert judged("refinement", refinement_results(**changes))["converged"] == {"Turn": expected}
 
 
 @pytest.mark.parametrize(
@@ -254,10 +247,11 @@ def test_converged_means_that_no_later_iteration_is_lower(made, feedback, curve,
     ids=["one run", "faults", "no search", "not where refined", "only level", "nothing to do"],
 )
 def test_whatever_was_refined_gives_a_page_and_metrics(made, feedback, changes, tmp_path):
-    report = made(feedback, refinement_results(**changes))
+    results = refinement_results(**changes)
+    report = made(feedback, results)
     assert render(report.pages["refinement"], AnyFigure())
     write_metrics(report.metrics, tmp_path / "metrics.json")  # raises on NaN
-    found = verdicts(report, "refinement")
+    found = verdicts("refinement", results)
     if "scores" in changes:
         assert found["lower_after"] in (UNDECIDED, NOT_TESTED)
         assert found["in_between"] in (UNDECIDED, NOT_TESTED)
@@ -266,7 +260,8 @@ def test_whatever_was_refined_gives_a_page_and_metrics(made, feedback, changes, 
 def test_the_text_s_own_form_is_never_counted_as_tested(made, feedback):
     quoted = pd.DataFrame([{"variant": "added_1", "turn_ratio": 0.123, "scrape_ratio": 0.456}])
     report = made(feedback, refinement_results(), ablations=quoted)
-    assert verdicts(report, "refinement")["text_form"] == NOT_TESTED
+    (text_form,) = [one for one in report.pages["refinement"].judged if one.claim.evidence == "text_form"]
+    assert text_form.verdict == NOT_TESTED
     assert "0.12" in render(report.pages["refinement"], AnyFigure())
 
 

@@ -20,12 +20,10 @@ CLOCK = committed(ClockParameters, "clock", rate_hz=300.0)
 @pytest.fixture(scope="module")
 def sets():
     pushing = {name: constant_network(-20.0) for name in NAMES[1:]}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        return {
-            model: executed_set(model, scraping_skill(networks), EVALUATION, TESTBED, LIMITS, CLOCK)
-            for model, networks in (("nominal", {}), ("pushing", pushing))
-        }
+    return {
+        model: executed_set(model, scraping_skill(networks), EVALUATION, TESTBED, LIMITS, CLOCK)
+        for model, networks in (("nominal", {}), ("pushing", pushing))
+    }
 
 
 def test_every_setting_has_its_runs_with_their_cuts(sets):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from committed import committed
 
-from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import (
@@ -15,11 +14,6 @@ from structlearn.tactile.geodesics import (
     read_geodesics,
     write_geodesics,
 )
-
-
-@pytest.fixture(autouse=True)
-def _here(monkeypatch):
-    monkeypatch.setenv(parallel.BACKEND, "sequential")
 
 
 def spread(name: str, count: int = 900, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

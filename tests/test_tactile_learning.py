@@ -11,7 +11,6 @@ from tactile_toy import toy_dataset, toy_geodesics
 from structlearn.ground import metrics
 from structlearn.ground.artefacts import write_tensors
 from structlearn.ground.errors import InputError
-from structlearn.ground.parallel import BACKEND
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.inverse_dynamics import JACOBIAN
@@ -70,9 +69,7 @@ def lesson(touch):
 
 @pytest.fixture(scope="module")
 def comparison(touch):
-    with pytest.MonkeyPatch.context() as here:
-        here.setenv(BACKEND, "sequential")
-        return learn(*touch, SMALL)
+    return learn(*touch, SMALL)
 
 
 def models(seeds=(0, 1)):

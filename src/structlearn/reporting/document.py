@@ -210,6 +210,7 @@ def environment(package: str) -> Environment:
     made.globals |= {
         "interval": prose.interval,
         "with_interval": prose.with_interval,
+        "with_spread": prose.with_spread,
         "percent": prose.percent,
     }
     made.tests["numeric"] = is_numeric

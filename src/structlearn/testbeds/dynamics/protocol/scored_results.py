@@ -93,12 +93,8 @@ class DynamicsResults:
 
     def runs(self, robot: str, model: str, task: str) -> pd.DataFrame:
         """Scores of a model in a task, by seed; those of stopped runs are at least `STOPPED_NMSE`."""
-        scores = self.scores
-        mask = (scores["robot"] == robot) & (scores["model"] == model) & (scores["task"] == task)
-        rows = scores[mask].sort_values("seed").set_index("seed")
-        columns = ["position_nmse", "velocity_nmse"]
-        counted = rows[columns].fillna(STOPPED_NMSE).clip(lower=STOPPED_NMSE)
-        return rows.assign(**counted.where(rows["stopped"] != "", rows[columns]))
+        found = self._runs.get((robot, model, task))
+        return self.scores.set_index("seed").iloc[:0] if found is None else found
 
     def tracked(self, robot: str) -> list[str]:
         """Models that were put to the test with a robot, in the order of tables."""
@@ -162,6 +158,15 @@ class DynamicsResults:
             return None
         settled = payload["time_s"][~wrong[::-1].cummax()[::-1]]
         return float(settled.iloc[0] - self.pick_up_s)
+
+    @cached_property
+    def _runs(self) -> dict[tuple[str, str, str], pd.DataFrame]:
+        """See `runs`, by its arguments; pages ask for them hundreds of times."""
+        columns = ["position_nmse", "velocity_nmse"]
+        scores = self.scores.sort_values("seed").set_index("seed")
+        counted = scores[columns].fillna(STOPPED_NMSE).clip(lower=STOPPED_NMSE)
+        scores = scores.assign(**counted.where(scores["stopped"] != "", scores[columns]))
+        return dict(iter(scores.groupby(["robot", "model", "task"])))
 
     def _trained(
         self, table: pd.DataFrame, data: str, model: str, loss: str | None = None, optimiser: str = SCHEDULED

@@ -22,7 +22,7 @@ OVERSPEED = 1.5
 """Multiple of its speed limit at which a joint counts as run away; overshoot stays below."""
 
 LARGEST_DIFFERENCE_RAD, LARGEST_DIFFERENCE_N_M = 1e-7, 1e-5
-"""Between both engines, of an arm that its controller holds; round-off of a light wrist comes to 2e-10 rad."""
+"""Between both engines, the arm held by its controller; round-off of a light wrist comes to 2e-10 rad."""
 
 _FAULTS = ("", "speed limit", "joint limit", "not finite")
 
