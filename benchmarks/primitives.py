@@ -189,7 +189,7 @@ def coupled_compiled() -> Case:
         ),
         aim_ms=5.0,
         tolerance=1e-9,
-        note="by `feedback.compiled`; only its rounding differs from the numpy network",
+        note="by `feedback.compiled_pmnn`; only its rounding differs from the numpy network",
     )
 
 
