@@ -48,7 +48,7 @@ def check_readable(where: str, role: Role, types: Sequence[str]) -> None:
     """
     if len(types) > 1:
         raise InputError(f"{where} has messages of several types: {', '.join(types)}")
-    if _short(types[0]) not in READERS[role]:
+    if cdr.short_name(types[0]) not in READERS[role]:
         raise InputError(
             f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
         )
@@ -139,7 +139,7 @@ def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
         values = quaternion.to_xyzw(values)
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
     raw, columns = _blank(where, topic, MESSAGE_TYPES[stream.kind], stream.stamps, (), lengths)
-    places = READERS[stream.kind][_short(raw.message_type)](columns)
+    places = READERS[stream.kind][cdr.short_name(raw.message_type)](columns)
     with np.errstate(over="ignore"):
         for place, column in zip(places, values.T, strict=True):
             place[:] = column
@@ -212,7 +212,7 @@ def _parts(where: str, role: Role, messages: RawMessages) -> tuple[np.ndarray, l
     """Stamps (T,) in ns, and what the reader of the role gives: once for all messages, or once for each."""
     with damage_named(where):
         decoded = _decoded(messages)
-    short = _short(next(iter(messages.schemas.values())).name)
+    short = cdr.short_name(next(iter(messages.schemas.values())).name)
     read = READERS[role][short]
     header = np.zeros(1)
     try:
@@ -271,10 +271,6 @@ def _joint_order(where: str, stamps: np.ndarray, rows: Sequence[list[str]]) -> n
                 f"the first has {', '.join(names) or '(none)'}"
             )
     return np.array([[row.index(name) for name in names] for row in rows])
-
-
-def _short(message_type: str) -> str:
-    return message_type.replace("/msg/", "/")
 
 
 def _of_pose(pose: Any) -> Sequence:
