@@ -218,9 +218,9 @@ def _parts(where: str, role: Role, messages: RawMessages) -> tuple[np.ndarray, l
     try:
         if short not in WITHOUT_HEADER:
             clocks = [message.header.stamp for message in decoded]
-            seconds = [np.atleast_1d(np.asarray(clock.sec, dtype=np.int64)) for clock in clocks]
-            header = np.concatenate(
-                [s * 10**9 + clock.nanosec for s, clock in zip(seconds, clocks, strict=True)]
+            seconds, rest = ([getattr(clock, part) for clock in clocks] for part in ("sec", "nanosec"))
+            header = (
+                np.array(seconds, dtype=np.int64).ravel() * 10**9 + np.array(rest, dtype=np.int64).ravel()
             )
         parts = [read(message) for message in decoded]
     except AttributeError as error:
@@ -249,14 +249,12 @@ def _decoded(messages: RawMessages) -> list[Any]:
 
 def _table(where: str, stamps: np.ndarray, parts: Sequence[Any]) -> np.ndarray:
     """(T, D) float64 from D columns, of all rows or of each; rows must be of one length."""
-    tables = [np.atleast_2d(np.asarray(part, dtype=float).T) for part in parts]
-    width = tables[0].shape[1]
-    for row, table in enumerate(tables):
-        if table.shape[1] != width:
-            raise InputError(
-                f"{where}: {at_row(row, stamps)} has {table.shape[1]} values, the first has {width}"
-            )
-    return np.concatenate(tables)
+    width = len(parts[0])
+    for row, part in enumerate(parts):
+        if len(part) != width:
+            raise InputError(f"{where}: {at_row(row, stamps)} has {len(part)} values, the first has {width}")
+    table = np.array(parts, dtype=float)
+    return table if table.ndim == 2 else np.ascontiguousarray(table[0].T)
 
 
 def _joint_order(where: str, stamps: np.ndarray, rows: Sequence[list[str]]) -> np.ndarray | None:
@@ -299,11 +297,15 @@ def _of_wrench(message: Any) -> Sequence:
 
 
 def _of_joint_state(message: Any) -> Sequence:
-    return (message.name, *map(np.transpose, (message.position, message.velocity, message.effort)))
+    return (message.name, *map(_of_sequence, (message.position, message.velocity, message.effort)))
 
 
-def _of_array(message: Any) -> np.ndarray:
-    return np.transpose(message.data)
+def _of_array(message: Any) -> Sequence:
+    return _of_sequence(message.data)
+
+
+def _of_sequence(field: Any) -> Sequence:
+    return field.T if isinstance(field, np.ndarray) else field
 
 
 JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
