@@ -55,7 +55,8 @@ def read_stamped_table(
     path = Path(path)
     lines = _lines(path, separator, header_lines)
     stamps = [_nanoseconds(path, number, line.split(separator, 1)[0]) for number, line in lines.items()]
-    return np.array(stamps, dtype=np.int64), _numbers(path, lines, columns, separator)[:, 1:]
+    values = np.ascontiguousarray(_numbers(path, lines, columns, separator)[:, 1:])
+    return np.array(stamps, dtype=np.int64), values
 
 
 def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
