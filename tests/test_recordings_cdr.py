@@ -82,7 +82,7 @@ def definitions(draw, depth=2):
     return lines, nested, st.fixed_dictionaries(fields)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_columns_are_what_the_library_decodes(data):
     lines, nested, messages = data.draw(definitions())

@@ -1,8 +1,9 @@
 """Demonstrations as they come: bags and public logs in, signals on one clock out.
 
 `read_demonstrations` is the way in for a pipeline. Below it: `mcap_file` (one bag <-> one `Recording`),
-`messages` and `schemas` (ROS 2 messages <-> streams), `clock` (streams -> one clock), `clmc`, `slide`
-and `text_log` (public data sets).
+`bag_reader` and `bag_writer` (a bag <-> raw messages), `messages` and `schemas` (ROS 2 messages <-> streams),
+`cdr` (raw messages <-> columns of numbers), `clock` (streams -> one clock), `clmc`, `slide` and `text_log`
+(public data sets).
 """
 
 from structlearn.recordings.clock import synchronise

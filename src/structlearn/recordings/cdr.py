@@ -17,16 +17,21 @@ import numpy as np
 LITTLE_ENDIAN = 1
 """Second byte of a message in plain little-endian CDR, which x86 and ARM robots send."""
 
-SCALARS = {name: np.dtype(name).newbyteorder("<") for name in ("float32", "float64", "bool")}
-SCALARS |= {
-    f"{sign}int{bits}": np.dtype(f"<{sign[:1] or 'i'}{bits // 8}")
+SCALARS = {
+    f"{sign}int{bits}": np.dtype(f"{sign}int{bits}").newbyteorder("<")
     for sign in ("", "u")
     for bits in (8, 16, 32, 64)
 }
-SCALARS |= {"byte": np.dtype("u1"), "char": np.dtype("i1")}
+SCALARS |= {name: np.dtype(name).newbyteorder("<") for name in ("bool", "float32", "float64")}
+SCALARS |= {"byte": SCALARS["uint8"], "char": SCALARS["int8"]}
 
 _FIELD = re.compile(r"(?P<type>[\w/]+)(<=\d+)?(?P<many>\[(<=)?(?P<size>\d*)\])?\s+(?P<name>[a-z]\w*)(\s.*)?")
 _CONSTANT = re.compile(r"\S+\s+[A-Z]\w*\s*=")
+
+
+def short_name(message_type: str) -> str:
+    """`package/Type` of `package/msg/Type` or of itself."""
+    return message_type.replace("/msg/", "/")
 
 
 def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleNamespace | None:
@@ -47,7 +52,7 @@ def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleN
         return None
     layout = _Layout(messages)
     try:
-        fields = layout.message(dict(_definitions(message_type, definition)), _short(message_type))
+        fields = layout.message(dict(_definitions(message_type, definition)), short_name(message_type))
     except (LookupError, ValueError):  # a type that is not defined; a line, text or end that is not expected
         return None
     shaping = layout.shaping
@@ -115,14 +120,10 @@ def _definitions(message_type: str, definition: str) -> Iterator[tuple[str, list
         if line.startswith("MSG:"):
             if not fields:
                 raise ValueError("a message without fields has a byte that no line tells of")
-            yield _short(message_type), fields
+            yield short_name(message_type), fields
             message_type, fields = line.removeprefix("MSG:").strip(), []
         elif line and line.strip("=") and not _CONSTANT.match(line):
             field = _FIELD.fullmatch(line)
             if field is None:
                 raise ValueError(f"not a field: {line}")
             fields.append(field)
-
-
-def _short(message_type: str) -> str:
-    return message_type.replace("/msg/", "/")

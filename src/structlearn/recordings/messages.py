@@ -48,7 +48,7 @@ def check_readable(where: str, role: Role, types: Sequence[str]) -> None:
     """
     if len(types) > 1:
         raise InputError(f"{where} has messages of several types: {', '.join(types)}")
-    if _short(types[0]) not in READERS[role]:
+    if cdr.short_name(types[0]) not in READERS[role]:
         raise InputError(
             f"{where} has messages of type {types[0]}; {role} can be read from {', '.join(READERS[role])}"
         )
@@ -139,7 +139,7 @@ def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
         values = quaternion.to_xyzw(values)
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
     raw, columns = _blank(where, topic, MESSAGE_TYPES[stream.kind], stream.stamps, (), lengths)
-    places = READERS[stream.kind][_short(raw.message_type)](columns)
+    places = READERS[stream.kind][cdr.short_name(raw.message_type)](columns)
     with np.errstate(over="ignore"):
         for place, column in zip(places, values.T, strict=True):
             place[:] = column
@@ -212,15 +212,15 @@ def _parts(where: str, role: Role, messages: RawMessages) -> tuple[np.ndarray, l
     """Stamps (T,) in ns, and what the reader of the role gives: once for all messages, or once for each."""
     with damage_named(where):
         decoded = _decoded(messages)
-    short = _short(next(iter(messages.schemas.values())).name)
+    short = cdr.short_name(next(iter(messages.schemas.values())).name)
     read = READERS[role][short]
     header = np.zeros(1)
     try:
         if short not in WITHOUT_HEADER:
             clocks = [message.header.stamp for message in decoded]
-            seconds = [np.atleast_1d(np.asarray(clock.sec, dtype=np.int64)) for clock in clocks]
-            header = np.concatenate(
-                [s * 10**9 + clock.nanosec for s, clock in zip(seconds, clocks, strict=True)]
+            seconds, rest = ([getattr(clock, part) for clock in clocks] for part in ("sec", "nanosec"))
+            header = (
+                np.array(seconds, dtype=np.int64).ravel() * 10**9 + np.array(rest, dtype=np.int64).ravel()
             )
         parts = [read(message) for message in decoded]
     except AttributeError as error:
@@ -249,14 +249,12 @@ def _decoded(messages: RawMessages) -> list[Any]:
 
 def _table(where: str, stamps: np.ndarray, parts: Sequence[Any]) -> np.ndarray:
     """(T, D) float64 from D columns, of all rows or of each; rows must be of one length."""
-    tables = [np.atleast_2d(np.asarray(part, dtype=float).T) for part in parts]
-    width = tables[0].shape[1]
-    for row, table in enumerate(tables):
-        if table.shape[1] != width:
-            raise InputError(
-                f"{where}: {at_row(row, stamps)} has {table.shape[1]} values, the first has {width}"
-            )
-    return np.concatenate(tables)
+    width = len(parts[0])
+    for row, part in enumerate(parts):
+        if len(part) != width:
+            raise InputError(f"{where}: {at_row(row, stamps)} has {len(part)} values, the first has {width}")
+    table = np.array(parts, dtype=float)
+    return table if table.ndim == 2 else np.ascontiguousarray(table[0].T)
 
 
 def _joint_order(where: str, stamps: np.ndarray, rows: Sequence[list[str]]) -> np.ndarray | None:
@@ -271,10 +269,6 @@ def _joint_order(where: str, stamps: np.ndarray, rows: Sequence[list[str]]) -> n
                 f"the first has {', '.join(names) or '(none)'}"
             )
     return np.array([[row.index(name) for name in names] for row in rows])
-
-
-def _short(message_type: str) -> str:
-    return message_type.replace("/msg/", "/")
 
 
 def _of_pose(pose: Any) -> Sequence:
@@ -303,11 +297,15 @@ def _of_wrench(message: Any) -> Sequence:
 
 
 def _of_joint_state(message: Any) -> Sequence:
-    return (message.name, *map(np.transpose, (message.position, message.velocity, message.effort)))
+    return (message.name, *map(_of_sequence, (message.position, message.velocity, message.effort)))
 
 
-def _of_array(message: Any) -> np.ndarray:
-    return np.transpose(message.data)
+def _of_array(message: Any) -> Sequence:
+    return _of_sequence(message.data)
+
+
+def _of_sequence(field: Any) -> Sequence:
+    return field.T if isinstance(field, np.ndarray) else field
 
 
 JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
 
@@ -30,8 +30,7 @@ def read_table(
             something that is not a finite number; the message names file and line (counted from 1).
     """
     path = Path(path)
-    lines = _lines(path, columns, separator, header_lines)
-    return np.array([_numbers(path, line, fields) for line, fields in lines])
+    return _numbers(path, _lines(path, separator, header_lines), columns, separator)
 
 
 def read_stamped_table(
@@ -54,9 +53,10 @@ def read_stamped_table(
         InputError: as `read_table`.
     """
     path = Path(path)
-    lines = _lines(path, columns, separator, header_lines)
-    stamps = np.array([_nanoseconds(path, line, fields[0]) for line, fields in lines], dtype=np.int64)
-    return stamps, np.array([_numbers(path, line, fields[1:]) for line, fields in lines])
+    lines = _lines(path, separator, header_lines)
+    stamps = [_nanoseconds(path, number, line.split(separator, 1)[0]) for number, line in lines.items()]
+    values = np.ascontiguousarray(_numbers(path, lines, columns, separator)[:, 1:])
+    return np.array(stamps, dtype=np.int64), values
 
 
 def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
@@ -89,37 +89,43 @@ def source_provenance(
     }
 
 
-def _lines(path: Path, columns: int, separator: str | None, header_lines: int) -> list[tuple[int, list[str]]]:
-    """Line number from 1 and fields of each row, as many as there should be."""
+def _lines(path: Path, separator: str | None, header_lines: int) -> dict[int, str]:
+    """Lines that are not blank, by their number from 1, without a separator at their end."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text file") from error
-    rows = []
-    for number, line in enumerate(text.split("\n"), start=1):
-        if number <= header_lines or not line.strip():
-            continue
-        fields = line.split(separator)
-        if separator is not None and not fields[-1].strip():
-            fields.pop()  # the line ends with a separator
-        if len(fields) != columns:
-            raise InputError(f"{path}: line {number} has {len(fields)} columns, expected {columns}")
-        rows.append((number, fields))
-    if not rows:
+    stripped = map(str.strip, text.split("\n")[header_lines:])
+    lines = {number: line for number, line in enumerate(stripped, start=header_lines + 1) if line}
+    if not lines:
         raise InputError(f"{path}: has no rows")
-    return rows
+    return {n: line.removesuffix(separator) for n, line in lines.items()} if separator else lines
 
 
-def _numbers(path: Path, line: int, fields: list[str]) -> list[float]:
+def _numbers(path: Path, lines: Mapping[int, str], columns: int, separator: str | None) -> np.ndarray:
+    """(T, columns) float64 of the lines."""
+    try:
+        table = np.loadtxt(list(lines.values()), delimiter=separator, comments=None, ndmin=2)
+        if table.shape == (len(lines), columns) and np.isfinite(table).all():
+            return table
+    except ValueError:  # tells no line of the file; what is wrong is found line by line
+        pass
+    return np.array([_row(path, number, line.split(separator), columns) for number, line in lines.items()])
+
+
+def _row(path: Path, number: int, fields: list[str], columns: int) -> list[float]:
+    if len(fields) != columns:
+        raise InputError(f"{path}: line {number} has {len(fields)} columns, expected {columns}")
     try:
         values = [float(field) for field in fields]
     except ValueError as error:
-        raise InputError(f"{path}: line {line}: not a number: {str(error).rpartition(': ')[2]}") from error
+        fault = str(error).rpartition(": ")[2]
+        raise InputError(f"{path}: line {number}: not a number: {fault}") from error
     if not all(map(math.isfinite, values)):
         bad = next(field for field, value in zip(fields, values, strict=True) if not math.isfinite(value))
-        raise InputError(f"{path}: line {line}: not a finite number: {bad.strip()!r}")
+        raise InputError(f"{path}: line {number}: not a finite number: {bad.strip()!r}")
     return values
 
 
