@@ -61,8 +61,6 @@ def test_accelerations_are_pinocchios_forward_dynamics(arm, body, work):
 
 
 def test_a_step_is_pybullets(arm, body, work):
-    if arm.name in ("xarm6", "odd"):
-        pytest.skip("Bullet sets inertias to zero that are positive, but of no real body")
     with BulletArm(arm.tree, arm.inertias, np.zeros(len(arm.tree.names)), DT) as bullet:
         for q, qd, torques in zip(*states(arm, 5), strict=True):
             bullet.place(q, qd)

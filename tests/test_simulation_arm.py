@@ -1,15 +1,14 @@
 import numpy as np
 import pinocchio
 import pytest
-from committed import committed
-from rigid_body_robots import FINGERS
 from rigid_body_robots import carrying as carrying_in_pinocchio
+from rigid_body_robots import robot as rigid_body_robot
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.compiled_chain import body, dynamics, workspace
 from structlearn.simulation import compiled_arm
-from structlearn.simulation.arm import ArmParameters, Payload, carrying, urdf_path
+from structlearn.simulation.arm import Payload, carrying, urdf_path
 from structlearn.simulation.bullet_arm import BulletArm
 
 DT = 1.0 / 250.0
@@ -17,10 +16,9 @@ PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)
 ENGINES = ("compiled", "pybullet")
 
 
-@pytest.fixture(scope="module", params=["iiwa", "panda"])
+@pytest.fixture(scope="module", params=["iiwa", "panda", "xarm"])
 def robot(request):
-    panda = {"urdf": "franka_panda/panda.urdf", "locked_joints": FINGERS}
-    return committed(ArmParameters, "arm", **panda if request.param == "panda" else {}).read()
+    return rigid_body_robot(request.param)
 
 
 class Compiled:

@@ -66,13 +66,16 @@ class BulletArm:
         ]
         places = {info[1].decode(): joint for joint, info in enumerate(infos)}
         self._joints = [places[_joint_name(number)] for number in range(len(tree.names))]
-        for link in range(-1, len(infos)):  # Bullet damps every body unless told otherwise
-            pybullet.changeDynamics(
-                self._body, link, linearDamping=0, angularDamping=0, jointDamping=0, **self._id
-            )
+        for link in range(
+            -1, len(infos)
+        ):  # Bullet damps every body and bounds its speed unless told otherwise
+            free = {"linearDamping": 0, "angularDamping": 0, "jointDamping": 0, "maxJointVelocity": 1e9}
+            pybullet.changeDynamics(self._body, link, **free, **self._id)
+        for joint, mass, inertia in zip(self._joints, inertias.mass, inertias.inertia, strict=True):
+            self._set_inertia(joint, float(mass), _principal(inertia)[0].tolist())
         if payload is not None:
             self._payload_link = places[_PAYLOAD]
-            self._set_payload(0.0, 0.0)
+            self._set_inertia(self._payload_link, 0.0, [0.0] * 3)
         count = len(self._joints)
         pybullet.setJointMotorControlArray(  # also where there is no friction: the default is a brake
             self._body,
@@ -96,7 +99,7 @@ class BulletArm:
 
     def take_payload(self) -> None:
         """From now on the last link carries the payload."""
-        self._set_payload(self._payload.mass_kg, self._payload.inertia)
+        self._set_inertia(self._payload_link, self._payload.mass_kg, [self._payload.inertia] * 3)
 
     def step(self, torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities (n,) after a step with torques (n,) in N m on the joints."""
@@ -107,37 +110,30 @@ class BulletArm:
         states = pybullet.getJointStates(self._body, self._joints, **self._id)
         return np.array([state[0] for state in states]), np.array([state[1] for state in states])
 
-    def _set_payload(self, mass: float, inertia: float) -> None:
-        pybullet.changeDynamics(
-            self._body,
-            self._payload_link,
-            mass=mass,
-            localInertiaDiagonal=[inertia] * 3,
-            **self._id,
-        )
+    def _set_inertia(self, link: int, mass: float, moments: list[float]) -> None:
+        """Set a link's mass and principal moments."""
+        pybullet.changeDynamics(self._body, link, mass=mass, localInertiaDiagonal=moments, **self._id)
 
 
 def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | None = None) -> str:
-    """URDF of an arm without shapes and limits, numbers with all their digits.
+    """URDF of an arm without shapes and limits, numbers with all their digits, masses and moments all one.
 
-    Inertias are written along their principal axes: Bullet's own diagonalisation is good to six digits only.
-    Bullet solves a constraint for every joint with limits in every step; whoever moves the arm watches them.
+    Inertias have the frames of their principal axes: Bullet's own diagonalisation is good to six digits only.
+    They are set later, for Bullet's reader takes moments that no body can have for zero. Bullet solves a
+    constraint for every joint with limits in every step; whoever moves the arm watches them.
 
     Args:
         tree: kinematics.
-        inertias: of the links.
+        inertias: of the links, whose axes and centres of mass count.
         payload: adds a body of this payload's place to the last link.
     """
-    parts = [_link("base", 0.0, np.zeros(3), np.zeros(3), np.eye(3))]
+    parts = [_link("base", np.zeros(3), np.eye(3))]
     for number in range(len(tree.names)):
         centre = inertias.first_moment[number] / inertias.mass[number]
-        moments, axes = np.linalg.eigh(inertias.inertia[number])
-        if np.linalg.det(axes) < 0:
-            axes[:, 0] = -axes[:, 0]
         parent = tree.parents[number]
         kind = "prismatic" if tree.prismatic[number] else "revolute"
         parts += [
-            _link(f"link_{number}", inertias.mass[number], moments, centre, axes),
+            _link(f"link_{number}", centre, _principal(inertias.inertia[number])[1]),
             f'<joint name="{_joint_name(number)}" type="{kind}">'
             f'<parent link="{"base" if parent < 0 else f"link_{parent}"}"/><child link="link_{number}"/>'
             f"{_origin(tree.translation[number], tree.rotation[number])}"
@@ -147,7 +143,7 @@ def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | Non
         ]
     if payload is not None:
         parts += [
-            _link(_PAYLOAD, 1.0, np.ones(3), np.zeros(3), np.eye(3)),
+            _link(_PAYLOAD, np.zeros(3), np.eye(3)),
             f'<joint name="{_PAYLOAD}" type="fixed"><parent link="link_{len(tree.names) - 1}"/>'
             f'<child link="{_PAYLOAD}"/>{_origin(np.array(payload.point_m), np.eye(3))}</joint>',
         ]
@@ -158,12 +154,19 @@ def _joint_name(number: int) -> str:
     return f"joint_{number}"
 
 
-def _link(name: str, mass: float, moments: np.ndarray, centre: np.ndarray, axes: np.ndarray) -> str:
-    ixx, iyy, izz = moments.tolist()
+def _link(name: str, centre: np.ndarray, axes: np.ndarray) -> str:
     return (
-        f'<link name="{name}"><inertial>{_origin(centre, axes)}<mass value="{float(mass)!r}"/>'
-        f'<inertia ixx="{ixx!r}" ixy="0" ixz="0" iyy="{iyy!r}" iyz="0" izz="{izz!r}"/></inertial></link>'
+        f'<link name="{name}"><inertial>{_origin(centre, axes)}<mass value="1"/>'
+        '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
     )
+
+
+def _principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Principal moments (3,) of an inertia, and their axes, the columns of a rotation."""
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] = -axes[:, 0]
+    return moments, axes
 
 
 def _origin(translation: np.ndarray, rotation: np.ndarray) -> str:
