@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-if TYPE_CHECKING:  # as in `tree`
+if TYPE_CHECKING:
     from torch import Tensor
 
 FrictionTerm = Literal["viscous", "coulomb", "offset"]
@@ -54,7 +54,7 @@ def friction_regressor(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndar
 
 def friction_coefficients(free: "Tensor", terms: Sequence[FrictionTerm]) -> "Tensor":
     """Coefficients (..., n, k) of free parameters (..., n, k): squares, but for the offset."""
-    import torch
+    import torch  # two seconds, which only those who learn need
 
     parts = [
         column if term == "offset" else column.square()

@@ -17,9 +17,17 @@ import numba
 import numpy as np
 from pydantic import Field
 
-from structlearn.ground.compiled_vectors import cross
+from structlearn.ground.compiled_vectors import compiled_inside, cross
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.compiled_chain import Body, Workspace, body, kinematics, workspace
+from structlearn.rigid_body.compiled_chain import (
+    Body,
+    Workspace,
+    body,
+    factorise,
+    kinematics,
+    solve,
+    workspace,
+)
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 DAMPING = 1e-6
@@ -80,16 +88,37 @@ def joint_reference(
     Returns:
         Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2.
     """
-    position = _point(work, control.tool_m)
+    count, position = len(q), _point(work, control.tool_m)
     jacobian = _jacobian(body, work, position)
-    velocity = jacobian @ qd
-    inverse = jacobian.T @ np.linalg.inv(jacobian @ jacobian.T + DAMPING * np.eye(3))  # J+
-    pull = control.posture_1_s * (control.posture - q)
-    gain = control.tool_1_s
-    reference = inverse @ (xd_wanted + gain * (x_wanted - position) - jacobian @ pull) + pull
-    bias = _bias(body, work, position, velocity)
-    change = inverse @ (xdd_wanted + gain * (xd_wanted - velocity) - bias + control.posture_1_s * velocity)
-    return reference, change - control.posture_1_s * qd
+    velocity, gram = np.zeros(3), np.zeros((3, 3))  # J qd;  J J^T + damping
+    speed, push = (
+        np.empty(3),
+        np.empty(3),
+    )  # of the tool, beside what the null space gives; then (J J^T)^-1 of it
+    for row in range(3):
+        gram[row, row] = DAMPING
+        for j in range(count):
+            velocity[row] += jacobian[row, j] * qd[j]
+            for k in range(3):
+                gram[row, k] += jacobian[row, j] * jacobian[k, j]
+    bias, tool_gain, gain = _bias(body, work, position, velocity), control.tool_1_s, control.posture_1_s
+    for row in range(3):
+        speed[row] = xd_wanted[row] + tool_gain * (x_wanted[row] - position[row])
+        push[row] = xdd_wanted[row] + tool_gain * (xd_wanted[row] - velocity[row]) - bias[row]
+        for j in range(count):
+            speed[row] -= jacobian[row, j] * gain * (control.posture[j] - q[j])
+            push[row] += jacobian[row, j] * gain * qd[j]
+    factorise(gram)
+    solve(gram, speed)  # J+ = J^T (J J^T + damping)^-1
+    solve(gram, push)
+    reference, change = np.empty(count), np.empty(count)
+    for j in range(count):
+        reference[j] = gain * (control.posture[j] - q[j])
+        change[j] = -gain * qd[j]
+        for row in range(3):
+            reference[j] += jacobian[row, j] * speed[row]
+            change[j] += jacobian[row, j] * push[row]
+    return reference, change
 
 
 def tool_motion(
@@ -123,11 +152,16 @@ def _tool_motion(
 ) -> None:
     for row in range(len(q)):
         kinematics(body, q[row], work)
-        position[row] = _point(work, tool_m)
-        velocity[row] = _jacobian(body, work, position[row]) @ qd[row]
+        point = _point(work, tool_m)
+        jacobian = _jacobian(body, work, point)
+        for k in range(3):
+            position[row, k] = point[k]
+            velocity[row, k] = 0.0
+            for j in range(len(qd[row])):
+                velocity[row, k] += jacobian[k, j] * qd[row, j]
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
     """A point (3,) of the last link, base frame."""
     point = work.place[-1].copy()
@@ -137,7 +171,7 @@ def _point(work: Workspace, tool_m: np.ndarray) -> np.ndarray:
     return point
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _jacobian(body: Body, work: Workspace, point: np.ndarray) -> np.ndarray:
     """Velocity (3, n) of a point of the last link for unit speed of each joint."""
     jacobian = np.zeros((3, len(work.screw)))
@@ -151,7 +185,7 @@ def _jacobian(body: Body, work: Workspace, point: np.ndarray) -> np.ndarray:
     return jacobian
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _bias(body: Body, work: Workspace, point: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """Jd qd (3,): acceleration of a point of the last link at qdd = 0."""
     push = work.push[-1]  # of the twist, with gravity as an upward acceleration

@@ -16,7 +16,7 @@ import pinocchio
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.urdf_checks import check_urdf
 
-if TYPE_CHECKING:  # torch takes seconds to load, and only what learns needs it
+if TYPE_CHECKING:
     from torch import Tensor
 
 Array = TypeVar("Array", np.ndarray, "Tensor")
@@ -67,7 +67,7 @@ class LinkInertias(Generic[Array]):
 
     def tensors(self) -> "LinkInertias[Tensor]":
         """The same as float64 tensors."""
-        import torch
+        import torch  # two seconds, which only those who learn need
 
         fields = (self.mass, self.first_moment, self.inertia)
         return LinkInertias(*(torch.as_tensor(field, dtype=torch.float64) for field in fields))

@@ -14,6 +14,7 @@ one, and this ends there (Murty 1974). Mostly the guess is right, and a step cos
 import numba
 import numpy as np
 
+from structlearn.ground.compiled_vectors import compiled_inside
 from structlearn.rigid_body.compiled_chain import Workspace, factorise, solve
 
 TIE = 1e-9
@@ -55,7 +56,7 @@ def _held(coulomb: np.ndarray, slides: np.ndarray, i: int) -> bool:
     return coulomb[i] > 0.0 and slides[i] == 0.0
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _slide(
     coulomb: np.ndarray,
     dt: float,
@@ -90,7 +91,7 @@ def _slide(
     solve(matrix, change)
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _put_right(
     coulomb: np.ndarray,
     dt: float,

@@ -11,6 +11,7 @@ from typing import NamedTuple, get_args
 import numba
 import numpy as np
 
+from structlearn.ground.compiled_vectors import compiled_inside
 from structlearn.rigid_body.any_model import InverseDynamics, model_torques
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference
@@ -22,7 +23,7 @@ OVERSPEED = 1.5
 """Multiple of its speed limit at which a joint counts as run away; overshoot stays below."""
 
 LARGEST_DIFFERENCE_RAD, LARGEST_DIFFERENCE_N_M = 1e-7, 1e-5
-"""Between both engines, the arm held by its controller; round-off of a light wrist comes to 2e-10 rad."""
+"""Between both engines, of an arm under control; round-off of a light wrist comes to 2e-10 rad."""
 
 _FAULTS = ("", "speed limit", "joint limit", "not finite")
 
@@ -179,8 +180,8 @@ def _loop(
         if fault > 0:
             return k, fault
         q, qd = log.q[k + 1], log.qd[k + 1]
-        q[:] = log.q[k]
-        qd[:] = log.qd[k]
+        for i in range(len(q)):
+            q[i], qd[i] = log.q[k, i], log.qd[k, i]
         step(coulomb, torques, dt, work, q, qd)
     return len(log.torques), 0
 
@@ -231,14 +232,19 @@ def _tick(
     return 0, torques
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _command(
     controller: Controller, own: Body, work: Workspace, k: int, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
     """The laws in the headers of `arm_motion` and `operational_space_velocity`."""
     wanted, rate, change = controller.wanted[k], controller.rate[k], controller.change[k]
     if controller.of_tool:
-        velocity, acceleration = joint_reference(controller.tool, own, work, q, qd, wanted, rate, change)
-        return model_torques(controller.model, q, qd, acceleration) + controller.damping * (velocity - qd)
-    feedback = controller.stiffness * (wanted - q) + controller.damping * (rate - qd)
-    return model_torques(controller.model, wanted, rate, change) + feedback
+        rate, acceleration = joint_reference(controller.tool, own, work, q, qd, wanted, rate, change)
+        torques = model_torques(controller.model, q, qd, acceleration)
+    else:
+        torques = model_torques(controller.model, wanted, rate, change)
+        for i in range(len(q)):
+            torques[i] += controller.stiffness[i] * (wanted[i] - q[i])
+    for i in range(len(q)):
+        torques[i] += controller.damping[i] * (rate[i] - qd[i])
+    return torques
