@@ -166,7 +166,7 @@ def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
     pair = (table["better"] == "ffnn_phase") & (table["worse"] == "ffnn") & (table["primitive"] == "turn")
     table.loc[pair, "half_width"] = 1.0
     one = replace(feedback, orderings=table)
-    assert judged("feedback", one)["phase_helps"] == {"Turn": UNDECIDED, "Scrape": YES}
+    assert judged("feedback", one)["phase_helps"] == {"turn": UNDECIDED, "scrape": YES}
     assert verdicts("feedback", one)["phase_helps"] == UNDECIDED
     missing = replace(feedback, orderings=feedback.orderings[feedback.orderings["worse"] != "ffnn"])
     assert verdicts("feedback", missing)["phase_helps"] == NOT_TESTED
@@ -231,7 +231,7 @@ def test_costs_after_refinement_decide(costs, evidence, expected):
 def test_converged_means_that_no_later_iteration_is_lower(curve, threshold, expected):
     scales = {name: {"exploration": 1.0, "threshold_rad": threshold} for name in ADAPTED}
     changes = {"history": history({"turn": curve}), "parameters": refinement_parameters(scales=scales)}
-    assert judged("refinement", refinement_results(**changes))["converged"] == {"Turn": expected}
+    assert judged("refinement", refinement_results(**changes))["converged"] == {"turn": expected}
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from structlearn.ground.parallel import BACKEND
 from structlearn.ground.wall_clock import (
     RUN_BY_DVC,
     TIMES,
@@ -36,7 +37,7 @@ if __name__ == "__main__":
 
 def run_stage(folder, *words, **variables):
     (folder / "stage.py").write_text(STAGE)
-    unset = {name: value for name, value in os.environ.items() if name != RUN_BY_DVC}
+    unset = {name: value for name, value in os.environ.items() if name not in (RUN_BY_DVC, BACKEND)}
     return subprocess.run(
         [sys.executable, "stage.py", *words],
         cwd=folder,
