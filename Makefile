@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench ablations view plot-page clean
+.PHONY: repro test lint recorded bench profile ablations view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -36,6 +36,14 @@ bench: $(INSTALLED) .venv/installed-bench
 	  $(BIN)/python benchmarks/controller.py; \
 	  $(BIN)/python benchmarks/growth.py --output $(BENCH); \
 	  $(BIN)/python benchmarks/workers.py --output $(BENCH)/workers.csv; } | tee $(BENCH)/bench.txt'
+
+# Where a stage and its processes spend their time: a flame graph, e.g. `make profile STAGE=stages/dynamics/online.py`.
+STAGE ?= stages/scraping/segment.py
+PROFILE = reports/profiles/$(subst /,-,$(STAGE:stages/%.py=%)).svg
+profile: $(INSTALLED)
+	$(BIN)/pip install --quiet py-spy==0.4.3
+	mkdir -p $(dir $(PROFILE))
+	$(BIN)/py-spy record --subprocesses --output $(PROFILE) -- $(BIN)/python $(STAGE)
 
 # The refinement with one parameter changed at a time, as experiments of DVC (half an hour on 2 cores).
 ablations: $(INSTALLED)

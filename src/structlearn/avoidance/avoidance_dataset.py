@@ -12,7 +12,6 @@ from typing import Self
 import numpy as np
 import pandas as pd
 from pydantic import Field
-from scipy.interpolate import CubicSpline
 
 from structlearn.avoidance.features import NAMES, features
 from structlearn.avoidance.shapes import Obstacle, check_cloud
@@ -106,6 +105,8 @@ def smooth_path(demonstration: Demonstration, parameters: AvoidanceDataParameter
     Raises:
         InputError: there are fewer than five samples.
     """
+    from scipy.interpolate import CubicSpline
+
     if len(demonstration.time) < 5:
         raise InputError(f"{demonstration.name}: {len(demonstration.time)} samples are too few for a reach")
     steps = round((demonstration.time[-1] - demonstration.time[0]) * parameters.rate_hz)

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from sklearn.linear_model import ARDRegression
 
 from structlearn.avoidance import features as columns
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
@@ -85,6 +84,8 @@ def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspire
     Raises:
         InputError: fewer than two samples.
     """
+    from sklearn.linear_model import ARDRegression
+
     if len(target) < 2:
         raise InputError(f"{len(target)} samples are too few for a regression")
     effects = steering_features(features)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 import torch
-from scipy import stats
 
 from structlearn.feedback import representations
 from structlearn.feedback.coupling_dataset import CouplingDataset
@@ -98,6 +97,8 @@ def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
         interval, `p_value` (two-sided Wilcoxon signed-rank test) and the `verdict`: better, worse or
         undecided, by the interval.
     """
+    from scipy import stats
+
     rows = []
     for stopping in STOPPINGS:
         errors = table[table["stopping"] == stopping].pivot_table("generalization", "fold", "representation")

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from sklearn.decomposition import PCA
 from torch import Tensor
 
 from structlearn.feedback.folds import Fold
@@ -52,6 +51,8 @@ def principal_components(
     Returns:
         Codes of all samples.
     """
+    from sklearn.decomposition import PCA
+
     models = [PCA(variance, svd_solver="full").fit(deviation[fold.train]) for fold in folds]
     dimensions = np.array([model.n_components_ for model in models])
     values = np.zeros((len(folds), len(deviation), dimensions.max()))

@@ -1,7 +1,7 @@
 """Measures of agreement that several testbeds share."""
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtri, stdtrit
 
 
 def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -49,7 +49,7 @@ def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float,
     count = len(samples)
     if count < 2:
         return float(np.mean(samples)), float("nan")
-    quantile = stats.t.ppf(0.5 + 0.5 * confidence, count - 1)
+    quantile = stdtrit(count - 1, 0.5 + 0.5 * confidence)
     return float(np.mean(samples)), float(quantile * np.std(samples, ddof=1) / np.sqrt(count))
 
 
@@ -66,7 +66,7 @@ def wilson_interval(
     Returns:
         Lower and upper ends, (...) each.
     """
-    quantile = stats.norm.ppf(0.5 + 0.5 * confidence)
+    quantile = ndtri(0.5 + 0.5 * confidence)
     count = np.asarray(trials, dtype=float)
     share = successes / count
     scale = 1 + quantile**2 / count

@@ -1,7 +1,6 @@
 """Signals on a uniform clock: filters, derivatives, time normalisation."""
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 BUTTERWORTH_ORDER = 2
 """Order of every low-pass here; run forwards and backwards, so the effective order is twice that."""
@@ -21,6 +20,8 @@ def low_pass(signal: np.ndarray, dt: float, cutoff_hz: float) -> np.ndarray:
     Returns:
         (T, ...) the smoothed signal.
     """
+    from scipy.signal import butter, sosfiltfilt
+
     nyquist = 0.5 / dt
     if cutoff_hz >= nyquist:
         return np.array(signal, dtype=float)

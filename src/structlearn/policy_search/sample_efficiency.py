@@ -11,9 +11,8 @@ A rollout that failed counts. PI2-CMA leaves it out; for CMA-ES, which only rank
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
-import cma
 import numpy as np
 import pandas as pd
 from pydantic import Field
@@ -24,6 +23,9 @@ from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
 from structlearn.policy_search.rollouts import Environment, Rollout, cost_matrix, succeeded
+
+if TYPE_CHECKING:
+    import cma
 
 PI2, CMA_ES = "pi2", "cma_es"
 """Names of the methods."""
@@ -106,7 +108,7 @@ class EvolutionStrategy:
         strategy: its state.
     """
 
-    strategy: cma.CMAEvolutionStrategy
+    strategy: "cma.CMAEvolutionStrategy"
 
     @classmethod
     def around(cls, mean: np.ndarray, std: float, rng: np.random.Generator) -> Self:
@@ -117,6 +119,8 @@ class EvolutionStrategy:
             std: standard deviation of all.
             rng: random numbers. Without them the package seeds and uses numpy's global ones.
         """
+        import cma
+
         options = {
             "randn": lambda count, size: rng.standard_normal((count, size)),
             "seed": np.nan,  # leave the global random numbers alone

@@ -1,11 +1,13 @@
 """A testbed's report on disk: pages, the figures and tables that they show, metrics and details."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from structlearn.ground.artefacts import Metrics, publish, write_csv, write_metrics
+from structlearn.ground.parallel import parallel_map
 from structlearn.reporting.claims import Judged, claim_metrics, claims_table
 from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
@@ -43,7 +45,7 @@ def publish_report(
     judged: list[Judged] = [one for page in pages.values() for one in page.judged]
     with publish(folder / "figures") as target:
         target.mkdir()
-        figures = {name: _panels(name, drawing, target) for name, drawing in drawings.items()}
+        figures = _figures(drawings, target)
     with publish(folder / "tables") as target:
         target.mkdir()
         for name, table in tables.items():
@@ -60,11 +62,27 @@ def publish_report(
             target.write_text(render(page, figures), encoding="utf-8")
 
 
-def _panels(name: str, drawing: Drawing | Sequence[Drawing], folder: Path) -> list[Panel]:
+def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:
+    """Save all drawings, over processes, since drawing is most of what a report takes."""
+    parts = [
+        (name, f"{name}-{number}" if number else name, one)
+        for name, drawing in drawings.items()
+        for number, one in _numbered(drawing)
+    ]
+    panels = parallel_map(partial(_saved, folder=folder), [part[1:] for part in parts], "figures", local=True)
+    figures: dict[str, list[Panel]] = {name: [] for name in drawings}
+    for (name, _, _), panel in zip(parts, panels, strict=True):
+        figures[name].append(panel)
+    return figures
+
+
+def _numbered(drawing: Drawing | Sequence[Drawing]) -> list[tuple[int, Drawing]]:
+    """The panels of a figure from 1; the only one has number 0."""
     several = isinstance(drawing, Sequence) and not isinstance(drawing, np.ndarray)
-    parts = {f"{name}-{number}": one for number, one in enumerate(drawing, 1)} if several else {name: drawing}
-    panels = []
-    for part, one in parts.items():
-        path, (width, height) = save(one, folder / part)
-        panels.append(Panel(f"figures/{path.name}", width, height))
-    return panels
+    return list(enumerate(drawing, 1)) if several else [(0, drawing)]
+
+
+def _saved(part: tuple[str, Drawing], folder: Path) -> Panel:
+    name, drawing = part
+    path, (width, height) = save(drawing, folder / name)
+    return Panel(f"figures/{path.name}", width, height)

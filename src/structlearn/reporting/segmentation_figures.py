@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullLocator
+from matplotlib.ticker import NullLocator, StrMethodFormatter
 
 from structlearn.palette import (
     BLUE,
@@ -194,7 +194,7 @@ def noise_figure(
     low, high = by_level["mean_ms"].min(), by_level["mean_ms"].max()
     ticks = [tick for tick in (1, 2, 5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 1000, 2000)]
     errors.set_yticks([tick for tick in ticks if 0.7 * low <= tick <= 1.4 * high])
-    errors.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    errors.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     errors.set(title="Mean cut error", ylabel="mean absolute error (ms)")
     close = [method for method in ("zvc", "ls", "wls_text") if method in set(comparison["method"])]
     halves = comparison.assign(half_ms=comparison["high_ms"] - comparison["difference_ms"])
@@ -244,7 +244,7 @@ def downsampling_figure(effect: pd.DataFrame) -> list[Figure]:
     work.plot(effect["factor"], effect["work"], color=BLUE, marker="o", markersize=4)
     work.set_yscale("log")
     work.set(title="Work", ylabel="cells of the warping table,\nrelative to the first g")
-    work.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    work.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     for column, label, colour in (("max_shift_ms", "largest", ORANGE), ("mean_shift_ms", "mean", BLUE)):
         shift.plot(effect["factor"], effect[column], color=colour, marker="o", markersize=4, label=label)
     shift.set(title="Shift of the cut points", ylabel="shift (ms)")

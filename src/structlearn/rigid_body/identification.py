@@ -9,7 +9,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.optimize import minimize
 
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients
 from structlearn.rigid_body.inertia_parameters import Structure, free_parameters, link_inertias
@@ -63,6 +62,8 @@ def fit_structure(
     Returns:
         Free parameters of the inertias (1, n, k) and of friction (1, n, t).
     """
+    from scipy.optimize import minimize
+
     symmetric = structure != "nostr"
     free = free_parameters(structure, start)[None]
     rubbing = initial_friction(1, len(start.mass), friction)

@@ -15,7 +15,6 @@ from typing import Literal, get_args
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from structlearn.rigid_body.tree import LinkInertias
@@ -198,6 +197,8 @@ def _free_triangular(inertia: np.ndarray) -> np.ndarray:
 
 
 def _rotation_vectors(rotation: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
     vectors = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec()
     return vectors.reshape(rotation.shape[:-1])
 

@@ -12,7 +12,6 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 from pydantic import Field
-from scipy.ndimage import gaussian_filter1d
 
 import structlearn
 from structlearn.ground import minimum_jerk, quaternion
@@ -343,5 +342,7 @@ def _steady(samples: int) -> np.ndarray:
 
 def _smooth_noise(samples: int, width: float, rng: np.random.Generator) -> np.ndarray:
     """Gaussian noise of unit variance, (samples,), smooth over `width` samples."""
+    from scipy.ndimage import gaussian_filter1d
+
     noise = gaussian_filter1d(rng.standard_normal(samples + 8 * round(width)), width)[4 * round(width) :]
     return noise[:samples] * np.sqrt(2 * np.sqrt(np.pi) * width)

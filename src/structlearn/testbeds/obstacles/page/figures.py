@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from scipy.spatial import ConvexHull
 
 from structlearn.avoidance.avoidance_dataset import to_local
 from structlearn.avoidance.learned_models import ALL, HUMAN_INSPIRED, NETWORK, SETTING
@@ -185,6 +184,8 @@ def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
 @styled
 def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) -> Figure:
     """A panel with a view from the side above one from above."""
+    from scipy.spatial import ConvexHull
+
     figure = canvas(4.0, PANEL_WIDTH)
     panels = figure.subplots(len(VIEWS), 1, sharex=True)
     for panel, (view, axis) in zip(panels, VIEWS.items(), strict=True):

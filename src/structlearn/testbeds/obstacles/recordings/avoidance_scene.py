@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 from rerun.components import FillMode
-from scipy.spatial.transform import Rotation
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.shapes import Obstacle
@@ -51,6 +50,8 @@ def send_obstacle(
     stream: rr.RecordingStream, path: str, solid: Obstacle, cloud: np.ndarray, colour: str
 ) -> None:
     """Log an obstacle at rest: its solid, and its cloud (P, 3) in m, base frame."""
+    from scipy.spatial.transform import Rotation
+
     pose = {
         "centers": [solid.centre],
         "quaternions": [Rotation.from_matrix(solid.rotation).as_quat()],  # x, y, z, w

@@ -13,8 +13,6 @@ from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 
 import structlearn
 from structlearn.avoidance.shapes import SHAPES, Obstacle
@@ -258,6 +256,9 @@ def _moved(
     plan: np.ndarray, duration: float, rng: np.random.Generator, person: AvoiderParameters
 ) -> tuple[np.ndarray, np.ndarray]:
     """Times (T,) s and measured positions (T, 3) m of one planned path (N, 3)."""
+    from scipy.interpolate import CubicSpline
+    from scipy.ndimage import gaussian_filter1d
+
     before, after = rng.uniform(*person.rest_s, size=2)
     time = np.arange(round((before + duration + after) * person.rate_hz) + 1) / person.rate_hz
     moving = np.clip((time - before) / duration, 0.0, 1.0)

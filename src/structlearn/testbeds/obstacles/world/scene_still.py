@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.shapes import Obstacle
@@ -79,6 +78,8 @@ def _beads(path: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _solid(obstacle: Obstacle, shift: np.ndarray) -> Solid:
+    from scipy.spatial.transform import Rotation
+
     kind = {"sphere": "sphere", "cube": "box", "cylinder": "cylinder"}[obstacle.shape]
     half = obstacle.half_size
     size = {"sphere": (half[0],), "box": half, "cylinder": (half[0], 2.0 * half[2])}[kind]

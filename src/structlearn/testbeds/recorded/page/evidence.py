@@ -2,7 +2,6 @@
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from structlearn.ground.metrics import mean_interval
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, counted, difference, exact, mean
@@ -87,6 +86,8 @@ def _movements(results: RecordedResults) -> dict[str, Found]:
 
 def group_difference(first: np.ndarray, second: np.ndarray) -> Evidence:
     """Mean of (N,) minus mean of (M,) samples that are no pairs, with Welch's interval."""
+    from scipy import stats
+
     if min(len(first), len(second)) < 2:
         return UNKNOWN
     interval = stats.ttest_ind(first, second, equal_var=False).confidence_interval()

@@ -11,9 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from pydantic import Field
-from sklearn.linear_model import Ridge
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
@@ -170,6 +167,10 @@ def _fitted(
 
 
 def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingModel:
+    from sklearn.linear_model import Ridge
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
     columns = COLUMNS[inputs]
     regression = make_pipeline(StandardScaler(), Ridge(alpha=decay))
     seen = selected_inputs(training.features, training.phase, training.phase_velocity, columns)

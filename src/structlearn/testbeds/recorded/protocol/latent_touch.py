@@ -8,11 +8,11 @@ asked about another, each standardised by itself, with principal components as t
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from pydantic import Field
-from sklearn.decomposition import PCA
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
@@ -32,6 +32,9 @@ from structlearn.testbeds.recorded.protocol.touch_sets import (
     TouchSet,
 )
 from structlearn.testbeds.recorded.protocol.touch_statistics import variance_shares
+
+if TYPE_CHECKING:
+    from sklearn.decomposition import PCA
 
 PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
 """Per set, the one that is asked about after it was learned from."""
@@ -146,6 +149,8 @@ def _errors(
     work: tuple[TouchSet, TouchSet, str, int, np.ndarray, LatentSpaceParameters],
 ) -> pd.DataFrame:
     """Errors of all models that learned from one part of a set."""
+    from sklearn.decomposition import PCA
+
     source, partner, new, part, trials, parameters = work
     samples = source.without(trials)
     units = own_units(samples, source.geodesics)
@@ -175,7 +180,7 @@ def _errors(
     return table.assign(learned_from=source.name, asked_about=about, part=part)
 
 
-def _component_errors(components: PCA, seen: np.ndarray) -> dict[str, float]:
+def _component_errors(components: "PCA", seen: np.ndarray) -> dict[str, float]:
     errors = nmse(components.inverse_transform(components.transform(seen)), seen)
     return {"reconstruction": errors.mean(), "worst_electrode": errors.max()}
 

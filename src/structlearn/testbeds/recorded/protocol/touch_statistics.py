@@ -5,7 +5,6 @@ the sensor gave them: not smoothed and not interpolated, for that would take noi
 """
 
 import numpy as np
-from scipy.signal import welch
 
 from structlearn.ground.errors import InputError
 
@@ -82,6 +81,8 @@ def spectrum(counts: np.ndarray, rate_hz: float, segment_s: float) -> tuple[np.n
     Raises:
         InputError: the trace is shorter than one window.
     """
+    from scipy.signal import welch
+
     segment = round(segment_s * rate_hz)
     if len(counts) < segment:
         raise InputError(f"a trace of {len(counts) / rate_hz:g} s has no window of {segment_s:g} s")

@@ -7,7 +7,6 @@ from itertools import combinations
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from structlearn.ground import quaternion
 from structlearn.ground.metrics import verdict
@@ -142,6 +141,8 @@ def moments(run: Demonstration) -> list[int]:
 
 def welch(first: np.ndarray, second: np.ndarray) -> Evidence:
     """Mean of first minus second of independent runs, with Welch's interval; none of a single run."""
+    from scipy import stats
+
     value, count = float(np.mean(first) - np.mean(second)), min(len(first), len(second))
     if count < 2:
         return Evidence(value, np.nan, np.nan, count)

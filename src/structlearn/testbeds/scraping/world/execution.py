@@ -10,7 +10,6 @@ from typing import Protocol
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from structlearn.ground import quaternion
 from structlearn.ground.params import Parameters
@@ -251,5 +250,7 @@ def _about_y(angle: float) -> np.ndarray:
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:
     """Sign-continuous unit quaternions of rotation matrices (T, 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
     xyzw = Rotation.from_matrix(rotations).as_quat()
     return quaternion.sign_continuous(quaternion.from_xyzw(xyzw))

@@ -8,7 +8,6 @@ is filtered by the arm's inertia. Pressure on the board is regulated by feel, sl
 
 import numpy as np
 from pydantic import Field
-from scipy.signal import lfilter
 
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.world.demonstrator import Intention, orientation_of
@@ -69,6 +68,8 @@ class GuidedMotion:
 
 def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
     """Force that the person means to press with, over the ticks of one trial: (ticks,) N."""
+    from scipy.signal import lfilter
+
     level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
     keep = np.exp(-dt / parameters.force_fluctuation_s)
     fluctuation = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(ticks))

@@ -11,7 +11,6 @@ from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from pydantic import Field, PositiveInt
-from scipy.signal import butter, sosfilt
 
 from structlearn.ground import minimum_jerk
 from structlearn.ground.params import Parameters
@@ -140,11 +139,15 @@ class LowPass:
 
     def __init__(self, cutoff_hz: float, rate_hz: float, shape: tuple[int, int]) -> None:
         """See the class."""
+        from scipy.signal import butter
+
         self._sections = butter(FILTER_ORDER, 2 * cutoff_hz / rate_hz, output="sos")
         self._state = np.zeros((len(self._sections), 2, *shape))
 
     def __call__(self, piece: np.ndarray) -> np.ndarray:
         """The next T samples, (T, B, E) -> (T, B, E)."""
+        from scipy.signal import sosfilt
+
         passed, self._state = sosfilt(self._sections, piece, axis=0, zi=self._state)
         return passed
 
