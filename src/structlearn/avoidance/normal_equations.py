@@ -6,9 +6,8 @@ its entries are h_si d_soj, an activation times a backpropagated slope, so that
     (J^T J)_{(l i j)(m k n)} = sum_s (h_si h_sk) (sum_o d_soj d_son)
 
 is one matrix product per pair of layers, with the outputs summed before and symmetric halves left out: an
-eighth of the operations of forming J and multiplying. The products are in single precision, which is twice as
-fast and exact to 3e-7 of the largest; the gradient, which says where the minimum is, and the sum over chunks
-are in double precision.
+eighth of the operations of forming J and multiplying. Single precision would be faster still, but it limits
+how far damping can fall, and networks then fit worse: held-out errors grow by 1 to 3 %.
 """
 
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ import numpy as np
 
 from structlearn.avoidance.avoidance_network import Layers, forward
 
-CHUNK_SAMPLES = 512
+CHUNK_SAMPLES = 256
 """Products of activations of so many samples stay in a core's cache."""
 
 
@@ -49,7 +48,7 @@ def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.n
     count = len(layers)
     starts = np.cumsum([0, *(layer.size for layer in layers)])
     pairs = [(first, second) for first in range(count) for second in range(first, count)]
-    blocks = dict.fromkeys(pairs, np.float64(0.0))
+    blocks = dict.fromkeys(pairs, 0.0)
     gradient = np.zeros(starts[-1])
     for start in range(0, len(samples.inputs), CHUNK_SAMPLES):
         rows = slice(start, start + CHUNK_SAMPLES)
@@ -59,8 +58,7 @@ def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.n
         for place in range(count):
             back = np.einsum("soi,so->si", slopes[place], error)
             gradient[starts[place] : starts[place + 1]] += (activations[place].T @ back).ravel()
-        columns = [values.astype(np.float32).T for values in activations]
-        slopes = [values.astype(np.float32) for values in slopes]
+        columns = [np.ascontiguousarray(values.T) for values in activations]
         for first, second in pairs:
             over_outputs = slopes[first].transpose(0, 2, 1) @ slopes[second]  # (S, nodes, nodes)
             inner = _products(columns[first], columns[second], halved=first == second)
