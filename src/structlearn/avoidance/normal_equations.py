@@ -60,11 +60,12 @@ def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.n
             gradient[starts[place] : starts[place + 1]] += (activations[place].T @ back).ravel()
         columns = [np.ascontiguousarray(values.T) for values in activations]
         for first, second in pairs:
-            over_outputs = slopes[first].transpose(0, 2, 1) @ slopes[second]  # (S, nodes, nodes)
+            nodes = slopes[second].shape[2]
+            over_outputs = (slopes[first].transpose(0, 2, 1) @ slopes[second]).reshape(len(error), -1)
             inner = _products(columns[first], columns[second], halved=first == second)
             if first == second:
-                over_outputs = over_outputs[:, *_upper(over_outputs.shape[1])]
-            blocks[first, second] += inner @ over_outputs.reshape(len(error), -1)
+                over_outputs = over_outputs.take(np.ravel_multi_index(_upper(nodes), (nodes, nodes)), axis=1)
+            blocks[first, second] += inner @ over_outputs
     products = np.zeros((starts[-1], starts[-1]))
     for first, second in pairs:
         rows, columns = slice(*starts[first : first + 2]), slice(*starts[second : second + 2])
@@ -111,10 +112,16 @@ def _unfolded(block: np.ndarray, first: tuple[int, int], second: tuple[int, int]
     """Block (pairs of inputs, pairs of nodes) as a block of J^T J: (weights of one layer, of another)."""
     if block.size == first[0] * second[0] * first[1] * second[1]:
         full = block.reshape(first[0], second[0], first[1], second[1]).transpose(0, 2, 1, 3)
-    else:
-        inputs, nodes = _triangle(first[0]), _triangle(first[1])
-        full = block[inputs[:, None, :, None], nodes[None, :, None, :]]
-    return full.reshape(first[0] * first[1], second[0] * second[1])
+        return full.reshape(first[0] * first[1], second[0] * second[1])
+    return block.ravel().take(_folded(first))
+
+
+@cache
+def _folded(shape: tuple[int, int]) -> np.ndarray:
+    """Place of each pair of weights (P, P) of a layer in its block of halved pairs."""
+    inputs, nodes = (_triangle(size) for size in shape)
+    places = inputs[:, None, :, None] * (nodes.max() + 1) + nodes[None, :, None, :]
+    return places.reshape(shape[0] * shape[1], -1)
 
 
 @cache
@@ -123,7 +130,6 @@ def _upper(size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.triu_indices(size)
 
 
-@cache
 def _triangle(size: int) -> np.ndarray:
     """Place of each pair (size, size) among those of the upper triangle, whichever comes first."""
     places = np.zeros((size, size), dtype=int)

@@ -181,19 +181,31 @@ def _upper(size: int) -> np.ndarray:
 def _shorten(distance: np.ndarray) -> None:
     """Turn lengths of edges (N, N), symmetric, inf where there is none, into those of the shortest paths."""
     count = len(distance)
+    ahead, shortest = np.empty(count, dtype=np.int64), np.empty(count)
     for point in range(count):
-        ahead = np.flatnonzero(distance[point, point + 1 :] < np.inf) + point + 1
-        for first in ahead:
-            for second in ahead:
-                over = distance[point, first] + distance[point, second]
-                distance[first, second] = min(distance[first, second], over)
-    shortest = np.empty(count)
+        neighbours = _ahead(distance[point], point, ahead)
+        for i in range(neighbours):
+            edge, row = distance[point, ahead[i]], distance[ahead[i]]
+            for j in range(neighbours):
+                over = edge + distance[point, ahead[j]]
+                row[ahead[j]] = min(row[ahead[j]], over)
     for point in range(count - 1, -1, -1):  # from here on all distances between later points are known
-        shortest[point + 1 :] = np.inf
-        for first in np.flatnonzero(distance[point, point + 1 :] < np.inf) + point + 1:
-            edge, row = distance[point, first], distance[first]
-            for second in range(point + 1, count):
-                over = edge + row[second]
-                shortest[second] = over if over < shortest[second] else shortest[second]
-        distance[point, point + 1 :] = shortest[point + 1 :]
-        distance[point + 1 :, point] = shortest[point + 1 :]
+        shortest[:] = np.inf
+        for i in range(_ahead(distance[point], point, ahead)):
+            edge, row = distance[point, ahead[i]], distance[ahead[i]]
+            for other in range(point + 1, count):
+                over = edge + row[other]
+                shortest[other] = over if over < shortest[other] else shortest[other]
+        for other in range(point + 1, count):
+            distance[point, other] = distance[other, point] = shortest[other]
+
+
+@numba.njit(cache=True)
+def _ahead(edges: np.ndarray, point: int, found: np.ndarray) -> int:
+    """Write the later points to which a point has edges (N,); return their number."""
+    count = 0
+    for other in range(point + 1, len(edges)):
+        if edges[other] < np.inf:
+            found[count] = other
+            count += 1
+    return count
