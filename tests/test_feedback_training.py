@@ -7,9 +7,10 @@ from committed import committed
 from feedback_toy import toy_dataset
 from pydantic import ValidationError
 
-from structlearn.feedback.folds import PARTS, leave_one_out
+from structlearn.feedback.folds import leave_one_out
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
+    CHOOSING,
     DECAY,
     FRACTIONS,
     LearningCurves,
@@ -17,6 +18,7 @@ from structlearn.feedback.supervised_training import (
     TrainingParameters,
     evaluate,
     predict,
+    restore,
     standardisation,
     target_scale,
     train,
@@ -115,24 +117,29 @@ def test_left_out_demonstrations_never_enter_training():
     changed_curves = train(other, stacked(changed, chosen=fold), QUICK)
     for values, found in zip(one.parameters(), other.parameters(), strict=True):
         assert torch.equal(values, found)
-    np.testing.assert_array_equal(curves.nmse[..., :3], changed_curves.nmse[..., :3])
-    assert not np.array_equal(curves.nmse[..., 3], changed_curves.nmse[..., 3])
+    np.testing.assert_array_equal(curves.nmse[..., 0], changed_curves.nmse[..., 0])
+    assert not np.array_equal(curves.nmse[..., 1], changed_curves.nmse[..., 1])
 
 
-def test_every_model_ends_with_the_weights_that_validation_chose():
+def test_every_model_ends_with_the_weights_that_validation_chose_and_keeps_the_others():
     parameters = QUICK.model_copy(update={"steps": 400, "learning_rate": 0.05, "dropout": 0.0})
     data, network = stacked(toy_dataset()), networks(4, dropout=0.0)
     curves = train(network, data, parameters)
     best = curves.best("validation")
     assert len(set(best)) > 1  # models differ, or the test shows nothing
     expected = curves.nmse[best, np.arange(4)]
-    np.testing.assert_array_equal(evaluate(network, data), expected)
-    np.testing.assert_array_equal(expected[:, 1], curves.nmse[..., 1].min(axis=0))
+    np.testing.assert_array_equal(evaluate(network, data, CHOOSING), expected)
+    np.testing.assert_array_equal(expected[:, 0], curves.nmse[..., 0].min(axis=0))
+    restore(network, curves.weights["generalization"])
+    found = evaluate(network, data, CHOOSING)
+    np.testing.assert_array_equal(found[:, 1], curves.nmse[..., 1].min(axis=0))
+    np.testing.assert_allclose(evaluate(network, data)[:, [1, 3]], found, rtol=1e-5)
 
 
 def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
     data, network = stacked(toy_dataset()), networks(4)
-    found, outputs = evaluate(network, data), predict(network, data)
+    everything = torch.arange(data.inputs.shape[1]).expand(4, -1)
+    found, outputs = evaluate(network, data), predict(network, data, everything)
     for model, fold in enumerate(data.folds):
         for part, rows in enumerate(fold.parts()):
             expected = nmse(outputs[model, rows], data.target[model, rows].numpy())
@@ -142,11 +149,11 @@ def test_the_error_of_a_part_is_the_normalised_mean_squared_error():
 def test_steps_are_evaluated_to_the_last_and_diverged_ones_never_chosen():
     curves = train(networks(4), stacked(toy_dataset()), QUICK.model_copy(update={"steps": 50}))
     np.testing.assert_array_equal(curves.steps, [20, 40, 50])
-    assert curves.nmse.shape == (3, 4, len(PARTS))
-    errors = np.full((3, 1, 4), 0.5)
-    errors[0, :, 1] = np.nan
-    errors[2, :, 3] = 0.4
-    diverged = LearningCurves(np.arange(3), errors)
+    assert curves.nmse.shape == (3, 4, len(CHOOSING))
+    errors = np.full((3, 1, 2), 0.5)
+    errors[0, :, 0] = np.nan
+    errors[2, :, 1] = 0.4
+    diverged = LearningCurves(np.arange(3), errors, {})
     assert diverged.best("validation") == [1]
     assert diverged.best("generalization") == [2]
 

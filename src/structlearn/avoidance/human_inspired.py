@@ -6,6 +6,8 @@ for the obstacle's centre and its closest point q. phi is the angle between v an
 distance to it, R turns v by 90 degrees away from q in their common plane. beta and k are on a grid; Bayesian
 regression with automatic relevance determination, one per axis, prunes what it does not need. The velocity is
 tau v, as in all features, so that a slow movement avoids like a quick one.
+
+The regression is that of scikit-learn, whose every iteration goes over all samples: here their moments do.
 """
 
 import json
@@ -15,6 +17,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+from scipy.linalg import lapack
 
 from structlearn.avoidance import features as columns
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
@@ -29,6 +32,15 @@ DECAY_PER_M = tuple(np.geomspace(1.0, 30.0, 5))
 
 ITERATIONS = 200
 """Of the regression, as in the dissertation."""
+
+GAIN_TOLERANCE = 1e-3
+"""The regression stops when all weights together change by less, in units of the target's size."""
+
+PRUNED_PRECISION = 1e4
+"""A weight with a larger prior precision is nothing; units as above."""
+
+VAGUE = 1e-6
+"""Shape and rate of the gamma priors of all precisions."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +109,35 @@ def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspire
         used = sizes > 0.0
         if not used.any() or size == 0.0:
             continue
-        regression = ARDRegression(max_iter=ITERATIONS, fit_intercept=False)
-        regression.fit(effects[:, axis, used] / sizes[used], target[:, axis] / size)
-        weights[axis, used] = regression.coef_ * size / sizes[used]
+        found = pruning_regression(effects[:, axis, used] / sizes[used], target[:, axis] / size)
+        weights[axis, used] = found * size / sizes[used]
     return HumanInspiredModels(weights[None])
+
+
+def pruning_regression(inputs: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Weights (F,) of Bayesian regression without intercept that prunes (MacKay 1994, Tipping 2001).
+
+    Args:
+        inputs: (S, F).
+        target: (S,).
+    """
+    gram, moments, energy = inputs.T @ inputs, inputs.T @ target, target @ target
+    kept, weights = np.arange(len(gram)), np.zeros(len(gram))
+    decay, noise = np.ones(len(gram)), 1.0 / (target.var() + np.finfo(float).eps)  # precisions
+    for iteration in range(ITERATIONS):
+        before = weights
+        weights, variance = _posterior(gram, moments, kept, decay, noise)
+        error = energy - 2.0 * weights @ moments + weights @ gram @ weights
+        determined = 1.0 - decay[kept] * variance
+        decay[kept] = (determined + 2.0 * VAGUE) / (weights[kept] ** 2 + 2.0 * VAGUE)
+        noise = (len(target) - determined.sum() + 2.0 * VAGUE) / (error + 2.0 * VAGUE)
+        pruned = kept[decay[kept] >= PRUNED_PRECISION]
+        kept, weights[pruned] = np.setdiff1d(kept, pruned, assume_unique=True), 0.0
+        if not len(kept):
+            return weights
+        if iteration and np.abs(weights - before).sum() < GAIN_TOLERANCE:
+            break
+    return _posterior(gram, moments, kept, decay, noise)[0]
 
 
 def write_human_inspired(models: Mapping[str, HumanInspiredModels], path: str | Path) -> None:
@@ -121,6 +158,16 @@ def read_human_inspired(path: str | Path) -> dict[str, HumanInspiredModels]:
         return {name: HumanInspiredModels(tensors[f"{name}.weights"]) for name in names}
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: holds no human-inspired models (missing {error})") from error
+
+
+def _posterior(
+    gram: np.ndarray, moments: np.ndarray, kept: np.ndarray, decay: np.ndarray, noise: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of all weights (F,), 0 where not kept, and variances of those that are (K,)."""
+    factor, _ = lapack.dpotrf(noise * gram[np.ix_(kept, kept)] + np.diag(decay[kept]), lower=1)
+    mean = np.zeros(len(gram))
+    mean[kept] = noise * lapack.dpotrs(factor, moments[kept], lower=1)[0]
+    return mean, np.square(lapack.dtrtri(factor, lower=1)[0]).sum(axis=0)
 
 
 def _steering(velocity: np.ndarray, to: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
     w <- w - (b J^T J + (a + mu) I)^-1 (b J^T e + a w)
 
-With 1000 samples an iteration takes 25 ms, 17 of them in `normal_equations` and 6 in the Cholesky factor of
+With 1000 samples an iteration takes 25 ms, 13 of them in `normal_equations` and 3 in each Cholesky factor of
 the 603 x 603 matrix. Against that the calls of one network cost nothing, so networks are trained one by one,
 over processes, and not in batches: each stops when it is done, and their samples need not be equally many.
 
@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field, PositiveInt
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, lapack
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, lapack
 
 from structlearn.avoidance.avoidance_network import Layers
 from structlearn.avoidance.normal_equations import Samples, normal_equations, squared_error
@@ -183,13 +183,12 @@ class _Prior:
     def reestimated(self, products: np.ndarray, weights: np.ndarray, error: float, count: int) -> "_Prior":
         """MacKay's estimates of decay and precision; as they were, where the matrix has no factor."""
         try:
-            factor, _ = cho_factor(
-                _shifted(self.precision * products, self.decay), overwrite_a=True, check_finite=False
-            )
+            shifted = _shifted(self.precision * products, self.decay)
+            factor = cholesky(shifted, lower=True, overwrite_a=True, check_finite=False)
         except LinAlgError:
             return self
-        inverse, _ = lapack.dpotri(factor)
-        determined = len(weights) - self.decay * float(np.trace(inverse))
+        root, _ = lapack.dtrtri(factor, lower=1)
+        determined = len(weights) - self.decay * float(np.square(root).sum())  # trace of the inverse
         left = max(count - determined, 1.0)
         return _Prior(determined / float(weights @ weights), left / error, determined)
 
@@ -209,7 +208,7 @@ def _accepted_step(
     while damping <= LARGEST_DAMPING:
         shifted = _shifted(prior.precision * products, prior.decay + damping)
         try:
-            factor = cho_factor(shifted, overwrite_a=True, check_finite=False)
+            factor = cho_factor(shifted, lower=True, overwrite_a=True, check_finite=False)
         except LinAlgError:
             damping *= DAMPING_FACTOR
             continue
@@ -222,9 +221,9 @@ def _accepted_step(
 
 
 def _shifted(matrix: np.ndarray, shift: float) -> np.ndarray:
-    """The matrix with a shift added to its diagonal, in place."""
+    """The matrix with a shift added to its diagonal, in place; its lower half, as the library lies it out."""
     matrix[np.diag_indices_from(matrix)] += shift
-    return matrix
+    return matrix.T
 
 
 def _layers(weights: np.ndarray, shapes: Sequence[tuple[int, ...]]) -> list[np.ndarray]:

@@ -18,6 +18,8 @@ from structlearn.feedback.supervised_training import (
     FRACTIONS,
     StackedData,
     TrainingParameters,
+    evaluate,
+    restore,
     standardisation,
     target_scale,
     train,
@@ -158,13 +160,13 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
     curves = train(network, data, parameters)
     tables = []
     for stopping in STOPPINGS:
-        chosen = curves.best(stopping)
-        errors = curves.nmse[chosen, np.arange(models)]  # (M, 4)
+        restore(network, curves.weights[stopping])
+        errors = evaluate(network, data)  # (M, 4)
         keys = {
             "representation": name,
             "fold": [fold.number for fold in folds],
             "stopping": stopping,
-            "step": curves.steps[chosen],
+            "step": curves.steps[curves.best(stopping)],
         }
         values = dict(zip(PARTS, errors.T, strict=True))
         tables.append(pd.DataFrame(keys | values | {"dimensions": dimensions}))

@@ -1,13 +1,13 @@
 """Training of feedback models: RMSProp on the squared error of the coupling term (IV.6.2, eq. IV.31).
 
 All models of a stack train at once, each on its own draws. Every so many steps the normalised mean squared
-error of every part is taken without dropout, and the weights that did best on the validation part are kept.
+error of the parts that may choose a step is taken without dropout, and the weights that did best are kept.
 
 Two steps can be named in the end: the one that validation chooses, which is honest, and the one with the
 lowest error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -28,6 +28,9 @@ from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 
 EVALUATED_AT_ONCE = 128
 """Samples per model; a stack's activations then stay in a core's cache."""
+
+CHOOSING = ("validation", "generalization")
+"""Parts that may choose a step; the others are five times as many samples."""
 
 DECAY = 0.9
 """Of RMSProp's running mean of squared gradients, per step: the value with which it was published."""
@@ -87,19 +90,22 @@ class StackedData:
 
 @dataclass(frozen=True)
 class LearningCurves:
-    """Normalised mean squared errors while a stack trained.
+    """What was seen while a stack trained.
 
     Attributes:
         steps: (E,) gradient steps done.
-        nmse: (E, M, 4) per model and part, in the order of `folds.PARTS`; NaN for a part without samples.
+        nmse: (E, M, 2) normalised mean squared errors per model and part, in the order of `CHOOSING`; NaN for
+            a part without samples.
+        weights: per part of `CHOOSING`, parameters of the stack with every model's best ones.
     """
 
     steps: np.ndarray
     nmse: np.ndarray
+    weights: Mapping[str, Sequence[Tensor]]
 
     def best(self, part: str) -> np.ndarray:
         """Per model (M,), the index of the evaluation with the lowest error on a part."""
-        errors = self.nmse[..., PARTS.index(part)]
+        errors = self.nmse[..., CHOOSING.index(part)]
         return np.where(np.isnan(errors), np.inf, errors).argmin(axis=0)
 
 
@@ -120,7 +126,10 @@ def train(
     optimiser = RootMeanSquarePropagation(network.parameters(), parameters.learning_rate, DECAY)
     draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
     starts = range(0, parameters.steps, parameters.evaluate_every)
-    best, kept = np.full(len(data.folds), np.inf), _copy(network)
+    best, kept = (
+        np.full((len(data.folds), len(CHOOSING)), np.inf),
+        {part: _copy(network) for part in CHOOSING},
+    )
     done, errors = [], []
     silent = None if description else True  # None: no bar where nobody watches
     with one_thread():
@@ -130,14 +139,20 @@ def train(
             for rows in _batches(data.folds, draws, shape):
                 optimiser.step(_loss(network, data, rows))
             done.append(start + count)
-            errors.append(evaluate(network, data))
-            better = errors[-1][:, PARTS.index("validation")] < best
-            best[better] = errors[-1][better, PARTS.index("validation")]
-            _keep(kept, network, better)
-    with torch.no_grad():
-        for values, found in zip(network.parameters(), kept, strict=True):
-            values.copy_(found)
-    return LearningCurves(np.array(done), np.array(errors))
+            errors.append(evaluate(network, data, CHOOSING))
+            better = errors[-1] < best
+            best[better] = errors[-1][better]
+            for place, part in enumerate(CHOOSING):
+                _keep(kept[part], network, better[:, place])
+    restore(network, kept["validation"])
+    return LearningCurves(np.array(done), np.array(errors), kept)
+
+
+@torch.no_grad()
+def restore(network: Stack, weights: Sequence[Tensor]) -> None:
+    """Give a stack kept weights back."""
+    for values, found in zip(network.parameters(), weights, strict=True):
+        values.copy_(found)
 
 
 def train_final(
@@ -181,33 +196,35 @@ def train_final(
     return network.to_network(0, mean, spread, scale)
 
 
-def evaluate(network: Stack, data: StackedData) -> np.ndarray:
-    """Normalised mean squared errors (M, 4) without dropout, parts in the order of `folds.PARTS`.
+def evaluate(network: Stack, data: StackedData, parts: Sequence[str] = PARTS) -> np.ndarray:
+    """Normalised mean squared errors (M, len(parts)) without dropout; NaN for a part without samples.
 
     With several targets per sample, both the squared error and the variance are summed over them.
     """
-    outputs = predict(network, data)
-    result = np.full((len(data.folds), len(PARTS)), np.nan)
-    for model, fold in enumerate(data.folds):
-        target = data.target[model].numpy().astype(float)
-        error = np.square(outputs[model] - target)
-        for part, rows in enumerate(fold.parts()):
-            if len(rows):
-                result[model, part] = error[rows].mean() / target[rows].var(axis=0).mean()
+    rows = [[getattr(fold, part) for part in parts] for fold in data.folds]
+    longest = max(sum(map(len, its)) for its in rows)
+    padded = np.stack([np.resize(np.concatenate(its), longest) for its in rows])
+    outputs = predict(network, data, torch.from_numpy(padded))
+    result = np.full((len(rows), len(parts)), np.nan)
+    for model, its in enumerate(rows):
+        start = 0
+        for place, chosen in enumerate(its):
+            if len(chosen):
+                target = data.target[model, chosen].numpy().astype(float)
+                error = np.square(outputs[model, start : start + len(chosen)] - target)
+                result[model, place] = error.mean() / target.var(axis=0).mean()
+            start += len(chosen)
     return result
 
 
-def predict(network: Stack, data: StackedData) -> np.ndarray:
-    """Output of a stack for all samples, (M, S) or (M, S, D)."""
-    outputs = []
+def predict(network: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
+    """Outputs of a stack, (M, R) or (M, R, D), for rows (M, R) of each model's samples."""
     with torch.no_grad():
-        for start in range(0, data.inputs.shape[1], EVALUATED_AT_ONCE):
-            rows = slice(start, start + EVALUATED_AT_ONCE)
-            modulation = (
-                None if data.modulation is None else data.modulation[rows].expand(len(data.folds), -1, -1)
-            )
-            outputs.append(network.forward(data.inputs[:, rows], modulation))
-    return torch.cat(outputs, dim=1).numpy()
+        found = [
+            network.forward(_taken(data.inputs, chosen), _modulation(data, chosen))
+            for chosen in rows.split(EVALUATED_AT_ONCE, dim=1)
+        ]
+    return torch.cat(found, dim=1).numpy()
 
 
 def standardisation(values: np.ndarray, fold: Fold) -> tuple[np.ndarray, np.ndarray]:
@@ -244,17 +261,21 @@ def _batches(
 
 def _loss(network: Stack, data: StackedData, rows: Tensor) -> Tensor:
     """Squared error of a batch, meant over its samples and summed over models: their gradients do not mix."""
-    models, samples = data.inputs.shape[:2]
-    flat = (rows + samples * torch.arange(models)[:, None]).reshape(-1)  # rows of the (M * S, ...) view
+    outputs = network.forward(_taken(data.inputs, rows), _modulation(data, rows), training=True)
+    return (outputs - _taken(data.target, rows)).square().flatten(1).mean(dim=1).sum()
 
-    def batch(values: Tensor) -> Tensor:
-        return values.flatten(0, 1).index_select(0, flat).unflatten(0, rows.shape)
 
-    modulation = None
-    if data.modulation is not None:
-        modulation = data.modulation.index_select(0, rows.reshape(-1)).unflatten(0, rows.shape)
-    error = (network.forward(batch(data.inputs), modulation, training=True) - batch(data.target)).square()
-    return error.flatten(1).mean(dim=1).sum()
+def _taken(values: Tensor, rows: Tensor) -> Tensor:
+    """Rows (M, B) of each model's values (M, S, ...)."""
+    first = values.shape[1] * torch.arange(len(rows))[:, None]
+    return values.flatten(0, 1).index_select(0, (rows + first).reshape(-1)).unflatten(0, rows.shape)
+
+
+def _modulation(data: StackedData, rows: Tensor) -> Tensor | None:
+    """Phase features (M, B, N) of rows (M, B)."""
+    if data.modulation is None:
+        return None
+    return data.modulation.index_select(0, rows.reshape(-1)).unflatten(0, rows.shape)
 
 
 def _copy(network: Stack) -> list[Tensor]:

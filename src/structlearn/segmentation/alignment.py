@@ -68,7 +68,7 @@ def least_squares(pairs: np.ndarray, weights: np.ndarray | None = None) -> Align
     """
     weights = np.ones(len(pairs)) if weights is None else weights
     used = weights > 0.0
-    if len(np.unique(pairs[used, 0])) < 2:
+    if not used.any() or np.ptp(pairs[used, 0]) == 0:
         raise InputError(f"only {int(used.sum())} correspondence pairs are left to align it")
     reference, guess = pairs[used].astype(float).T
     share = weights[used] / weights[used].sum()

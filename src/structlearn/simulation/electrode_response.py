@@ -174,7 +174,7 @@ def crept(value: float, shares: np.ndarray, keeps: np.ndarray, settled: bool, st
     return (1 - total) * value + late
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
 def static_counts(load: float, place: np.ndarray, finger: int, response: Response) -> np.ndarray:
     """Change of the counts, (E,), by a load in N at a place (3,) of the skin in mm."""
     load = max(load, 0.0)
@@ -182,7 +182,9 @@ def static_counts(load: float, place: np.ndarray, finger: int, response: Respons
     bulge = 1 - np.exp(-load / response.bulge_load)
     own = np.empty(len(response.electrodes))
     for electrode in range(len(own)):
-        square = ((response.electrodes[electrode] - place) ** 2).sum()
+        square = 0.0
+        for axis in range(3):
+            square += (response.electrodes[electrode, axis] - place[axis]) ** 2
         pressure = load * np.exp(-square / (2 * (response.variance[finger, electrode] + patch)))
         own[electrode] = (
             response.gain[finger, electrode] * pressure / (1 + response.saturation * pressure)
@@ -198,7 +200,6 @@ def static_counts(load: float, place: np.ndarray, finger: int, response: Respons
 @numba.njit(cache=True)
 def lagged(signal: np.ndarray, keep: float, settled: bool, state: np.ndarray) -> None:
     """First-order lag: `state` (E,) moves on towards the signal (E,); the first sample is met at once."""
-    if settled:
-        state[:] = signal + keep * (state - signal)
-    else:
-        state[:] = signal
+    for electrode in range(len(signal)):
+        left = keep * (state[electrode] - signal[electrode]) if settled else 0.0
+        state[electrode] = signal[electrode] + left

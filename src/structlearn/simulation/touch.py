@@ -21,6 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from structlearn.ground import quaternion
+from structlearn.ground.compiled_vectors import cross
 from structlearn.ground.params import Parameters
 from structlearn.simulation.electrode_response import (
     Response,
@@ -145,13 +146,14 @@ def moved(
     """Poses after a step with a velocity of the finger in its own frame.
 
     Args:
-        position: (..., 3) m, base frame.
-        orientation: (..., 4) finger to base.
-        velocity: (..., 6) m/s and rad/s, frame of the finger at the start of the step.
+        position: (B, 3) m, base frame.
+        orientation: (B, 4) finger to base.
+        velocity: (B, 6) m/s and rad/s, frame of the finger at the start of the step.
         dt: s; short enough that the finger turns little.
     """
-    turned = quaternion.product(orientation, quaternion.from_rotation_vector(velocity[..., 3:] * dt))
-    return position + quaternion.rotate(orientation, velocity[..., :3]) * dt, quaternion.normalised(turned)
+    step = dt * velocity
+    turn = quaternion.from_rotation_vector(step[:, 3:])
+    return _moved(position, orientation, step, turn)
 
 
 def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, finger: Finger) -> Contact:
@@ -167,17 +169,9 @@ def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, fing
         finger: the same for all.
     """
     skin = finger.skin
-    to_finger = quaternion.conjugate(orientation)
-    centre = quaternion.rotate(to_finger, handle.centre - position)
-    axis = quaternion.rotate(to_finger, handle.axis)
-    place = np.zeros(len(centre))
-    for _ in range(NEWTON_STEPS if handle.half_length > 0 else 0):
-        on_bar = centre + place[:, None] * axis
-        outwards = on_bar - skin.core(on_bar)
-        slope = np.where(outwards != 0, axis**2, 0.0).sum(axis=1)
-        step = (outwards * axis).sum(axis=1) / np.where(slope > 0, slope, 1.0)
-        place = np.clip(place - step, -handle.half_length, handle.half_length)
-    on_bar = centre + place[:, None] * axis
+    on_bar = _closest(
+        position, orientation, handle.centre, handle.axis, handle.half_length, skin.core_low, skin.core_high
+    )
     distance = np.linalg.norm(on_bar - skin.core(on_bar), axis=1)
     gap = distance - skin.radius - handle.radius
     load = finger.stiffness * np.maximum(-gap, 0.0) ** 1.5
@@ -213,6 +207,71 @@ def read_out(signal: np.ndarray, finger: Finger, rng: np.random.Generator) -> np
     return np.rint(signal + finger.noise_counts * rng.standard_normal(signal.shape))
 
 
+_product = numba.njit(cache=True)(quaternion.product_components)
+
+
+@numba.njit(cache=True)
+def _rotated(q: np.ndarray | tuple, vector: np.ndarray) -> tuple:
+    """A vector turned by a rotation."""
+    axis = (q[1], q[2], q[3])
+    once = cross(axis, vector)
+    twice = cross(axis, once)
+    return (
+        vector[0] + 2.0 * (q[0] * once[0] + twice[0]),
+        vector[1] + 2.0 * (q[0] * once[1] + twice[1]),
+        vector[2] + 2.0 * (q[0] * once[2] + twice[2]),
+    )
+
+
+@numba.njit(cache=True)
+def _moved(
+    position: np.ndarray, orientation: np.ndarray, step: np.ndarray, turn: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (B, 3), (B, 4) after steps (B, 6) whose turns are (B, 4)."""
+    places, turned = np.empty_like(position), np.empty_like(orientation)
+    for b in range(len(position)):
+        shift = _rotated(orientation[b], step[b])
+        for i in range(3):
+            places[b, i] = position[b, i] + shift[i]
+        q = _product(orientation[b], turn[b])
+        size = np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+        for i in range(4):
+            turned[b, i] = q[i] / size
+    return places, turned
+
+
+@numba.njit(cache=True)
+def _closest(
+    position: np.ndarray,
+    orientation: np.ndarray,
+    centre: np.ndarray,
+    axis: np.ndarray,
+    half_length: float,
+    low: np.ndarray,
+    high: np.ndarray,
+) -> np.ndarray:
+    """Points (B, 3) m of a handle that are closest to the box from `low` to `high`, in frames of fingers."""
+    closest = np.empty_like(position)
+    for b in range(len(position)):
+        back = (orientation[b, 0], -orientation[b, 1], -orientation[b, 2], -orientation[b, 3])
+        middle = _rotated(back, centre - position[b])
+        along = _rotated(back, axis)
+        place = 0.0
+        for _ in range(NEWTON_STEPS if half_length > 0 else 0):
+            rise = slope = 0.0
+            for i in range(3):
+                on_bar = middle[i] + place * along[i]
+                outwards = on_bar - min(max(on_bar, low[i]), high[i])
+                if outwards != 0.0:
+                    rise += outwards * along[i]
+                    slope += along[i] ** 2
+            if slope > 0.0:
+                place = min(max(place - rise / slope, -half_length), half_length)
+        for i in range(3):
+            closest[b, i] = middle[i] + place * along[i]
+    return closest
+
+
 @numba.njit(cache=True)
 def _touch(
     load: np.ndarray, point: np.ndarray, response: Response, play: np.ndarray, memory: Memory
@@ -225,5 +284,6 @@ def _touch(
             pressed = crept(pressed, response.creep, response.creep_keep, True, memory.creep[b])
             signal = static_counts(pressed, point[t, b], 0, response)
             lagged(signal, response.lag_keep, True, memory.lag[b])
-            counts[t, b] = memory.lag[b] + response.offset[0]
+            for electrode in range(len(signal)):
+                counts[t, b, electrode] = memory.lag[b, electrode] + response.offset[0, electrode]
     return counts

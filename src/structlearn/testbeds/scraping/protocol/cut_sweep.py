@@ -1,6 +1,9 @@
 """How the errors of cut points grow with the noise of the simulated demonstrator."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import pandas as pd
 from pydantic import Field
@@ -15,7 +18,9 @@ from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.world.demonstrator import (
     RATE_HZ,
     DemonstratorParameters,
-    simulate_demonstrations,
+    Intention,
+    as_meant,
+    intended_movements,
 )
 
 
@@ -63,11 +68,10 @@ def noise_sweep(
             f"segment.primitives: names {len(segmentation.primitives)}, the simulated task has {task}"
         )
     people = range(parameters.first_seed, parameters.first_seed + parameters.seeds)
-    work = [(noise, seed) for noise in parameters.noise_mm for seed in people]
     tolerant = segmentation.model_copy(update={"skip_failures": True})
-    errors = parallel_map(
-        partial(_one_set, simulation=simulation, segmentation=tolerant), work, "noise sweep"
-    )
+    work = partial(_one_person, levels=parameters.noise_mm, simulation=simulation, segmentation=tolerant)
+    by_person = parallel_map(work, people, "noise sweep")
+    errors = chain.from_iterable(zip(*by_person, strict=True))  # level by level
     return pd.concat(errors, ignore_index=True)
 
 
@@ -76,18 +80,33 @@ def no_sweep() -> pd.DataFrame:
     return pd.DataFrame(columns=COLUMNS)
 
 
-def _one_set(
-    level: tuple[float, int], simulation: DemonstratorParameters, segmentation: SegmentParameters
-) -> pd.DataFrame:
-    noise, seed = level
-    settings = simulation.model_copy(update={"noise_mm": noise, "seed": seed})
-    recordings = simulate_demonstrations(settings)
-    demonstrations = [synchronise(recording, RATE_HZ) for recording in recordings]
+def _one_person(
+    seed: int,
+    levels: Sequence[float],
+    simulation: DemonstratorParameters,
+    segmentation: SegmentParameters,
+) -> list[pd.DataFrame]:
+    """Rows of each level; the noise is in proportion to it."""
+    movements = intended_movements(simulation.model_copy(update={"noise_mm": 1.0, "seed": seed}))
+    return [
+        _one_set(
+            [
+                replace(one, edge_noise=noise * one.edge_noise, tilt_noise=noise * one.tilt_noise)
+                for one in movements
+            ],
+            segmentation,
+            seed,
+        ).assign(noise_mm=noise, seed=seed)[COLUMNS]
+        for noise in levels
+    ]
+
+
+def _one_set(movements: Sequence[Intention], segmentation: SegmentParameters, seed: int) -> pd.DataFrame:
+    demonstrations = [synchronise(as_meant(movement, seed), RATE_HZ) for movement in movements]
     try:
         cuts = cut(demonstrations, segmentation)
         found, left_out = [cut_errors(demonstrations, cuts)], cuts.left_out["demonstration"]
     except InputError:  # the reference itself is lost in the noise, and all with it
         found, left_out = [], [demonstration.name for demonstration in demonstrations]
     missing = pd.DataFrame({"demonstration": left_out, "method": "left_out"})
-    errors = pd.concat([*found, missing], ignore_index=True).assign(noise_mm=noise, seed=seed)
-    return errors.reindex(columns=COLUMNS)
+    return pd.concat([*found, missing], ignore_index=True).reindex(columns=COLUMNS)

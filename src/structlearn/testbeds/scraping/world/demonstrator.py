@@ -154,7 +154,24 @@ def simulate_demonstrations(parameters: DemonstratorParameters) -> list[Recordin
     Returns:
         Recordings "01", "02", ... in order, with a pose stream and `true_segments` (3, 2).
     """
-    return [_kinematic(movement, parameters) for movement in intended_movements(parameters)]
+    return [as_meant(movement, parameters.seed) for movement in intended_movements(parameters)]
+
+
+def as_meant(movement: Intention, seed: int) -> Recording:
+    """A movement with the hand's noise as a recording; `seed` is of the person who makes it."""
+    orientation = orientation_of(movement.tilt + movement.tilt_noise)
+    pose = np.hstack([movement.edge + movement.edge_noise, orientation])
+    stamps = first_stamp(int(movement.name) - 1) + np.round(movement.time * 1e9).astype(np.int64)
+    provenance = {
+        "origin": "simulated",
+        "generator": "structlearn.testbeds.scraping.world.demonstrator",
+        "version": structlearn.__version__,
+        "seed": str(seed),
+        "setting": "board roll 0 degrees, movement as meant",
+    }
+    return Recording(
+        movement.name, (Stream("/hand/pose", "pose", stamps, pose),), movement.segments, provenance
+    )
 
 
 def first_stamp(index: int) -> int:
@@ -185,22 +202,6 @@ def _intention(
     edge_noise, tilt_noise = hand_noise(velocity, contact, parameters.noise_mm, rate_hz, rng)
     name = f"{index + 1:02d}"
     return Intention(name, time, edge, tilt, edge_noise, tilt_noise, plan.segments, run)
-
-
-def _kinematic(movement: Intention, parameters: DemonstratorParameters) -> Recording:
-    orientation = orientation_of(movement.tilt + movement.tilt_noise)
-    pose = np.hstack([movement.edge + movement.edge_noise, orientation])
-    stamps = first_stamp(int(movement.name) - 1) + np.round(movement.time * 1e9).astype(np.int64)
-    provenance = {
-        "origin": "simulated",
-        "generator": "structlearn.testbeds.scraping.world.demonstrator",
-        "version": structlearn.__version__,
-        "seed": str(parameters.seed),
-        "setting": "board roll 0 degrees, movement as meant",
-    }
-    return Recording(
-        movement.name, (Stream("/hand/pose", "pose", stamps, pose),), movement.segments, provenance
-    )
 
 
 @dataclass(frozen=True)
