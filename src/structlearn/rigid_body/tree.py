@@ -115,9 +115,14 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
         model = pinocchio.buildReducedModel(model, joints, pinocchio.neutral(model))
     if model.nv == 0:
         raise InputError(f"{path}: the robot has no joint that moves")
-    robot = Robot(model.name, _tree(model), _inertias(model), model)
+    robot = robot_of(model)
     _check_inertias(robot, path)
     return robot
+
+
+def robot_of(model: pinocchio.Model) -> Robot:
+    """A robot with a fixed base from Pinocchio's model of it."""
+    return Robot(model.name, _tree(model), _inertias(model), model)
 
 
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:

@@ -1,0 +1,293 @@
+"""Forward dynamics of a kinematic tree, compiled: what a simulation evaluates in every step.
+
+    M(q) qdd + b(q, qd) = tau        b: gravity, Coriolis and centrifugal forces
+
+All links are expressed in the base frame, about its origin: then inertias and forces of a subtree are plain
+sums, and the mass matrix (composite rigid bodies) and the bias (Newton-Euler) come out of one pass to the tip
+and one back. A screw, twist or wrench is angular, then linear part: (w, v) and (torque, force).
+
+    robot, work = body(tree, inertias), workspace(count)
+    dynamics(robot, q, v, work)               # frames, screws, M and b at this state
+    step(robot, q, v, torques, dt, work)      # semi-implicit Euler; they are those of the new state now
+"""
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from structlearn.ground.compiled_vectors import cross
+from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+
+
+class Body(NamedTuple):
+    """A robot with a fixed base as compiled functions take it; n joints, each after its parent.
+
+    Attributes:
+        parents: (n,) index of the parent joint, -1 for the base.
+        rotation: (n, 3, 3) joint frame in the parent's at position zero.
+        translation: (n, 3) m, its origin in the parent's frame.
+        axis: (n, 3) unit vector, in the joint frame.
+        prismatic: (n,) bool; the others turn.
+        mass: (n,) kg.
+        centre: (n, 3) m, centre of mass in the joint frame.
+        inertia: (n, 3, 3) kg m^2, about the centre of mass, axes of the joint frame.
+        gravity: (3,) m/s^2, acceleration of free fall in the base frame.
+    """
+
+    parents: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    axis: np.ndarray
+    prismatic: np.ndarray
+    mass: np.ndarray
+    centre: np.ndarray
+    inertia: np.ndarray
+    gravity: np.ndarray
+
+
+class Workspace(NamedTuple):
+    """What is known of a state; base frame, about its origin.
+
+    Attributes:
+        frame: (n, 3, 3) rotation of each link's joint frame.
+        place: (n, 3) m, its origin.
+        screw: (n, 6) of each joint: twist of its link for unit speed.
+        mass_matrix: (n, n) M; its factor once `accelerations` has run.
+        bias: (n,) b in N m or N.
+        twist: (n, 6) of each link.
+        push: (n, 6) acceleration of each link if all qdd were zero, gravity as an upward one.
+        composite: (n, 10) inertia of each link and all that it carries: mass, first moment, inertia
+            (xx, xy, xz, yy, yz, zz).
+        wrench: (n, 6) that moves these links so.
+        turn: (3, 3) scratch.
+        offset: (3,) scratch.
+    """
+
+    frame: np.ndarray
+    place: np.ndarray
+    screw: np.ndarray
+    mass_matrix: np.ndarray
+    bias: np.ndarray
+    twist: np.ndarray
+    push: np.ndarray
+    composite: np.ndarray
+    wrench: np.ndarray
+    turn: np.ndarray
+    offset: np.ndarray
+
+
+def body(tree: KinematicTree, inertias: LinkInertias) -> Body:
+    """The robot of a kinematic tree and its links' inertias, which have mass."""
+    mass = np.ascontiguousarray(inertias.mass, dtype=float)
+    return Body(
+        *chain_arrays(tree),
+        mass=mass,
+        centre=np.ascontiguousarray(inertias.first_moment / mass[:, None], dtype=float),
+        inertia=np.ascontiguousarray(inertias.inertia, dtype=float),
+        gravity=np.ascontiguousarray(tree.gravity, dtype=float),
+    )
+
+
+def workspace(count: int) -> Workspace:
+    """Memory for a robot of so many joints."""
+    shapes = [(count, 3, 3), (count, 3), (count, 6), (count, count), (count,)]
+    shapes += [(count, 6), (count, 6), (count, 10), (count, 6), (3, 3), (3,)]
+    return Workspace(*(np.zeros(shape) for shape in shapes))
+
+
+@numba.njit(cache=True)
+def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: Workspace) -> None:
+    """Move q and v (n,) on by a semi-implicit Euler step of dt in s, as PyBullet does.
+
+    Args:
+        body: the robot.
+        q: (n,) rad or m; changed.
+        v: (n,) rad/s or m/s; changed.
+        torques: (n,) N m or N on the joints; they become the accelerations.
+        dt: s.
+        work: of `dynamics` at q and v; afterwards of that at the new ones.
+    """
+    accelerations(work, torques)
+    for j in range(len(q)):
+        v[j] += dt * torques[j]
+        q[j] += dt * v[j]
+    dynamics(body, q, v, work)
+
+
+@numba.njit(cache=True)
+def accelerations(work: Workspace, torques: np.ndarray) -> None:
+    """Turn torques (n,) of the joints into their accelerations, at the state of the last `dynamics`."""
+    for j in range(len(torques)):
+        torques[j] -= work.bias[j]
+    factorise(work.mass_matrix)
+    solve(work.mass_matrix, torques)
+
+
+@numba.njit(cache=True)
+def dynamics(body: Body, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
+    """Fill the workspace at positions and velocities (n,) of the joints."""
+    count = len(q)
+    kinematics(body, q, work)
+    for j in range(count):
+        _move(body.parents[j], body.gravity, v[j], j, work)
+        _carry(body.mass[j], body.centre[j], body.inertia[j], j, work)
+        for i in range(count):
+            work.mass_matrix[j, i] = 0.0
+    for j in range(count - 1, -1, -1):
+        parent, screw, wrench = body.parents[j], work.screw[j], work.wrench[j]
+        work.bias[j] = _power(screw, wrench)
+        momentum = _momentum(work.composite[j], screw)
+        i = j
+        while i >= 0:
+            entry = _power(work.screw[i], momentum)
+            work.mass_matrix[i, j] = entry
+            work.mass_matrix[j, i] = entry
+            i = body.parents[i]
+        if parent >= 0:
+            for k in range(6):
+                work.wrench[parent, k] += wrench[k]
+            for k in range(10):
+                work.composite[parent, k] += work.composite[j, k]
+
+
+@numba.njit(cache=True)
+def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
+    """Fill frames, origins and screws at positions (n,) of the joints."""
+    for j in range(len(q)):
+        parent, frame, place = body.parents[j], work.frame[j], work.place[j]
+        turn, offset = work.turn, work.offset
+        joint_placement(
+            body.rotation[j], body.translation[j], body.axis[j], body.prismatic[j], q[j], turn, offset
+        )
+        if parent < 0:
+            frame[:] = turn
+            place[:] = offset
+        else:
+            above = work.frame[parent]
+            for row in range(3):
+                place[row] = work.place[parent, row] + _row(above, row, offset)
+                for k in range(3):
+                    frame[row, k] = (
+                        above[row, 0] * turn[0, k] + above[row, 1] * turn[1, k] + above[row, 2] * turn[2, k]
+                    )
+        own = body.axis[j]
+        axis = (_row(frame, 0, own), _row(frame, 1, own), _row(frame, 2, own))
+        linear = axis if body.prismatic[j] else cross(place, axis)
+        for k in range(3):
+            work.screw[j, k] = 0.0 if body.prismatic[j] else axis[k]
+            work.screw[j, 3 + k] = linear[k]
+
+
+@numba.njit(cache=True)
+def factorise(matrix: np.ndarray) -> None:
+    """Replace the upper triangle of a positive definite matrix (n, n) by U, matrix = U^T U (Cholesky)."""
+    count = len(matrix)
+    for j in range(count):  # row by row, so that inner loops run along memory and need no reordered sums
+        pivot = 1.0 / np.sqrt(matrix[j, j])
+        for k in range(j, count):
+            matrix[j, k] *= pivot
+        for i in range(j + 1, count):
+            share = matrix[j, i]
+            for k in range(i, count):
+                matrix[i, k] -= share * matrix[j, k]
+
+
+@numba.njit(cache=True)
+def solve(factor: np.ndarray, right: np.ndarray) -> None:
+    """Replace the right side (n,) of a linear system by its solution; `factor` (n, n) of `factorise`."""
+    count = len(right)
+    for i in range(count):
+        right[i] /= factor[i, i]
+        for k in range(i + 1, count):
+            right[k] -= factor[i, k] * right[i]
+    for i in range(count - 1, -1, -1):
+        rest = right[i]
+        for k in range(i + 1, count):
+            rest -= factor[i, k] * right[k]
+        right[i] = rest / factor[i, i]
+
+
+@numba.njit(cache=True, inline="always")
+def _row(matrix: np.ndarray, row: int, vector: np.ndarray) -> float:
+    """One row of a (3, 3) matrix times a (3,) vector."""
+    return matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
+
+
+@numba.njit(cache=True, inline="always")
+def _power(screw: np.ndarray, wrench: np.ndarray | tuple) -> float:
+    """What a wrench (6,) does on a screw (6,)."""
+    return (
+        (screw[0] * wrench[0] + screw[1] * wrench[1] + screw[2] * wrench[2])
+        + (screw[3] * wrench[3] + screw[4] * wrench[4])
+        + screw[5] * wrench[5]
+    )
+
+
+@numba.njit(cache=True)
+def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspace) -> None:
+    """Write a link's twist and its acceleration at qdd = 0 from its parent's."""
+    twist, push, screw = work.twist[j], work.push[j], work.screw[j]
+    for k in range(3):
+        push[k] = 0.0
+        push[3 + k] = -gravity[k]
+    for k in range(6):
+        twist[k] = speed * screw[k]
+        if parent >= 0:
+            twist[k] += work.twist[parent, k]
+            push[k] = work.push[parent, k]
+    w, v = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5])
+    own_w, own_v = (screw[0], screw[1], screw[2]), (screw[3], screw[4], screw[5])
+    angular, sweep, lift = cross(w, own_w), cross(w, own_v), cross(v, own_w)
+    for k in range(3):
+        push[k] += speed * angular[k]
+        push[3 + k] += speed * (sweep[k] + lift[k])
+
+
+@numba.njit(cache=True)
+def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: Workspace) -> None:
+    """Write a link's own inertia, and the wrench that moves it as `_move` found."""
+    frame, place, turn, own = work.frame[j], work.place[j], work.turn, work.composite[j]
+    c = (
+        place[0] + _row(frame, 0, centre),
+        place[1] + _row(frame, 1, centre),
+        place[2] + _row(frame, 2, centre),
+    )
+    for row in range(3):
+        for k in range(3):
+            turn[row, k] = (
+                frame[row, 0] * inertia[0, k] + frame[row, 1] * inertia[1, k] + frame[row, 2] * inertia[2, k]
+            )
+    own[0] = mass
+    for k in range(3):
+        own[1 + k] = mass * c[k]
+    own[4] = _row(frame, 0, turn[0]) + mass * (c[1] * c[1] + c[2] * c[2])  # parallel axes
+    own[5] = _row(frame, 1, turn[0]) - mass * c[0] * c[1]
+    own[6] = _row(frame, 2, turn[0]) - mass * c[0] * c[2]
+    own[7] = _row(frame, 1, turn[1]) + mass * (c[0] * c[0] + c[2] * c[2])
+    own[8] = _row(frame, 2, turn[1]) - mass * c[1] * c[2]
+    own[9] = _row(frame, 2, turn[2]) + mass * (c[0] * c[0] + c[1] * c[1])
+    twist = work.twist[j]
+    momentum, force = _momentum(own, twist), _momentum(own, work.push[j])
+    w, v = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5])
+    angular, linear = (momentum[0], momentum[1], momentum[2]), (momentum[3], momentum[4], momentum[5])
+    turning, pulling, moving = cross(w, angular), cross(v, linear), cross(w, linear)
+    for k in range(3):
+        work.wrench[j, k] = force[k] + turning[k] + pulling[k]
+        work.wrench[j, 3 + k] = force[3 + k] + moving[k]
+
+
+@numba.njit(cache=True, inline="always")
+def _momentum(own: np.ndarray, twist: np.ndarray) -> tuple:
+    """An inertia (10,) of `Workspace.composite` times a twist (6,): angular, then linear momentum."""
+    w, v, h = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5]), (own[1], own[2], own[3])
+    angular, linear = cross(h, v), cross(h, w)
+    return (
+        own[4] * w[0] + own[5] * w[1] + own[6] * w[2] + angular[0],
+        own[5] * w[0] + own[7] * w[1] + own[8] * w[2] + angular[1],
+        own[6] * w[0] + own[8] * w[1] + own[9] * w[2] + angular[2],
+        own[0] * v[0] - linear[0],
+        own[0] * v[1] - linear[1],
+        own[0] * v[2] - linear[2],
+    )
