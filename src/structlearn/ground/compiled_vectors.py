@@ -1,7 +1,15 @@
 """Vectors in compiled loops, where a call of the linear algebra library costs more than the arithmetic."""
 
+from functools import partial
+
 import numba
 import numpy as np
+
+compiled_inside = partial(
+    numba.njit, cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)()
+"""Decorator of what compiled functions alone call: code that takes apart what Python would pass, often a
+hundred arrays, takes longer to compile than the function."""
 
 
 @numba.njit(cache=True, inline="always")

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import cross
+from structlearn.ground.compiled_vectors import compiled_inside, cross
 from structlearn.rigid_body.compiled_dynamics import chain_arrays, joint_placement
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
@@ -97,7 +97,7 @@ def workspace(count: int) -> Workspace:
     return Workspace(*(np.zeros(shape) for shape in shapes))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: Workspace) -> None:
     """Move q and v (n,) on by a semi-implicit Euler step of dt in s, as PyBullet does.
 
@@ -116,7 +116,7 @@ def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: floa
     dynamics(body, q, v, work)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def accelerations(work: Workspace, torques: np.ndarray) -> None:
     """Turn torques (n,) of the joints into their accelerations, at the state of the last `dynamics`."""
     for j in range(len(torques)):
@@ -125,7 +125,7 @@ def accelerations(work: Workspace, torques: np.ndarray) -> None:
     solve(work.mass_matrix, torques)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def dynamics(body: Body, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
     """Fill the workspace at positions and velocities (n,) of the joints."""
     count = len(q)
@@ -152,7 +152,7 @@ def dynamics(body: Body, q: np.ndarray, v: np.ndarray, work: Workspace) -> None:
                 work.composite[parent, k] += work.composite[j, k]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
     """Fill frames, origins and screws at positions (n,) of the joints."""
     for j in range(len(q)):
@@ -161,17 +161,16 @@ def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
         joint_placement(
             body.rotation[j], body.translation[j], body.axis[j], body.prismatic[j], q[j], turn, offset
         )
-        if parent < 0:
-            frame[:] = turn
-            place[:] = offset
-        else:
-            above = work.frame[parent]
-            for row in range(3):
-                place[row] = work.place[parent, row] + _row(above, row, offset)
-                for k in range(3):
-                    frame[row, k] = (
-                        above[row, 0] * turn[0, k] + above[row, 1] * turn[1, k] + above[row, 2] * turn[2, k]
-                    )
+        for row in range(3):
+            if parent < 0:
+                place[row] = offset[row]
+            else:
+                place[row] = work.place[parent, row] + _row(work.frame[parent], row, offset)
+            for k in range(3):
+                frame[row, k] = turn[row, k]
+                if parent >= 0:
+                    above = work.frame[parent, row]
+                    frame[row, k] = above[0] * turn[0, k] + above[1] * turn[1, k] + above[2] * turn[2, k]
         own = body.axis[j]
         axis = (_row(frame, 0, own), _row(frame, 1, own), _row(frame, 2, own))
         linear = axis if body.prismatic[j] else cross(place, axis)
@@ -180,7 +179,7 @@ def kinematics(body: Body, q: np.ndarray, work: Workspace) -> None:
             work.screw[j, 3 + k] = linear[k]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def factorise(matrix: np.ndarray) -> None:
     """Replace the upper triangle of a positive definite matrix (n, n) by U, matrix = U^T U (Cholesky)."""
     count = len(matrix)
@@ -194,7 +193,7 @@ def factorise(matrix: np.ndarray) -> None:
                 matrix[i, k] -= share * matrix[j, k]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def solve(factor: np.ndarray, right: np.ndarray) -> None:
     """Replace the right side (n,) of a linear system by its solution; `factor` (n, n) of `factorise`."""
     count = len(right)
@@ -209,13 +208,13 @@ def solve(factor: np.ndarray, right: np.ndarray) -> None:
         right[i] = rest / factor[i, i]
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _row(matrix: np.ndarray, row: int, vector: np.ndarray) -> float:
     """One row of a (3, 3) matrix times a (3,) vector."""
     return matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _power(screw: np.ndarray, wrench: np.ndarray | tuple) -> float:
     """What a wrench (6,) does on a screw (6,)."""
     return (
@@ -225,7 +224,7 @@ def _power(screw: np.ndarray, wrench: np.ndarray | tuple) -> float:
     )
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspace) -> None:
     """Write a link's twist and its acceleration at qdd = 0 from its parent's."""
     twist, push, screw = work.twist[j], work.push[j], work.screw[j]
@@ -245,7 +244,7 @@ def _move(parent: int, gravity: np.ndarray, speed: float, j: int, work: Workspac
         push[3 + k] += speed * (sweep[k] + lift[k])
 
 
-@numba.njit(cache=True)
+@compiled_inside
 def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: Workspace) -> None:
     """Write a link's own inertia, and the wrench that moves it as `_move` found."""
     frame, place, turn, own = work.frame[j], work.place[j], work.turn, work.composite[j]
@@ -278,7 +277,7 @@ def _carry(mass: float, centre: np.ndarray, inertia: np.ndarray, j: int, work: W
         work.wrench[j, 3 + k] = force[3 + k] + moving[k]
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _momentum(own: np.ndarray, twist: np.ndarray) -> tuple:
     """An inertia (10,) of `Workspace.composite` times a twist (6,): angular, then linear momentum."""
     w, v, h = (twist[0], twist[1], twist[2]), (twist[3], twist[4], twist[5]), (own[1], own[2], own[3])

@@ -7,11 +7,12 @@ terms are linear in d, c and o, so friction goes beside the regressor of the lin
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import torch
-from torch import Tensor
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 FrictionTerm = Literal["viscous", "coulomb", "offset"]
 
@@ -51,8 +52,10 @@ def friction_regressor(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndar
     return regressor.reshape(batch, joints, joints * count)
 
 
-def friction_coefficients(free: Tensor, terms: Sequence[FrictionTerm]) -> Tensor:
+def friction_coefficients(free: "Tensor", terms: Sequence[FrictionTerm]) -> "Tensor":
     """Coefficients (..., n, k) of free parameters (..., n, k): squares, but for the offset."""
+    import torch  # two seconds, which only those who learn need
+
     parts = [
         column if term == "offset" else column.square()
         for term, column in zip(terms, free.unbind(-1), strict=True)

@@ -8,17 +8,18 @@ position, as `rotation` and `translation` say in the frame of the parent joint.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 import pinocchio
-import torch
-from torch import Tensor
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.urdf_checks import check_urdf
 
-Array = TypeVar("Array", np.ndarray, Tensor)
+if TYPE_CHECKING:
+    from torch import Tensor
+
+Array = TypeVar("Array", np.ndarray, "Tensor")
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,15 @@ class LinkInertias(Generic[Array]):
 
     def tensors(self) -> "LinkInertias[Tensor]":
         """The same as float64 tensors."""
+        import torch  # two seconds, which only those who learn need
+
         fields = (self.mass, self.first_moment, self.inertia)
         return LinkInertias(*(torch.as_tensor(field, dtype=torch.float64) for field in fields))
 
     def arrays(self) -> "LinkInertias[np.ndarray]":
         """The same as float64 arrays, cut off from any gradient."""
+        import torch
+
         fields = (torch.as_tensor(field) for field in (self.mass, self.first_moment, self.inertia))
         return LinkInertias(*(field.detach().double().numpy() for field in fields))
 
