@@ -68,8 +68,8 @@ def made(monkeypatch, settings, segmentation):
     for name in ("segmentation_drawings", "feedback_drawings", "refinement_drawings"):
         monkeypatch.setattr(module, name, lambda *results: {})
 
-    def make(feedback=None, refinement=None, segmentation=segmentation, ablations=NO_ABLATIONS):
-        return scraping_report(segmentation, feedback, refinement, ablations, settings)
+    def make(feedback=None, refinement=None, segmentation=segmentation, ablations=NO_ABLATIONS, engines=None):
+        return scraping_report(segmentation, feedback, refinement, engines or {}, ablations, settings)
 
     return make
 
@@ -104,6 +104,14 @@ def test_pages_are_those_that_have_data_and_link_no_others(made, feedback):
             assert text == render(document, AnyFigure())
 
 
+def test_the_page_says_how_far_the_engines_agree(made, feedback):
+    found = {"position_m": 3e-13, "torque_n_m": 2e-11, "counts": 0.0}
+    report = made(feedback, engines=found)
+    assert {name: report.metrics[f"engines_differ_{name}"] for name in found} == found
+    assert "3e-13 m in the hand's position" in render(report.pages["feedback"], AnyFigure())
+    assert "integrated by PyBullet" in render(made(feedback).pages["feedback"], AnyFigure())
+
+
 @pytest.mark.parametrize("seeds", [(0,), (0, 1, 2)])
 def test_positions_alone_give_a_page_that_is_not_called_simulated(made, seeds):
     own = segmentation_results([positions_only(demonstration(seed)) for seed in seeds])
@@ -118,7 +126,7 @@ def test_the_whole_report_shows_every_figure_and_headlines_are_few(
     segmentation, feedback, settings, monkeypatch, tmp_path
 ):
     monkeypatch.setattr(module, "scraping_still", lambda run, board_deg: PICTURE)
-    report = scraping_report(segmentation, feedback, refinement_results(), NO_ABLATIONS, settings)
+    report = scraping_report(segmentation, feedback, refinement_results(), {}, NO_ABLATIONS, settings)
     made = report.pages, report.drawings, report.tables, report.metrics, report.headlines
     publish_report(tmp_path, *made)  # an unknown figure, table, source or value raises
     text = "".join((tmp_path / f"{name}.html").read_text() for name in report.pages)
