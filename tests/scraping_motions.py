@@ -12,7 +12,7 @@ from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M, orientation_of
-from structlearn.testbeds.scraping.world.execution import Conditions, ControlParameters
+from structlearn.testbeds.scraping.world.execution import Conditions, ControlParameters, Reference
 
 NAMES = ("down", "turn", "scrape")
 DURATIONS_S = (0.6, 1.0, 0.8)
@@ -25,16 +25,18 @@ def beside_contact(height_m=0.0, forward_m=0.0):
     return CONTACT_M + np.array([0.0, forward_m, height_m])
 
 
-class Press:
+def press_motion(ticks, **changes):
     """A motion that stays where the edge just touches the board; nobody leads."""
-
-    primitive = 1
-    velocity = acceleration = angular_velocity = angular_acceleration = np.zeros(3)
-    position = CONTACT_M
-    orientation = orientation_of(np.zeros(3))
-
-    def tick(self, counts):
-        self.counts = counts
+    motion = Reference(
+        position=np.tile(CONTACT_M, (ticks, 1)),
+        velocity=np.zeros((ticks, 3)),
+        acceleration=np.zeros((ticks, 3)),
+        orientation=np.tile(orientation_of(np.zeros(3)), (ticks, 1)),
+        angular_velocity=np.zeros((ticks, 3)),
+        angular_acceleration=np.zeros((ticks, 3)),
+        primitive=np.ones(ticks, dtype=np.int64),
+    )
+    return motion._replace(**changes)
 
 
 def conditions(roll_deg=0.0, ticks=600, control=None, **changes):

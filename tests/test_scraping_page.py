@@ -68,8 +68,8 @@ def made(monkeypatch, settings, segmentation):
     for name in ("segmentation_drawings", "feedback_drawings", "refinement_drawings"):
         monkeypatch.setattr(module, name, lambda *results: {})
 
-    def make(feedback=None, refinement=None, segmentation=segmentation, ablations=NO_ABLATIONS):
-        return scraping_report(segmentation, feedback, refinement, ablations, settings)
+    def make(feedback=None, refinement=None, segmentation=segmentation, ablations=NO_ABLATIONS, engines=None):
+        return scraping_report(segmentation, feedback, refinement, engines or {}, ablations, settings)
 
     return make
 
@@ -110,6 +110,14 @@ def test_pages_are_those_that_have_data_and_link_no_others(made, feedback):
             assert not re.search(r"\bnan\b", shown, re.IGNORECASE)
             assert words_in_view(text) <= 1500
             assert text == render(document, AnyFigure())
+
+
+def test_the_page_says_how_far_the_engines_agree(made, feedback):
+    found = {"position_m": 3e-13, "torque_n_m": 2e-11, "counts": 0.0}
+    report = made(feedback, engines=found)
+    assert {name: report.metrics[f"engines_differ_{name}"] for name in found} == found
+    assert "3e-13 m in the hand's position" in render(report.pages["feedback"], AnyFigure())
+    assert "integrated by PyBullet" in render(made(feedback).pages["feedback"], AnyFigure())
 
 
 @pytest.mark.parametrize("seeds", [(0,), (0, 1, 2)])

@@ -183,11 +183,11 @@ def test_absurd_weights_never_raise(board):
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e9, 1e300])
 def test_a_robot_that_diverges_fails(board, stiffness):
-    """The simulator keeps its signals finite, so they tell by where the tool is."""
+    """By where the tool is, or by signals that are not finite."""
     control = committed(ControlParameters, "testbed.control", stiffness=stiffness)
     unstable = replace(board, testbed=TESTBED.model_copy(update={"control": control}))
     (run,) = unstable.rollouts([open_loop(POLICY)], [SEED])
-    assert_failed(run, "degrees: the run has diverged")
+    assert_failed(run, "has diverged")
 
 
 @pytest.mark.parametrize("kind", ["pose", "tool_to_board", "tactile"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from committed import committed
 
-from structlearn.testbeds.scraping.world.corrector import Corrector, CorrectorParameters
+from structlearn.testbeds.scraping.world.corrector import CorrectorParameters, corrector, hold
 
 DT = 1 / 300
 SPREADS = ("reaction_spread_s", "refractory_spread_s", "gain_spread", "movement_spread_s")
@@ -16,19 +16,19 @@ STILL = (0.0, 0.0)
 
 def torques(errors, parameters=PLAIN, seed=0, first=0, nominal=STILL, hand=STILL):
     """Torque per tick for errors (T,) in rad, of a hand that does not give way."""
-    person = Corrector(parameters, first + len(errors), DT, np.random.default_rng(seed))
-    return np.array([person.torque(first + k, error, nominal, hand) for k, error in enumerate(errors)])
+    person = corrector(parameters, first + len(errors), DT, np.random.default_rng(seed))
+    return np.array([hold(person, first + k, error, nominal, hand) for k, error in enumerate(errors)])
 
 
 def corrected(board, parameters=PLAIN, seed=0, seconds=5.0):
     """Roll (T,) in rad of a hand that goes where the person wants it, on a board of some roll."""
     ticks = round(seconds / DT)
-    person = Corrector(parameters, ticks, DT, np.random.default_rng(seed))
+    person = corrector(parameters, ticks, DT, np.random.default_rng(seed))
     roll, path = 0.0, np.empty(ticks)
     for k in range(ticks):
         path[k] = roll
         # with the hand at 0 the torque is stiffness times target plus damping times rate: solve for both
-        torque = person.torque(k, board - roll, STILL, STILL)
+        torque = hold(person, k, board - roll, STILL, STILL)
         roll = (torque + parameters.damping_n_m_s_rad * roll / DT) / (
             parameters.stiffness_n_m_rad + parameters.damping_n_m_s_rad / DT
         )

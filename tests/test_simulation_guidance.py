@@ -13,8 +13,8 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     orientation_of,
 )
 from structlearn.testbeds.scraping.world.execution import ControlParameters, execute
-from structlearn.testbeds.scraping.world.guidance import GuidanceParameters, GuidedMotion, pressure
-from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld, WorldParameters
+from structlearn.testbeds.scraping.world.guidance import GuidanceParameters, guided_motion, pressure
+from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
 DT = 1 / 300
 GUIDANCE = committed(GuidanceParameters, "testbed.guidance")
@@ -43,33 +43,22 @@ def guided(movement):
     start = (movement.edge[0] + movement.edge_noise[0], quaternion.rotate(first, np.eye(3)).T)
     control = committed(ControlParameters, "testbed.control")
     fingers = FingerPair(committed(TouchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
-    rng, motion = np.random.default_rng(3), GuidedMotion(movement)
-    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as world:
-        return execute(world, motion, start, ticks, run, control, fingers, rng)
+    world, motion = committed(WorldParameters, "testbed.world"), guided_motion(movement)
+    return execute(world, motion, start, ticks, run, control, fingers, np.random.default_rng(3))
 
 
 def test_a_motion_is_the_intended_movement_tick_by_tick(movement):
-    motion = GuidedMotion(movement)
-    primitives, positions, velocities = [], [], []
-    for _ in movement.time:
-        motion.tick(None)
-        primitives.append(motion.primitive)
-        positions.append(motion.position)
-        velocities.append(motion.velocity)
-    np.testing.assert_array_equal(positions, movement.edge + movement.edge_noise)
-    travelled = movement.edge[0] + np.cumsum(velocities, axis=0) * DT
+    motion = guided_motion(movement)
+    np.testing.assert_array_equal(motion.position, movement.edge + movement.edge_noise)
+    travelled = movement.edge[0] + np.cumsum(motion.velocity, axis=0) * DT
     np.testing.assert_allclose(travelled, movement.edge, atol=1e-3)  # the noise is not fed forward
-    switches = np.flatnonzero(np.diff(primitives)) + 1
+    switches = np.flatnonzero(np.diff(motion.primitive)) + 1
     np.testing.assert_allclose(movement.time[switches], movement.segments[1:, 0], atol=DT)
-    assert sorted(set(primitives)) == [0, 1, 2]
+    assert sorted(set(motion.primitive)) == [0, 1, 2]
 
 
 def test_the_angular_velocity_is_that_of_the_orientation(movement):
-    motion = GuidedMotion(movement)
-    velocities, orientations = [], []
-    for _ in movement.time:
-        motion.tick(None)
-        velocities.append(motion.angular_velocity)
+    velocities = guided_motion(movement).angular_velocity
     orientations = orientation_of(movement.tilt)
     exact = quaternion.angular_velocity(orientations, DT)
     np.testing.assert_allclose(velocities, exact, atol=0.02 * np.abs(exact).max())

@@ -1,4 +1,4 @@
-"""The robot as PyBullet, Pinocchio and the compiled chain see it: one robot."""
+"""The robot as PyBullet and Pinocchio see it: one robot."""
 
 import numpy as np
 import pinocchio
@@ -6,7 +6,7 @@ import pybullet
 import pytest
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.testbeds.scraping.world import scraping_robot
+from structlearn.testbeds.scraping.world.bullet import load_robot
 from structlearn.testbeds.scraping.world.scraping_robot import (
     ARM_JOINTS,
     EDGE_M,
@@ -14,7 +14,6 @@ from structlearn.testbeds.scraping.world.scraping_robot import (
     GRASP_M,
     HOME,
     arm_model,
-    chain,
     joint_angles,
     urdf,
 )
@@ -35,7 +34,7 @@ def loaded():
     """Client, body and movable joints of the robot in PyBullet."""
     client = pybullet.connect(pybullet.DIRECT)
     pybullet.setGravity(*GRAVITY, physicsClientId=client)
-    yield (client, *scraping_robot.load(client))
+    yield (client, *load_robot(client))
     pybullet.disconnect(client)
 
 
@@ -47,28 +46,11 @@ def states(count=8):
         yield tuple(scale * rng.uniform(-1.5, 1.5, JOINTS) for _ in range(3))
 
 
-def test_the_chain_is_pinocchios(whole):
-    kinematics, data = chain(), whole.createData()
-    for q, _, _ in states():
-        pinocchio.forwardKinematics(whole, data, q)
-        rotation, place = np.eye(3), np.zeros(3)
-        for joint in range(JOINTS):
-            place = place + rotation @ kinematics.translation[joint]
-            rotation = rotation @ kinematics.rotation[joint]
-            if kinematics.prismatic[joint]:
-                place = place + rotation @ kinematics.axis[joint] * q[joint]
-            else:
-                rotation = rotation @ pinocchio.exp3(kinematics.axis[joint] * q[joint])
-            np.testing.assert_allclose(rotation, data.oMi[joint + 1].rotation, atol=1e-12)
-            np.testing.assert_allclose(place, data.oMi[joint + 1].translation, atol=1e-12)
-
-
 def test_thirteen_joints_in_the_same_order_everywhere(whole, loaded):
     client, body, joints = loaded
     names = [pybullet.getJointInfo(body, joint, physicsClientId=client)[1].decode() for joint in joints]
     assert names == list(whole.names)[1:]
     assert names[ARM_JOINTS:] == list(GRASP_JOINTS)
-    assert list(chain().prismatic) == [name in ("grasp_x", "grasp_y", "grasp_z") for name in names]
 
 
 def test_pybullet_weighs_the_same_robot(whole, loaded):

@@ -1,5 +1,8 @@
 """The world with nobody but the controller in it: repeats, rest, weight, contact, energy."""
 
+from contextlib import ExitStack
+from functools import partial
+
 import numpy as np
 import pinocchio
 import pybullet
@@ -7,71 +10,91 @@ import pytest
 from committed import committed
 from scraping_motions import FLAT, beside_contact
 
+from structlearn.testbeds.scraping.world.bullet import Bullet
 from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
-from structlearn.testbeds.scraping.world.operational_space import OperationalSpace
+from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
 from structlearn.testbeds.scraping.world.scraping_world import (
     GRAVITY,
-    ScrapingWorld,
     WorldParameters,
+    advance,
+    placed,
     tool_wrench,
 )
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 ABOVE = beside_contact(0.05)
 NOTHING = np.zeros(6)
 
 
-@pytest.fixture(scope="module")
-def world():
-    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as one:
-        yield one
+PARAMETERS = committed(WorldParameters, "testbed.world")
 
 
-def hold(world, position, rotation, ticks, force=NOTHING):
-    """Hold a pose of the hand for some ticks: the controller."""
-    control = OperationalSpace(arm_model())
-    control.hold_posture(world.q[:ARM_JOINTS].copy())
-    for _ in range(ticks):
-        control.observe(world.q[:ARM_JOINTS].copy(), world.v[:ARM_JOINTS].copy())
-        world.step(control.torques(position, rotation, NOTHING, NOTHING, 900.0, force))
-    control.observe(world.q[:ARM_JOINTS].copy(), world.v[:ARM_JOINTS].copy())
-    return control
+class Engine:
+    """A world with what moves it, and the arm that holds the tool in it."""
+
+    def __init__(self, world, advance):
+        self.world, self.advance = world, advance
+        self.arm = controlled(arm_model(), world.q[:ARM_JOINTS].copy())
+
+    def hold(self, position, rotation, ticks, force=NOTHING):
+        """Hold a pose of the hand for some ticks."""
+        target = Target(position, rotation, NOTHING, NOTHING)
+        for _ in range(ticks):
+            observe(self.arm, self.world.q, self.world.v)
+            control(self.arm, target, 900.0, force)
+            self.advance(self.arm.torques)
+        observe(self.arm, self.world.q, self.world.v)
+        return self.world
+
+    @property
+    def felt(self):
+        """Wrench of the tool on the board, as the wrist feels it."""
+        wrench = np.empty(6)
+        tool_wrench(self.world.grasp_load, self.arm.rotation, self.world.tool_rotation, wrench)
+        return wrench
 
 
-def place(world, position=ABOVE, rotation=FLAT, roll=0.0, **factors):
-    world.place(joint_angles(position, rotation), roll, CONTACT_M, **factors)
+@pytest.fixture(params=["compiled", "pybullet"])
+def place(request):
+    """Makes an engine with a world in it, as often as it is called."""
+    with ExitStack() as stack:
+
+        def placing(position=ABOVE, rotation=FLAT, roll=0.0, parameters=PARAMETERS, **factors):
+            world = placed(parameters, joint_angles(position, rotation), roll, CONTACT_M, **factors)
+            if request.param == "compiled":
+                return Engine(world, partial(advance, world))
+            return Engine(world, stack.enter_context(Bullet(world)).advance)
+
+        yield placing
 
 
-def touching_states(world):
+def touching_states(place):
     """Every state of a short run that presses the tool on a tilted board."""
-    place(world, beside_contact(0.001), roll=0.1)
+    engine = place(beside_contact(0.001), roll=0.1)
     states = []
     for _ in range(10):
-        hold(world, beside_contact(-0.001), FLAT, 6)
+        world = engine.hold(beside_contact(-0.001), FLAT, 6)
         states.append(np.concatenate([world.q, world.v, world.board_wrench, world.grasp_load, world.edge]))
     return np.array(states)
 
 
-def test_the_same_torques_give_the_same_bits(world):
-    first = touching_states(world)
+def test_the_same_torques_give_the_same_bits(place):
+    first = touching_states(place)
     assert np.abs(first[:, 26:29]).max() > 0.1  # it does touch
-    np.testing.assert_array_equal(touching_states(world), first)  # whatever happened before
-    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as other:
-        np.testing.assert_array_equal(touching_states(other), first)
+    np.testing.assert_array_equal(touching_states(place), first)
 
 
-def test_nothing_drifts_in_the_air(world):
-    place(world)
-    start = world.q.copy()
-    hold(world, ABOVE, FLAT, 150)
+def test_nothing_drifts_in_the_air(place):
+    engine = place()
+    start = engine.world.q.copy()
+    world = engine.hold(ABOVE, FLAT, 150)
     np.testing.assert_allclose(world.q, start, atol=2e-6)
     np.testing.assert_allclose(world.v, 0.0, atol=1e-6)
     np.testing.assert_array_equal(world.board_wrench, 0.0)
 
 
-def test_the_place_of_a_run_is_where_it_starts(world):
-    place(world, roll=0.1)
+def test_the_place_of_a_run_is_where_it_starts(place):
+    world = place(roll=0.1).world
     np.testing.assert_allclose(world.tool_rotation, FLAT, atol=1e-9)
     sag = world.q[ARM_JOINTS + 2]
     assert 0 < sag < 5e-4  # the tool hangs in the grasp
@@ -79,71 +102,62 @@ def test_the_place_of_a_run_is_where_it_starts(world):
 
 
 @pytest.mark.parametrize("tilt_deg", [(0, 0, 0), (20, 0, 0), (0, 25, 0), (0, -25, 0), (10, -10, 20)])
-def test_the_wrist_feels_nothing_in_the_air_whatever_the_orientation(world, tilt_deg):
+def test_the_wrist_feels_nothing_in_the_air_whatever_the_orientation(place, tilt_deg):
     rotation = pinocchio.exp3(np.radians(tilt_deg)) @ FLAT
-    place(world, rotation=rotation)
-    control = hold(world, ABOVE, rotation, 150)
-    wrench = tool_wrench(world.grasp_load, control.rotation, world.tool_rotation)
-    np.testing.assert_allclose(wrench[:3], 0.0, atol=4e-3)  # of 0.6 N of weight; the skin's own is 3 mN
-    np.testing.assert_allclose(wrench[3:], 0.0, atol=1e-4)
+    engine = place(rotation=rotation)
+    engine.hold(ABOVE, rotation, 150)
+    np.testing.assert_allclose(engine.felt[:3], 0.0, atol=4e-3)  # of 0.6 N of weight; the skin's own is 3 mN
+    np.testing.assert_allclose(engine.felt[3:], 0.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("roll_deg", [0.0, 6.0, -10.0])
-def test_the_wrist_feels_what_the_board_does(world, roll_deg):
-    roll = np.radians(roll_deg)
-    place(world, beside_contact(0.001), roll=roll)
-    control = hold(world, beside_contact(-0.0005), FLAT, 400)
-    wrench = tool_wrench(world.grasp_load, control.rotation, world.tool_rotation)
+def test_the_wrist_feels_what_the_board_does(place, roll_deg):
+    engine = place(beside_contact(0.001), roll=np.radians(roll_deg))
+    world = engine.hold(beside_contact(-0.0005), FLAT, 400)
     assert world.board_wrench[2] > 0.3
-    np.testing.assert_allclose(wrench[:3], -world.board_wrench[:3], atol=5e-3)
-    np.testing.assert_allclose(wrench[3:], -world.board_wrench[3:], atol=2e-4)
+    np.testing.assert_allclose(engine.felt[:3], -world.board_wrench[:3], atol=5e-3)
+    np.testing.assert_allclose(engine.felt[3:], -world.board_wrench[3:], atol=2e-4)
     if roll_deg:  # the board turns the tool towards itself
         assert np.sign(world.board_wrench[4]) == np.sign(roll_deg)
 
 
-def test_factors_of_a_run_scale_board_and_friction(world):
+def test_factors_of_a_run_scale_board_and_friction(place):
     forces = {}
     for stiffness in (1.0, 2.0):
-        place(world, beside_contact(-0.0002), stiffness_factor=stiffness)
+        world = place(beside_contact(-0.0002), stiffness_factor=stiffness).world
         forces[stiffness] = world.board_wrench[2]
     assert forces[2.0] == pytest.approx(2 * forces[1.0])
     drags = {}
     for friction in (1.0, 2.0):
-        place(world, beside_contact(-0.0002), friction_factor=friction)
-        hold(world, beside_contact(-0.0002, 0.01), FLAT, 30)
+        engine = place(beside_contact(-0.0002), friction_factor=friction)
+        world = engine.hold(beside_contact(-0.0002, 0.01), FLAT, 30)
         drags[friction] = world.board_wrench[1] / world.board_wrench[2]
     assert drags[1.0] == pytest.approx(-0.2, abs=0.01)
     assert drags[2.0] == pytest.approx(-0.4, abs=0.02)
 
 
-def test_a_standing_tool_does_not_chatter():
+def test_a_standing_tool_does_not_chatter(place):
     """Friction as a function of speed, too steep for the physics step, flips its sign at every step."""
-    testbed = committed(TestbedParameters, "testbed")
-    with ScrapingWorld(testbed.world) as one:
-        place(one, beside_contact(0.001), friction_factor=1.4)
-        lowered = beside_contact(-0.001)
-        hold(one, lowered, FLAT, 300)
-        drags = []
-        for _ in range(10):
-            hold(one, lowered, FLAT, 1)
-            drags.append(one.board_wrench[:2].copy())
-    assert one.board_wrench[2] > 1.0
+    engine, lowered = place(beside_contact(0.001), friction_factor=1.4), beside_contact(-0.001)
+    engine.hold(lowered, FLAT, 300)
+    drags = [engine.hold(lowered, FLAT, 1).board_wrench[:2].copy() for _ in range(10)]
+    assert engine.world.board_wrench[2] > 1.0
     assert np.ptp(drags, axis=0).max() < 0.01
 
 
-def test_a_pushed_tool_stands_until_friction_is_overcome(world):
+def test_a_pushed_tool_stands_until_friction_is_overcome(place):
     """Neither creep nor slip below the Coulomb force: the hand moves 0.02 mm aside, the edge holds on."""
-    place(world, beside_contact(-0.0005))
-    hold(world, beside_contact(-0.0005), FLAT, 60)
-    hold(world, beside_contact(-0.0005, 2e-5), FLAT, 60)
+    engine = place(beside_contact(-0.0005))
+    engine.hold(beside_contact(-0.0005), FLAT, 60)
+    world = engine.hold(beside_contact(-0.0005, 2e-5), FLAT, 60)
     start, drag = world.edge.copy(), world.board_wrench[1]
-    hold(world, beside_contact(-0.0005, 2e-5), FLAT, 300)
+    engine.hold(beside_contact(-0.0005, 2e-5), FLAT, 300)
     assert 0.005 < abs(drag) < 0.2 * world.board_wrench[2]
     assert world.board_wrench[1] == pytest.approx(drag, rel=0.02)
     assert abs(world.edge[1] - start[1]) < 1e-7
 
 
-def test_a_falling_arm_keeps_its_energy():
+def test_a_falling_arm_keeps_its_energy(place):
     """Limp in the air without damping: kinetic, potential and spring energy together stay what they were."""
     model = pinocchio.buildModelFromXML(urdf())
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
@@ -153,24 +167,24 @@ def test_a_falling_arm_keeps_its_energy():
     )
     about_x, about_z, about_y = own.grasp_n_m_rad
     springs = np.array([own.grasp_n_m] * 3 + [about_z, about_x, about_y])
-    with ScrapingWorld(own) as world:
+    engine = place(beside_contact(0.15), parameters=own)
+    world = engine.world
 
-        def energy():
-            mechanical = pinocchio.computeMechanicalEnergy(model, data, world.q, world.v)
-            return mechanical + 0.5 * springs @ world.q[ARM_JOINTS:] ** 2
+    def energy():
+        mechanical = pinocchio.computeMechanicalEnergy(model, data, world.q, world.v)
+        return mechanical + 0.5 * springs @ world.q[ARM_JOINTS:] ** 2
 
-        place(world, beside_contact(0.15))
-        energies = [energy()]
-        for _ in range(30):
-            world.step(np.zeros(ARM_JOINTS))
-            energies.append(energy())
-        kinetic = pinocchio.computeKineticEnergy(model, data, world.q, world.v)
+    energies = [energy()]
+    for _ in range(30):
+        engine.advance(np.zeros(ARM_JOINTS))
+        energies.append(energy())
+    kinetic = pinocchio.computeKineticEnergy(model, data, world.q, world.v)
     assert kinetic > 1.0  # J
     assert np.ptp(energies) < 0.01 * kinetic
 
 
 def test_servers_are_closed():
-    with ScrapingWorld(committed(WorldParameters, "testbed.world")) as one:
+    with Bullet(placed(PARAMETERS, joint_angles(ABOVE, FLAT), 0.0, CONTACT_M)) as one:
         client = one._client
         assert pybullet.isConnected(client)
     assert not pybullet.isConnected(client)

@@ -1,12 +1,13 @@
 """Search the open-loop policy by PI2-CMA and by CMA-ES with the same budget of rollouts (IV.7.2)."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pandas as pd
 
-from structlearn.feedback.pmnn import read_networks
+from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search import refinement
 from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
@@ -33,14 +34,22 @@ def main() -> None:
         found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
         if found is not None and refined.scales:
             board, _ = found
-            write_table(searches(board, refined, parameters), folder / "trials.parquet")
+            before, after = (
+                read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER)
+            )
+            table = searches(board, before, after, refined, parameters)
+            write_table(table, folder / "trials.parquet")
+            write_metrics(board.engine_differences(before), folder / "engines.json")
 
 
 def searches(
-    board: Board, refined: BoardRefinementParameters, parameters: ComparisonParameters
+    board: Board,
+    before: Mapping[str, PhaseModulatedNetwork],
+    after: Mapping[str, PhaseModulatedNetwork],
+    refined: BoardRefinementParameters,
+    parameters: ComparisonParameters,
 ) -> pd.DataFrame:
     """Both searches for every primitive that is refined, from what its model before refinement does."""
-    before, after = (read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER))
     names = [primitive.name for primitive in board.primitives if primitive.name in before]
     tables = []
     for place, name in enumerate(names):
@@ -48,7 +57,9 @@ def searches(
             own = replace(board, name=name, preceding={one: after[one] for one in names[:place]})
             exploration = refined.scales[name].exploration
             start = refinement.start(own, before[name], refined, exploration).compressed
-            tables.append(compare(own, start, exploration, refined.search, parameters).assign(primitive=name))
+            silent = replace(own, telling=False)
+            table = compare(silent, start, exploration, refined.search, parameters)
+            tables.append(table.assign(primitive=name))
     return pd.concat(tables, ignore_index=True)
 
 

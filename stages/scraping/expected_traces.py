@@ -1,8 +1,10 @@
 """Execute the nominal primitives on the flat board and learn what the fingers should feel (IV.9.1.3, ii)."""
 
+from functools import partial
+
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.supervision import ExpectedTracesParameters, learn_expected
-from structlearn.ground.artefacts import publish
+from structlearn.ground.artefacts import publish, write_metrics
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.recordings import read_demonstrations, read_recordings, write_recordings
@@ -10,6 +12,7 @@ from structlearn.recordings.source import ClockParameters, SourceParameters
 from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
+from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
@@ -21,16 +24,19 @@ def main() -> None:
     testbed = stage_parameters("testbed", TestbedParameters)
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
 
-    recordings = []
+    recordings, differences = [], {}
     if parameters.source is not None:
         recordings = read_recordings(parameters.source, record.topics)
     elif record.simulated:
-        recordings = executions(ReactiveSkill(primitives), nominal_runs(parameters.runs), testbed)
+        runs, skill = nominal_runs(parameters.runs), ReactiveSkill(primitives)
+        recordings = executions(skill, runs, testbed)
+        differences = engine_differences(partial(executions, skill, runs[:1]), testbed)
     with publish("data/raw/scraping/unrolls") as folder:
         write_recordings(recordings, folder)
 
     with publish("data/feedback/scraping/expected") as folder:
         folder.mkdir()
+        write_metrics(differences, folder / "engines.json")
         if recordings:
             unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
             cuts = execution_cuts(unrolls, [primitive.name for primitive in primitives], cutting)

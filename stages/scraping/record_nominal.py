@@ -1,10 +1,13 @@
 """Record the nominal demonstrations: simulated, or taken over from your own bags (IV.9.1.3, step i)."""
 
-from structlearn.ground.artefacts import publish
+from functools import partial
+
+from structlearn.ground.artefacts import publish, write_metrics
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.recordings.source import SIMULATED, SourceParameters
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
+from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
@@ -13,11 +16,16 @@ def main() -> None:
     parameters = stage_parameters("record", SourceParameters)
     if parameters.source == SIMULATED:
         demonstrator = stage_parameters("simulate", DemonstratorParameters)
-        recordings = guided_demonstrations(demonstrator, stage_parameters("testbed", TestbedParameters))
+        testbed = stage_parameters("testbed", TestbedParameters)
+        recordings = guided_demonstrations(demonstrator, testbed)
+        first = partial(guided_demonstrations, demonstrator.model_copy(update={"count": 1}))
+        differences = engine_differences(first, testbed)
     else:
         recordings = read_recordings(parameters.source, parameters.topics)
+        differences = {}
     with publish("data/raw/scraping/nominal") as folder:
         write_recordings(recordings, folder)
+        write_metrics(differences, folder / "engines.json")
 
 
 if __name__ == "__main__":

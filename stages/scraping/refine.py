@@ -5,7 +5,7 @@ from shutil import rmtree
 
 from structlearn.feedback.pmnn import write_networks
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.refinement import Progress
 from structlearn.recordings.source import ClockParameters, SourceParameters
@@ -32,6 +32,7 @@ def main() -> None:
             refined = refine_on_board(board, datasets, parameters, UNFINISHED, tell)
             write_networks(list(refined.before.items()), folder / "before.safetensors")
             write_networks(list(refined.after.items()), folder / "after.safetensors")
+            write_metrics(board.engine_differences(refined.after), folder / "engines.json")
             write_table(refined.history, folder / "history.parquet")
             write_table(refined.samples, folder / "rollouts.parquet")
             write_table(refined.policies, folder / "policies.parquet")

@@ -47,9 +47,10 @@ ABLATIONS = Path("reports/ablations/tables/refinement.csv")
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    results = read_results(ScrapingFiles(parameters["clock"]), parameters)
+    files = ScrapingFiles(parameters["clock"])
+    results = read_results(files, parameters)
     ablations = pd.read_csv(ABLATIONS) if ABLATIONS.exists() else pd.DataFrame()
-    report = scraping_report(*results, ablations, parameters)
+    report = scraping_report(*results, files.engine_differences(), ablations, parameters)
     publish_report(
         "reports/scraping", report.pages, report.drawings, report.tables, report.metrics, report.headlines
     )

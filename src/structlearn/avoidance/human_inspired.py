@@ -96,8 +96,6 @@ def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspire
     Raises:
         InputError: fewer than two samples.
     """
-    from sklearn.linear_model import ARDRegression
-
     if len(target) < 2:
         raise InputError(f"{len(target)} samples are too few for a regression")
     effects = steering_features(features)

@@ -260,6 +260,17 @@ class Controller:
         return offset + plan.position_goal[running], rate / tau, force / tau**2
 
     @property
+    def compiled(self) -> tuple[tuple, tuple]:
+        """Plan and state as `stepping.tick` takes them, for loops that are compiled as a whole.
+
+        Raises:
+            RuntimeError: the run has not been started.
+        """
+        if not self._started:
+            raise RuntimeError("start() comes before the first tick")
+        return self._arguments
+
+    @property
     def coupling(self) -> float:
         """Coupling term c about the skill's axis."""
         return float(self._state.coupling[0])

@@ -130,6 +130,31 @@ def resting_state(plan: Plan) -> State:
     )
 
 
+def no_plan() -> tuple[tuple, tuple]:
+    """Plan and state without a primitive as plain tuples, for compiled loops that can do without."""
+    none, place = np.zeros(0), np.zeros(0, dtype=np.int64)
+    plan = Plan(
+        rows=np.zeros(1, dtype=np.int64),
+        matrix=np.zeros((0, 3, 5)),
+        tau=none,
+        position_goal=np.zeros((0, 3)),
+        orientation_goal=np.zeros((0, 4)),
+        position_forcing=np.zeros((0, 3)),
+        orientation_forcing=np.zeros((0, 3)),
+        expected=np.zeros((0, 0)),
+        readout=np.zeros((0, 0)),
+        offset=none,
+        axis=np.zeros(3),
+        values=none,
+        first=place,
+        layers=place,
+        sizes=np.zeros((0, 1), dtype=np.int64),
+        limits=np.zeros(2),
+        ages=np.zeros(2, dtype=np.int64),
+    )
+    return tuple(plan), tuple(resting_state(plan))
+
+
 @numba.njit(cache=True)
 def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
     """Start a primitive in the state of the outputs (eq. IV.12-14)."""

@@ -227,7 +227,7 @@ def coupling_dataset(
                 continue
             cut = cuts[setting].loc[run.name]
             corrected = corrected_primitive(run, cut, primitive, expected, parameters)
-            parts.append(_samples(corrected, setting, number, axis, parameters.rate_hz))
+            parts.append(coupling_samples(corrected, setting, number, axis, parameters.rate_hz))
             checks.append(
                 {"setting_deg": setting, "demonstration": number, "name": run.name}
                 | _checks(corrected, _raw(run, cut), primitive.orientation, axis)
@@ -235,9 +235,18 @@ def coupling_dataset(
     return concatenated(parts), pd.DataFrame(checks)
 
 
-def _samples(
+def coupling_samples(
     corrected: CorrectedPrimitive, setting: float, number: int, axis: np.ndarray, rate_hz: float
 ) -> CouplingDataset:
+    """What one corrected primitive adds to the supervised data.
+
+    Args:
+        corrected: see there.
+        setting: in degrees.
+        number: of the demonstration within its setting.
+        axis: (3,) unit vector about which feedback corrects.
+        rate_hz: samples per second that are kept.
+    """
     path = corrected.path
     kept = slice(None, None, max(1, round(1.0 / (rate_hz * path.dt))))
     time = path.time[kept]

@@ -22,7 +22,7 @@ def low_pass(signal: np.ndarray, dt: float, cutoff_hz: float) -> np.ndarray:
     Returns:
         (T, ...) the smoothed signal.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     nyquist = 0.5 / dt
     if cutoff_hz >= nyquist:
@@ -53,4 +53,6 @@ def time_normalised(signal: np.ndarray, count: int) -> np.ndarray:
 @cache
 def _sections(cutoff: float) -> np.ndarray:
     """Sections of the low-pass, its cut-off as a part of half the sampling rate; their design takes 2 ms."""
+    from scipy.signal import butter
+
     return butter(BUTTERWORTH_ORDER, cutoff, output="sos")

@@ -171,8 +171,8 @@ def improve(
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
     added = succeeded(improved, f"executions of the improved policy of iteration {iteration}")
     numbered = [
-        replace(samples, demonstration=np.full(len(samples.target), -1 - number))
-        for number, samples in enumerate(added)
+        replace(run.samples, demonstration=np.full(len(run.samples.target), -1 - number))
+        for number, run in enumerate(added)
     ]
     network = train_final(concatenated([demonstrations, *numbered]), parameters.training, initial=initial)
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
@@ -239,8 +239,8 @@ def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.nd
         InputError: all executions failed.
     """
     done = succeeded(runs, "executions with the network")
-    features = np.vstack([samples.modulation(kernel_count) for samples in done])
-    target = np.concatenate([samples.target for samples in done])
+    features = np.vstack([run.samples.modulation(kernel_count) for run in done])
+    target = np.concatenate([run.samples.target for run in done])
     return np.linalg.lstsq(features, target, rcond=SMALLEST_SINGULAR_VALUE)[0]
 
 

@@ -25,7 +25,8 @@ class Rollout:
 
     Attributes:
         cost: (T,) rad per tick; NaN throughout where it failed.
-        samples: what was felt and done, as supervised data; None where it failed.
+        samples: what was felt and done, as supervised data; None where it failed, or where the environment
+            was not to say.
         fault: why it failed, or empty.
     """
 
@@ -47,15 +48,15 @@ class Environment(Protocol):
         """Execute once per network, each with its seed, and report failures instead of raising them."""
 
 
-def succeeded(runs: Sequence[Rollout], what: str, fewest: int = 1) -> list[CouplingDataset]:
-    """Samples of the runs that did not fail.
+def succeeded(runs: Sequence[Rollout], what: str, fewest: int = 1) -> list[Rollout]:
+    """The runs that did not fail.
 
     Raises:
         InputError: with the first fault, if there are too few.
     """
-    done = [run.samples for run in runs if run.samples is not None]
+    done = [run for run in runs if not run.fault]
     if len(done) < fewest:
-        fault = next(run.fault for run in runs if run.samples is None)
+        fault = next(run.fault for run in runs if run.fault)
         raise InputError(
             f"{len(done)} of {len(runs)} {what} succeeded, {fewest} must; the first fault: {fault}"
         )

@@ -104,9 +104,11 @@ class FingerPair:
         self._noise_counts = parameters.noise_counts
         self._trial = trial
         self._memory = _Memory(
-            np.zeros((2, 3, len(PLAY_MM))), np.zeros((2, 3, len(parameters.creep))), np.zeros((2, 19))
+            np.zeros((2, 3, len(PLAY_MM))),
+            np.zeros((2, 3, len(parameters.creep))),
+            np.zeros((2, 19)),
+            np.zeros(1, dtype=bool),
         )
-        self._settled = False
 
     def read(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """The next sample.
@@ -146,10 +148,15 @@ class FingerPair:
         """Counts (T, 38) of samples (T, 9)."""
         if not np.isfinite(samples).all():
             raise ValueError("fingers: force, torque and turn must be finite")
-        noise = self._noise_counts * self._trial.standard_normal((len(samples), CHANNELS))
-        signal = _respond(samples, self._settled, self._grasp, self._pads, self._response, self._memory)
-        self._settled = True
-        return np.rint(signal + noise)
+        noise = self._noise(len(samples))
+        return np.rint(_respond(samples, self._grasp, self._pads, self._response, self._memory) + noise)
+
+    def readings(self, count: int) -> "Readings":
+        """The next readings, for a compiled loop that takes them with `take`; the same numbers as `read`."""
+        return Readings(self._grasp, self._pads, self._response, self._memory, self._noise(count))
+
+    def _noise(self, count: int) -> np.ndarray:
+        return self._noise_counts * self._trial.standard_normal((count, CHANNELS))
 
 
 class _Pads(NamedTuple):
@@ -165,6 +172,30 @@ class _Memory(NamedTuple):
     play: np.ndarray  # (2, 3, K)
     creep: np.ndarray  # (2, 3, M)
     lag: np.ndarray  # (2, 19)
+    settled: np.ndarray  # (1,) whether there has been a sample
+
+
+class Readings(NamedTuple):
+    """Readings of a pair of fingers that are still to be taken; noise (S, 38) in counts."""
+
+    grasp: np.ndarray
+    pads: _Pads
+    response: Response
+    memory: _Memory
+    noise: np.ndarray
+
+
+@numba.njit(cache=True)
+def take(readings: Readings, number: int, sample: np.ndarray, counts: np.ndarray) -> None:
+    """Write a reading (38,): of a sample (9,), force and torque on the hand and turn as in `FingerPair.read`.
+
+    What is not finite makes counts that are not.
+    """
+    felt = _respond(
+        sample.reshape((1, 9)), readings.grasp, readings.pads, readings.response, readings.memory
+    )[0]
+    for channel in range(len(counts)):
+        counts[channel] = np.rint(felt[channel] + readings.noise[number, channel])
 
 
 def _pads(parameters: TouchParameters) -> _Pads:
@@ -190,11 +221,12 @@ def _grasp(parameters: TouchParameters, rng: np.random.Generator) -> np.ndarray:
 
 @numba.njit(cache=True)
 def _respond(
-    samples: np.ndarray, settled: bool, grasp: np.ndarray, pads: _Pads, response: Response, memory: _Memory
+    samples: np.ndarray, grasp: np.ndarray, pads: _Pads, response: Response, memory: _Memory
 ) -> np.ndarray:
     """Counts before noise, (T, 38), of samples (T, 9); `memory` moves on."""
     electrodes = len(response.electrodes)
     counts = np.empty((len(samples), 2 * electrodes))
+    settled = memory.settled[0]
     for t in range(len(samples)):
         for finger in range(2):
             pushed = _pad(samples[t], finger, grasp[finger, 0], pads.statics)
@@ -211,6 +243,7 @@ def _respond(
             lagged(signal, response.lag_keep, settled, lag)
             counts[t, finger * electrodes : (finger + 1) * electrodes] = lag + response.offset[finger]
         settled = True
+    memory.settled[0] = settled
     return counts
 
 

@@ -98,6 +98,7 @@ def scraping_report(
     segmentation: SegmentationResults,
     feedback: FeedbackResults | None,
     refinement: RefinementResults | None,
+    engines: Metrics,
     ablations: pd.DataFrame,
     parameters: Mapping[str, Parameters],
 ) -> ScrapingReport:
@@ -107,6 +108,7 @@ def scraping_report(
         segmentation: always there.
         feedback: None where nothing was executed, as with nominal bags of your own alone.
         refinement: None where nothing was refined.
+        engines: of `ScrapingFiles.engine_differences`.
         ablations: table `refinement` of the ablations' report; empty where it is not there.
         parameters: all of `PARAMETERS` by key.
     """
@@ -123,6 +125,7 @@ def scraping_report(
         "refinement": refinement,
         "primitives": primitives,
         "names": names,
+        "engines": engines,
         "ablations": ablations.to_dict("records"),
         "kernel_count": KERNEL_COUNT,
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
@@ -148,6 +151,7 @@ def scraping_report(
     report.drawings |= segmentation_drawings(segmentation)
     report.tables |= tables.segmentation_tables(segmentation)
     report.metrics |= segmentation.metrics()
+    report.metrics |= {f"engines_differ_{name}": value for name, value in engines.items()}
     add("index", evidence.segmentation_evidence(segmentation), segmentation.simulated)
     if feedback is not None:
         report.drawings |= feedback_drawings(feedback)

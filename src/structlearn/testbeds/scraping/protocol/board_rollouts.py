@@ -1,24 +1,33 @@
 """Rollouts of one primitive on the simulated board, for the refinement of its feedback model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
+from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.runtime import Limits
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.supervision import SupervisionParameters, coupling_dataset
+from structlearn.feedback.supervision import (
+    SupervisionParameters,
+    corrected_primitive,
+    coupling_samples,
+)
+from structlearn.ground.artefacts import Metrics
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.rollouts import Rollout
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.clock import synchronise
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
 from structlearn.testbeds.scraping.protocol.orientation_cost import orientation_cost
+from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 REFINED = 4
@@ -49,6 +58,7 @@ class Board:
         testbed: see there.
         limits: of the feedback.
         clock: on which executions are judged.
+        telling: whether rollouts say what was felt and done; a search needs costs alone.
     """
 
     primitives: Sequence[PosePrimitive]
@@ -61,6 +71,7 @@ class Board:
     testbed: TestbedParameters
     limits: Limits
     clock: ClockParameters
+    telling: bool = True
 
     @property
     def rate_hz(self) -> float:
@@ -78,6 +89,25 @@ class Board:
         """Execute once per network, in processes; a run that fails is reported in its rollout."""
         work = [(self, network, seed) for network, seed in zip(networks, seeds, strict=True)]
         return parallel_map(_rollout, work, f"rollouts of {self.name}", lost=_lost)
+
+    def execution(self, network: PhaseModulatedNetwork, seed: tuple[int, ...]) -> Recording:
+        """Execute the primitives up to this one, with a network for it."""
+        executed = self.primitives[: self.place + 1]
+        expected = {one.name: self.expected[one.name] for one in executed if one.name in self.expected}
+        networks = {**self.preceding, self.name: network}
+        skill = ReactiveSkill(executed, expected, networks, self.supervision.unit_axis)
+        run = Run("rollout", self.setting_deg, (REFINED, self.place, *seed), feedback=True)
+        return execute_run(run, 0, skill, self.testbed, self.limits)
+
+    def engine_differences(self, networks: Mapping[str, PhaseModulatedNetwork]) -> Metrics:
+        """Of one rollout of the last primitive with a network; see `engine_agreement.engine_differences`."""
+        *before, last = [primitive.name for primitive in self.primitives if primitive.name in networks]
+        board = replace(self, name=last, preceding={name: networks[name] for name in before})
+
+        def rollout(testbed: TestbedParameters) -> list[Recording]:
+            return [replace(board, testbed=testbed).execution(networks[last], (0, 0, 0))]
+
+        return engine_differences(rollout, self.testbed)
 
 
 Work = tuple[Board, PhaseModulatedNetwork, tuple[int, ...]]
@@ -105,24 +135,20 @@ def _judged(board: Board, network: PhaseModulatedNetwork, seed: tuple[int, ...])
     Raises:
         InputError: the run has diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
     """
-    executed = board.primitives[: board.place + 1]
-    expected = {one.name: board.expected[one.name] for one in executed if one.name in board.expected}
-    skill = ReactiveSkill(
-        executed, expected, {**board.preceding, board.name: network}, board.supervision.unit_axis
-    )
-    run = Run("rollout", board.setting_deg, (REFINED, board.place, *seed), feedback=True)
-    recording = execute_run(run, 0, skill, board.testbed, board.limits)
+    recording = board.execution(network, seed)
     demonstration = synchronise(recording, board.clock.rate_hz, board.clock.max_gap_s)
-    cuts = commanded_cuts([demonstration], [primitive.name for primitive in executed])[board.name]
     cost = orientation_cost(demonstration, board.nominal)
     if cost.max() > DIVERGED_RAD:
         raise InputError(f"the tool is off by {np.degrees(cost.max()):.0f} degrees: the run has diverged")
-    first, last = (round(float(cuts.iloc[0][end]) / demonstration.dt) for end in ("start_s", "end_s"))
-    samples, _ = coupling_dataset(
-        {board.setting_deg: [demonstration]},
-        {board.setting_deg: cuts},
-        executed[-1],
-        expected[board.name],
-        board.supervision,
-    )
-    return Rollout(cost[first : last + 1], samples)
+    start_s, end_s = demonstration.true_segments[board.place]
+    first, last = round(start_s / demonstration.dt), round(end_s / demonstration.dt)
+    return Rollout(cost[first : last + 1], _samples(board, demonstration) if board.telling else None)
+
+
+def _samples(board: Board, demonstration: Demonstration) -> CouplingDataset:
+    """What was felt and done, as supervised data."""
+    own = board.supervision
+    cut = pd.Series(demonstration.true_segments[board.place], ["start_s", "end_s"])
+    primitive, expected = board.primitives[board.place], board.expected[board.name]
+    done = corrected_primitive(demonstration, cut, primitive, expected, own)
+    return coupling_samples(done, board.setting_deg, 0, own.unit_axis, own.rate_hz)

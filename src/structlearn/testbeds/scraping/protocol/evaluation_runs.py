@@ -2,12 +2,14 @@
 
 from structlearn.feedback.runtime import Limits
 from structlearn.feedback.skill import ReactiveSkill
+from structlearn.ground.artefacts import Metrics
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters, ExecutedSet
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, executions
+from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
@@ -41,3 +43,11 @@ def executed_set(
         read[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in by_setting[setting]]
         cuts[setting] = commanded_cuts(read[setting], names)
     return by_setting, ExecutedSet(model, skill.networks, read, cuts)
+
+
+def compared_engines(
+    skill: ReactiveSkill, parameters: EvaluationParameters, testbed: TestbedParameters, limits: Limits
+) -> Metrics:
+    """`engine_differences` of the skill's last run of `executed_set`, on the steepest board."""
+    runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
+    return engine_differences(lambda one: executions(skill, runs[-1:], one, limits), testbed)

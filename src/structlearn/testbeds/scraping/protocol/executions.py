@@ -17,13 +17,10 @@ from structlearn.ground.parallel import parallel_map
 from structlearn.primitives.sequence import default_start
 from structlearn.recordings.recording import Recording
 from structlearn.simulation.fingers import FingerPair
-from structlearn.testbeds.scraping.world.corrector import Corrector
-from structlearn.testbeds.scraping.world.demonstrator import (
-    first_stamp,
-)
+from structlearn.testbeds.scraping.world.corrector import corrector
+from structlearn.testbeds.scraping.world.demonstrator import first_stamp
 from structlearn.testbeds.scraping.world.execution import execute
 from structlearn.testbeds.scraping.world.recorder import provenance, recorded
-from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finger_rate, run_conditions
 
 HOLD_S = 0.3
@@ -118,19 +115,28 @@ def execute_run(
     own = testbed.control
     duration = sum(primitive.duration for primitive in skill.primitives)
     ticks = round((duration + HOLD_S) * rate_hz)
-    with ScrapingWorld(testbed.world) as world:
-        conditions = run_conditions(
-            testbed,
-            np.radians(run.setting_deg),
-            conditions_rng,
-            stiffness=own.stiffness,
-            force=np.full(ticks, own.force_n),
-            gains=(own.force_p_m_n, own.force_i_m_n_s),
-        )
-        fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
-        corrector = Corrector(testbed.corrector, ticks, world.dt, person_rng) if run.corrected else None
-        pose = (start.position, quaternion.matrix(start.orientation))
-        log = execute(world, controller, pose, ticks, conditions, own, fingers, wrist_rng, corrector)
+    conditions = run_conditions(
+        testbed,
+        np.radians(run.setting_deg),
+        conditions_rng,
+        stiffness=own.stiffness,
+        force=np.full(ticks, own.force_n),
+        gains=(own.force_p_m_n, own.force_i_m_n_s),
+    )
+    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
+    person = corrector(testbed.corrector, ticks, testbed.world.dt, person_rng) if run.corrected else None
+    log = execute(
+        testbed.world,
+        controller,
+        (start.position, quaternion.matrix(start.orientation)),
+        ticks,
+        conditions,
+        own,
+        fingers,
+        wrist_rng,
+        person,
+        testbed.engine,
+    )
     what = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
     seed = " ".join(map(str, [testbed.seed, *run.seed]))
     return recorded(
@@ -139,7 +145,7 @@ def execute_run(
         log,
         _segments(log.primitive, rate_hz, duration),
         provenance(f"execution, {what}", run.setting_deg, seed),
-        world.dt,
+        testbed.world.dt,
         testbed.recorder,
         clocks_rng,
     )

@@ -8,11 +8,14 @@ A physics engine's own box contact was tried: it hits with 1-2 N and hides the r
 force enters as joint torques through the transposed Jacobian, which is what the force does and saves calls.
 """
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
-from structlearn.ground.compiled_vectors import cross
-from structlearn.testbeds.scraping.world.layout import EDGE_WIDTH_M
+from structlearn.ground.compiled_vectors import compiled_inside, cross
+from structlearn.rigid_body.compiled_chain import Workspace
+from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
 EDGE_POINTS = 11
 
@@ -21,141 +24,132 @@ POINTS = ((np.arange(EDGE_POINTS) + 0.5) / EDGE_POINTS - 0.5) * EDGE_WIDTH_M
 the roll torque of a tilted board would be a fifth too large."""
 
 
-@numba.njit(cache=True)
-def step_forces(
-    q: np.ndarray,
+class Board(NamedTuple):
+    """The board of one run.
+
+    Attributes:
+        point: (3,) m, a point of it.
+        normal: (3,) unit vector.
+        stiffness: N/m under the whole edge.
+        damping: s/m, factor of the force on the approach velocity.
+        friction: coefficient.
+        sticking: N/m, tangential stiffness of the whole edge.
+        sticking_damping: N s/m of that.
+    """
+
+    point: np.ndarray
+    normal: np.ndarray
+    stiffness: float
+    damping: float
+    friction: float
+    sticking: float
+    sticking_damping: float
+
+
+@numba.njit(cache=True, error_model="numpy")
+def press(
+    work: Workspace,
     v: np.ndarray,
-    rotation: np.ndarray,
-    translation: np.ndarray,
-    axis: np.ndarray,
-    prismatic: np.ndarray,
-    edge: float,
-    point: np.ndarray,
-    normal: np.ndarray,
-    board: np.ndarray,
+    board: Board,
     dt: float,
     stuck: np.ndarray,
-    tool_to_base: np.ndarray,
-    edge_position: np.ndarray,
+    middle: np.ndarray,
     wrench: np.ndarray,
     torques: np.ndarray,
 ) -> None:
     """Contact wrench on the tool at its edge, and the joint torques that it amounts to.
 
     Args:
-        q: (J,) joint positions.
+        work: kinematics of the robot whose last link is the tool.
         v: (J,) joint velocities.
-        rotation: (J, 3, 3) of the chain (`scraping_robot.Chain`), like the three that follow.
-        translation: (J, 3) m.
-        axis: (J, 3).
-        prismatic: (J,).
-        edge: m, distance of the edge from the last joint along its z axis.
-        point: (3,) m, a point of the board.
-        normal: (3,) its normal.
-        board: stiffness of the whole edge in N/m, damping in s/m, friction coefficient, tangential stiffness
-            of the whole edge in N/m and its damping in N s/m.
+        board: see there.
         dt: s since the last call.
         stuck: (EDGE_POINTS, 3) m, deflection of the tangential springs; carried on from call to call.
-        tool_to_base: (3, 3) written: rotation of the tool.
-        edge_position: (3,) written: middle of the edge.
-        wrench: (6,) written: force of the board on the tool, and its torque about the middle of the edge.
+        middle: (3,) m, written: middle of the edge.
+        wrench: (6,) written: force of the board on the tool in N, and its torque about the middle in N m.
         torques: (J,) written: joint torques of that wrench.
     """
-    joints = len(q)
-    frame, place = np.eye(3), np.zeros(3)
-    axes, origins = np.empty((joints, 3)), np.empty((joints, 3))
-    turned, turn = np.empty((3, 3)), np.empty((3, 3))
-    for j in range(joints):
-        for i in range(3):
-            place[i] += _row(frame, i, translation[j])
-        _multiply(frame, rotation[j], turned)
-        for i in range(3):
-            axes[j, i] = _row(turned, i, axis[j])
-            origins[j, i] = place[i]
-        if prismatic[j]:
-            place += q[j] * axes[j]
-            frame[:] = turned
-        else:
-            _turn(axis[j], q[j], turn)
-            _multiply(turned, turn, frame)
-    tool_to_base[:] = frame
-    along_edge = frame[:, 0].copy()
-    middle = place + edge * frame[:, 2]
-    edge_position[:] = middle
-    wrench[:] = 0.0
-    torques[:] = 0.0
-    reach = 0.5 * EDGE_WIDTH_M * abs(along_edge @ normal)
-    if (middle - point) @ normal - reach > 0.0:
-        stuck[:] = 0.0
+    frame, place, normal = work.frame[-1], work.place[-1], board.normal
+    for i in range(3):
+        middle[i] = place[i] + EDGE_M * frame[i, 2]
+    for k in range(6):
+        wrench[k] = 0.0
+    for j in range(len(torques)):
+        torques[j] = 0.0
+    along = (frame[0, 0], frame[1, 0], frame[2, 0])
+    height = _dot(
+        (middle[0] - board.point[0], middle[1] - board.point[1], middle[2] - board.point[2]), normal
+    )
+    slope = _dot(along, normal)
+    if height - 0.5 * EDGE_WIDTH_M * abs(slope) > 0.0:
+        for i in range(EDGE_POINTS):
+            for d in range(3):
+                stuck[i, d] = 0.0
         return  # in the air
 
-    linear, angular = np.zeros(3), np.zeros(3)
-    for j in range(joints):
-        if prismatic[j]:
-            linear += v[j] * axes[j]
-        else:
-            linear += v[j] * np.array(cross(axes[j], middle - origins[j]))
-            angular += v[j] * axes[j]
-    stiffness, sticking, sticking_damping = (
-        board[0] / EDGE_POINTS,
-        board[3] / EDGE_POINTS,
-        board[4] / EDGE_POINTS,
-    )
+    angular, linear = _velocity_at(work.screw, v, middle)
     for i in range(EDGE_POINTS):
-        arm = POINTS[i] * along_edge
-        depth = (point - middle - arm) @ normal
+        depth = -height - POINTS[i] * slope
         if depth <= 0.0:
-            stuck[i] = 0.0
+            for d in range(3):
+                stuck[i, d] = 0.0
             continue
-        velocity = linear + np.array(cross(angular, arm))
-        approach = velocity @ normal
-        push = max(stiffness * depth * (1.0 - board[1] * approach), 0.0)
-        slip = velocity - approach * normal
-        deflection = stuck[i] + dt * slip
-        deflection -= (deflection @ normal) * normal
-        drag = sticking * deflection + sticking_damping * slip
-        size, largest = np.sqrt(drag @ drag), board[2] * push
-        if size > largest:  # it slides, and the spring keeps what it can hold
-            drag *= largest / size
-            deflection = drag / sticking
-        stuck[i] = deflection
-        force = push * normal - drag
-        wrench[:3] += force
-        wrench[3:] += np.array(cross(arm, force))
-    for j in range(joints):
-        if prismatic[j]:
-            torques[j] = axes[j] @ wrench[:3]
-        else:
-            torques[j] = axes[j] @ (wrench[3:] + np.array(cross(middle - origins[j], wrench[:3])))
+        arm = (POINTS[i] * along[0], POINTS[i] * along[1], POINTS[i] * along[2])
+        sweep = cross(angular, arm)
+        velocity = (linear[0] + sweep[0], linear[1] + sweep[1], linear[2] + sweep[2])
+        force = _push_back(velocity, depth, board, dt, stuck[i])
+        torque = cross(arm, force)
+        for d in range(3):
+            wrench[d] += force[d]
+            wrench[3 + d] += torque[d]
+    turning = cross(middle, wrench)  # of the force about the base's origin, as screws have it
+    for j in range(len(torques)):
+        screw = work.screw[j]
+        for d in range(3):
+            torques[j] += screw[d] * (wrench[3 + d] + turning[d]) + screw[3 + d] * wrench[d]
 
 
-# Written out: for matrices this small a call of the linear algebra library costs more than the products.
-@numba.njit(cache=True)
-def _multiply(a: np.ndarray, b: np.ndarray, product: np.ndarray) -> None:
-    """Product of two (3, 3) matrices, written to the third."""
-    for i in range(3):
-        for j in range(3):
-            product[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _dot(a: np.ndarray | tuple, b: np.ndarray | tuple) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@numba.njit(cache=True)
-def _row(a: np.ndarray, i: int, vector: np.ndarray) -> float:
-    """Row i of the product of a (3, 3) matrix and a (3,) vector."""
-    return a[i, 0] * vector[0] + a[i, 1] * vector[1] + a[i, 2] * vector[2]
+@compiled_inside
+def _velocity_at(screws: np.ndarray, v: np.ndarray, point: np.ndarray) -> tuple[tuple, tuple]:
+    """Angular velocity of the last link, and linear velocity of a point of it."""
+    w0 = w1 = w2 = v0 = v1 = v2 = 0.0
+    for j in range(len(v)):
+        w0 += v[j] * screws[j, 0]
+        w1 += v[j] * screws[j, 1]
+        w2 += v[j] * screws[j, 2]
+        v0 += v[j] * screws[j, 3]
+        v1 += v[j] * screws[j, 4]
+        v2 += v[j] * screws[j, 5]
+    sweep = cross((w0, w1, w2), point)
+    return (w0, w1, w2), (v0 + sweep[0], v1 + sweep[1], v2 + sweep[2])
 
 
-@numba.njit(cache=True)
-def _turn(axis: np.ndarray, angle: float, turn: np.ndarray) -> None:
-    """Write the rotation (3, 3) by an angle in rad about a unit axis (3,) (Rodrigues)."""
-    cosine, sine = np.cos(angle), np.sin(angle)
-    rest = 1.0 - cosine
-    for i in range(3):
-        for j in range(3):
-            turn[i, j] = axis[i] * axis[j] * rest
-        turn[i, i] += cosine
-    turn[0, 1] -= axis[2] * sine
-    turn[0, 2] += axis[1] * sine
-    turn[1, 0] += axis[2] * sine
-    turn[1, 2] -= axis[0] * sine
-    turn[2, 0] -= axis[1] * sine
-    turn[2, 1] += axis[0] * sine
+@compiled_inside
+def _push_back(velocity: tuple, depth: float, board: Board, dt: float, stuck: np.ndarray) -> tuple:
+    """Force (3,) in N on one point of the edge; its tangential spring `stuck` (3,) moves on."""
+    normal = board.normal
+    approach = _dot(velocity, normal)
+    push = max(board.stiffness / EDGE_POINTS * depth * (1.0 - board.damping * approach), 0.0)
+    stiffness, damping = board.sticking / EDGE_POINTS, board.sticking_damping / EDGE_POINTS
+    for d in range(3):
+        stuck[d] += dt * (velocity[d] - approach * normal[d])
+    off = _dot(stuck, normal)
+    for d in range(3):
+        stuck[d] -= off * normal[d]
+    drag = (
+        stiffness * stuck[0] + damping * (velocity[0] - approach * normal[0]),
+        stiffness * stuck[1] + damping * (velocity[1] - approach * normal[1]),
+        stiffness * stuck[2] + damping * (velocity[2] - approach * normal[2]),
+    )
+    size, largest = np.sqrt(_dot(drag, drag)), board.friction * push
+    if size > largest:  # it slides, and the spring keeps what it can hold
+        kept = largest / size
+        drag = (kept * drag[0], kept * drag[1], kept * drag[2])
+        for d in range(3):
+            stuck[d] = drag[d] / stiffness
+    return push * normal[0] - drag[0], push * normal[1] - drag[1], push * normal[2] - drag[2]

@@ -15,12 +15,14 @@ of people, named below, and times of the recorded corrected demonstrations; none
 feedback models do.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
+import numba
 import numpy as np
 from pydantic import Field
 
 from structlearn.ground import minimum_jerk
+from structlearn.ground.compiled_vectors import compiled_inside
 from structlearn.ground.params import Parameters
 from structlearn.simulation.hand_noise import hand_noise
 
@@ -70,84 +72,174 @@ class CorrectorParameters(Parameters):
     noise_mm: float = Field(ge=0)
 
 
-@dataclass
-class _Submovement:
-    onset: float  # s
-    duration: float  # s
-    amplitude: float  # rad
+class Corrector(NamedTuple):
+    """One trial of the person; arrays change in place.
+
+    Attributes:
+        dt: s per tick.
+        reaction: s.
+        delay: ticks of vision.
+        refractory: s.
+        refractory_spread: s.
+        threshold: rad.
+        gain: see `CorrectorParameters`, like the spreads that follow.
+        gain_spread: of the gain.
+        noise: of a submovement.
+        movement: s.
+        movement_spread: s.
+        stiffness: N m/rad.
+        damping: N m s/rad.
+        bias: rad, what looks flat in this trial.
+        trembling: (T,) rad about the scraping direction.
+        draws: (N,) standard normal numbers for the decisions.
+        remaining: (T,) rad, what is left for the person, as seen at every tick so far.
+        submovements: (M, 3) onset in s, duration in s, amplitude in rad.
+        counts: (3,) tick of the first call or -1, submovements and draws so far.
+        decision: (1,) s, time of the next decision.
+    """
+
+    dt: float
+    reaction: float
+    delay: int
+    refractory: float
+    refractory_spread: float
+    threshold: float
+    gain: float
+    gain_spread: float
+    noise: float
+    movement: float
+    movement_spread: float
+    stiffness: float
+    damping: float
+    bias: float
+    trembling: np.ndarray
+    draws: np.ndarray
+    remaining: np.ndarray
+    submovements: np.ndarray
+    counts: np.ndarray
+    decision: np.ndarray
 
 
-class Corrector:
-    """One trial of the person; asked once per control tick."""
+_FIRST, _MOVEMENTS, _DRAWN = range(3)
+"""Places in `Corrector.counts`."""
 
-    def __init__(
-        self, parameters: CorrectorParameters, ticks: int, dt: float, rng: np.random.Generator
-    ) -> None:
-        """Draw the trial.
+_DRAWS = 4
+"""Random numbers of a decision, at most."""
 
-        Args:
-            parameters: see there.
-            ticks: of the whole run.
-            dt: s per tick.
-            rng: of this trial.
-        """
-        self._own, self._dt, self._rng = parameters, dt, rng
-        self._bias = np.radians(parameters.bias_deg) * rng.standard_normal()
-        self._reaction = max(
-            parameters.reaction_s + parameters.reaction_spread_s * rng.standard_normal(), 0.1
-        )
-        slow = np.full((ticks, 3), 0.01)  # m/s; the hand hardly travels, motor noise stays what it is
-        noise = hand_noise(slow, np.zeros(ticks), parameters.noise_mm, 1.0 / dt, rng)[1]
-        self._noise = noise[:, 1]  # rad about the scraping direction
-        self._remaining = np.zeros(ticks)  # rad, what is left for the person, as seen at every tick so far
-        self._next: float | None = None  # s, time of the next decision
-        self._submovements: list[_Submovement] = []
-        self._first: int | None = None
 
-    def torque(
-        self, tick: int, error: float, nominal: tuple[float, float], hand: tuple[float, float]
-    ) -> float:
-        """Torque of the person on the hand about roll.
+def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.random.Generator) -> Corrector:
+    """Draw a trial.
 
-        Args:
-            tick: number of the control tick; correction begins with the first call.
-            error: rad, roll that the tool lacks to lie flat.
-            nominal: roll in rad and its rate in rad/s that the nominal movement has at this tick; in the end
-                its roll is 0.
-            hand: roll of the hand in rad and its rate in rad/s.
+    Args:
+        parameters: see there.
+        ticks: of the whole run.
+        dt: s per tick.
+        rng: of this trial.
+    """
+    own = parameters
+    bias = np.radians(own.bias_deg) * rng.standard_normal()
+    reaction = max(own.reaction_s + own.reaction_spread_s * rng.standard_normal(), 0.1)
+    slow = np.full((ticks, 3), 0.01)  # m/s; the hand hardly travels, motor noise stays what it is
+    trembling = hand_noise(slow, np.zeros(ticks), own.noise_mm, 1.0 / dt, rng)[1]
+    decisions = int(ticks * dt / own.refractory_s) + 1
+    return Corrector(
+        dt=dt,
+        reaction=reaction,
+        delay=round(own.visual_delay_s / dt),
+        refractory=own.refractory_s,
+        refractory_spread=own.refractory_spread_s,
+        threshold=np.radians(own.threshold_deg),
+        gain=own.gain,
+        gain_spread=own.gain_spread,
+        noise=own.noise,
+        movement=own.movement_s,
+        movement_spread=own.movement_spread_s,
+        stiffness=own.stiffness_n_m_rad,
+        damping=own.damping_n_m_s_rad,
+        bias=bias,
+        trembling=trembling[:, 1].copy(),
+        draws=rng.standard_normal(_DRAWS * decisions),
+        remaining=np.zeros(ticks),
+        submovements=np.zeros((decisions, 3)),
+        counts=np.array([-1, 0, 0]),
+        decision=np.zeros(1),
+    )
 
-        Returns:
-            N m.
-        """
-        now = tick * self._dt
-        self._remaining[tick] = error + self._bias + nominal[0]  # the robot itself will do -nominal
-        if self._first is None:
-            self._first, self._next = tick, now + self._reaction
-        if now >= self._next:
-            self._decide(tick, now)
-        intended, rate = self._intended(now)
-        target = nominal[0] + intended + self._noise[tick] - self._noise[self._first]
-        stretch, pull = target - hand[0], nominal[1] + rate - hand[1]
-        return self._own.stiffness_n_m_rad * stretch + self._own.damping_n_m_s_rad * pull
 
-    def _decide(self, tick: int, now: float) -> None:
-        """Start a submovement if what was seen, less what is under way, is worth it."""
-        own, rng = self._own, self._rng
-        seen_tick = max(tick - round(own.visual_delay_s / self._dt), self._first)
-        under_way = self._intended(np.inf)[0] - self._intended(seen_tick * self._dt)[0]
-        error = self._remaining[seen_tick] - under_way
-        if abs(error) > np.radians(own.threshold_deg):
-            gain = own.gain + own.gain_spread * rng.standard_normal()
-            amplitude = gain * error * (1.0 + own.noise * rng.standard_normal())
-            duration = max(own.movement_s + own.movement_spread_s * rng.standard_normal(), 0.2)
-            self._submovements.append(_Submovement(now, duration, amplitude))
-        self._next = now + own.refractory_s + abs(own.refractory_spread_s * rng.standard_normal())
+def nobody() -> Corrector:
+    """Stands where nobody corrects; it has no ticks and is never asked."""
+    none = np.zeros(0)
+    return Corrector(
+        *(0.0, 0.0, 0, *[0.0] * 11), none, none, none, np.zeros((0, 3)), np.zeros(3, dtype=np.int64), none
+    )
 
-    def _intended(self, now: float) -> tuple[float, float]:
-        """Sum of the submovements at a time in s: roll of the hand in rad, and its rate."""
-        roll = rate = 0.0
-        for movement in self._submovements:
-            s = min(max((now - movement.onset) / movement.duration, 0.0), 1.0)
-            roll += movement.amplitude * minimum_jerk.progress(s)
-            rate += movement.amplitude * minimum_jerk.rate(s) / movement.duration
-        return roll, rate
+
+@numba.njit(cache=True, error_model="numpy")
+def hold(
+    person: Corrector, tick: int, error: float, nominal: tuple[float, float], hand: tuple[float, float]
+) -> float:
+    """Torque of the person on the hand about roll.
+
+    Args:
+        person: asked once per control tick.
+        tick: number of the control tick; correction begins with the first call.
+        error: rad, roll that the tool lacks to lie flat.
+        nominal: roll in rad and its rate in rad/s that the nominal movement has at this tick; in the end
+            its roll is 0.
+        hand: roll of the hand in rad and its rate in rad/s.
+
+    Returns:
+        N m.
+    """
+    now = tick * person.dt
+    person.remaining[tick] = error + person.bias + nominal[0]  # the robot itself will do -nominal
+    if person.counts[_FIRST] < 0:
+        person.counts[_FIRST] = tick
+        person.decision[0] = now + person.reaction
+    if now >= person.decision[0]:
+        _decide(person, tick, now)
+    intended, rate = _intended(person, now)
+    target = nominal[0] + intended + person.trembling[tick] - person.trembling[person.counts[_FIRST]]
+    return person.stiffness * (target - hand[0]) + person.damping * (nominal[1] + rate - hand[1])
+
+
+@compiled_inside
+def _decide(person: Corrector, tick: int, now: float) -> None:
+    """Start a submovement if what was seen, less what is under way, is worth it."""
+    seen_tick = max(tick - person.delay, person.counts[_FIRST])
+    under_way = _intended(person, np.inf)[0] - _intended(person, seen_tick * person.dt)[0]
+    error = person.remaining[seen_tick] - under_way
+    if abs(error) > person.threshold:
+        gain = person.gain + person.gain_spread * _drawn(person)
+        amplitude = gain * error * (1.0 + person.noise * _drawn(person))
+        movement = person.submovements[person.counts[_MOVEMENTS]]
+        movement[0] = now
+        movement[1] = max(person.movement + person.movement_spread * _drawn(person), 0.2)
+        movement[2] = amplitude
+        person.counts[_MOVEMENTS] += 1
+    person.decision[0] = now + person.refractory + abs(person.refractory_spread * _drawn(person))
+
+
+@compiled_inside
+def _drawn(person: Corrector) -> float:
+    """The next standard normal number."""
+    person.counts[_DRAWN] += 1
+    return person.draws[person.counts[_DRAWN] - 1]
+
+
+_progress, _rate = (
+    numba.njit(cache=True)(function) for function in (minimum_jerk.progress, minimum_jerk.rate)
+)
+
+
+@compiled_inside
+def _intended(person: Corrector, now: float) -> tuple[float, float]:
+    """Sum of the submovements at a time in s: roll of the hand in rad, and its rate."""
+    roll = rate = 0.0
+    for number in range(person.counts[_MOVEMENTS]):
+        movement = person.submovements[number]
+        onset, duration, amplitude = movement[0], movement[1], movement[2]
+        s = min(max((now - onset) / duration, 0.0), 1.0)
+        roll += amplitude * _progress(s)
+        rate += amplitude * _rate(s) / duration
+    return roll, rate

@@ -1,25 +1,37 @@
 """One run of the scraping robot: a motion is followed, the board is touched, everything is recorded.
 
-What differs between runs is who leads: a person who guides the arm (`guidance.GuidedMotion`), the learned
+What differs between runs is who leads: a person who guides the arm (`guidance.guided_motion`), the learned
 primitives, or the primitives with feedback (`feedback.runtime.Controller`). All of them give a reference pose
 per tick; force control along z and, for corrections, compliance about roll are added to it (table IV.4).
+
+A tick of sensors, controller, person and recorder is one compiled function, for either engine; with the
+compiled engine so is the whole run.
 """
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, NamedTuple
 
+import numba
 import numpy as np
 from pydantic import Field
 
+from structlearn.feedback import stepping
+from structlearn.feedback.runtime import Controller
 from structlearn.ground import quaternion
+from structlearn.ground.compiled_vectors import compiled_inside
 from structlearn.ground.params import Parameters
-from structlearn.simulation.fingers import CHANNELS, FingerPair
-from structlearn.testbeds.scraping.world import scraping_robot
-from structlearn.testbeds.scraping.world.corrector import Corrector
+from structlearn.simulation.fingers import CHANNELS, FingerPair, Readings, take
+from structlearn.testbeds.scraping.world import operational_space, scraping_robot, scraping_world
+from structlearn.testbeds.scraping.world.corrector import Corrector, hold, nobody
 from structlearn.testbeds.scraping.world.layout import FLAT_ORIENTATION, ROLL_AXIS
-from structlearn.testbeds.scraping.world.operational_space import OperationalSpace
+from structlearn.testbeds.scraping.world.operational_space import Arm, Target
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS
-from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld, tool_wrench
+from structlearn.testbeds.scraping.world.scraping_world import World, WorldParameters, tool_wrench
+
+Engine = Literal["compiled", "pybullet"]
+"""Who integrates the robot's motion."""
+
+NO_PLAN, NOBODY = stepping.no_plan(), nobody()
+"""Where no controller leads, and where nobody corrects."""
 
 FINGER_TICKS = 3
 """Control ticks per reading of the fingers: 100 Hz at 300 Hz."""
@@ -51,11 +63,14 @@ class ControlParameters(Parameters):
     torque_noise_n_m: float = Field(ge=0)
 
 
-class Motion(Protocol):
-    """Who leads: a reference pose of the edge frame per tick.
+class Reference(NamedTuple):
+    """Where the edge frame is meant to be at each of T ticks, base frame.
 
-    `tick` takes the newest 38 counts, or None between readings, and sets the attributes. `primitive` is the
-    number of the running primitive; force control is on from the second one on.
+    Attributes:
+        position: (T, 3) m.   velocity: (T, 3) m/s.   acceleration: (T, 3) m/s^2.
+        orientation: (T, 4) unit quaternions.
+        angular_velocity: (T, 3) rad/s.   angular_acceleration: (T, 3) rad/s^2.
+        primitive: (T,) number of the running primitive; force control is on from the second one on.
     """
 
     position: np.ndarray
@@ -64,14 +79,10 @@ class Motion(Protocol):
     orientation: np.ndarray
     angular_velocity: np.ndarray
     angular_acceleration: np.ndarray
-    primitive: int
-
-    def tick(self, counts: np.ndarray | None) -> object:
-        """Advance by one control tick."""
+    primitive: np.ndarray
 
 
-@dataclass(frozen=True)
-class Conditions:
+class Conditions(NamedTuple):
     """What a run meets; small differences between runs are part of a real set-up.
 
     Attributes:
@@ -93,8 +104,7 @@ class Conditions:
     force_gains: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class RunLog:
+class RunLog(NamedTuple):
     """What happened, per control tick; counts per reading of the fingers.
 
     Attributes:
@@ -119,109 +129,268 @@ class RunLog:
     primitive: np.ndarray
 
 
+class _Run(NamedTuple):
+    """All that a tick reads and writes.
+
+    Attributes:
+        dt: s per control tick.
+        conditions: of the run.
+        arm: what the robot's controller knows.
+        world: robot and board.
+        fingers: readings to be taken.
+        reference: of the motion; of a controller it is written tick by tick.
+        target: what is made of it at this tick.
+        roll_gains: P in rad/(N m), I in rad/(N m s).
+        share: of a new reading in the filtered wrench.
+        noise: (T, 6) of the wrist sensor, N and N m.
+        felt: (6,) the filtered wrench.
+        push: (6,) wrench of a person on the hand.
+        sums: (2,) integrals of force control and roll compliance.
+        log: what happened.
+        hand: (T, 3, 3) orientation of the edge frame.
+        tool: (T, 3, 3) of the tool.
+    """
+
+    dt: float
+    conditions: Conditions
+    arm: Arm
+    world: World
+    fingers: Readings
+    reference: Reference
+    target: Target
+    roll_gains: tuple[float, float]
+    share: float
+    noise: np.ndarray
+    felt: np.ndarray
+    push: np.ndarray
+    sums: np.ndarray
+    log: RunLog
+    hand: np.ndarray
+    tool: np.ndarray
+
+
 def execute(
-    world: ScrapingWorld,
-    motion: Motion,
+    parameters: WorldParameters,
+    motion: Reference | Controller,
     start: tuple[np.ndarray, np.ndarray],
     ticks: int,
     conditions: Conditions,
     control: ControlParameters,
     fingers: FingerPair,
     rng: np.random.Generator,
-    corrector: Corrector | None = None,
+    person: Corrector | None = None,
+    engine: Engine = "compiled",
 ) -> RunLog:
     """Run a motion in the world.
 
     Args:
-        world: robot and board; left as the run ends.
-        motion: who leads.
+        parameters: of the world.
+        motion: who leads: a reference, or a controller that has been started.
         start: (3,) m and (3, 3): pose of the edge frame at rest.
         ticks: number of control ticks T.
         conditions: of this run.
         control: of the robot.
         fingers: read every third tick.
         rng: noise of the wrist sensor.
-        corrector: a person who corrects roll, from the second primitive on; with it the robot gives way.
+        person: who corrects roll, from the second primitive on; then the robot gives way.
+        engine: who integrates the robot's motion.
 
     Returns:
-        The log.
+        The log; not finite where the robot diverged.
     """
-    arm = OperationalSpace(scraping_robot.arm_model())
     angles = scraping_robot.joint_angles(*start)
-    arm.hold_posture(angles)
-    world.place(
+    world = scraping_world.placed(
+        parameters,
         angles,
         conditions.board_roll,
         conditions.board_point,
         conditions.friction_factor,
         conditions.board_stiffness_factor,
     )
-    share = 1.0 - np.exp(-2.0 * np.pi * control.wrench_cutoff_hz * world.dt)
     noise = rng.standard_normal((ticks, 6)) * np.repeat([control.force_noise_n, control.torque_noise_n_m], 3)
-    board = quaternion.from_rotation_vector(conditions.board_roll * ROLL_AXIS)
+    led = isinstance(motion, Controller)
     log = _empty_log(ticks)
-    rotations = np.empty((2, ticks, 3, 3))  # hand, tool
-    force_control = _ProportionalIntegral(*conditions.force_gains, world.dt)
-    roll_control = _ProportionalIntegral(control.roll_p_rad_n_m, control.roll_i_rad_n_m_s, world.dt)
-    felt, hold, nothing = np.zeros(6), np.zeros(6), np.zeros(6)
-    for k in range(ticks):
-        arm.observe(world.q[:ARM_JOINTS].copy(), world.v[:ARM_JOINTS].copy())
-        wrench = tool_wrench(world.grasp_load, arm.rotation, world.tool_rotation) + noise[k]
-        felt += share * (wrench - felt)
-        counts = None
-        if k % FINGER_TICKS == 0:
-            load = world.grasp_load
-            counts = log.counts[k // FINGER_TICKS] = fingers.read(load[:3], load[3:], world.q[[11, 12, 10]])
-        motion.tick(counts)
+    run = _Run(
+        dt=parameters.dt,
+        conditions=conditions,
+        arm=operational_space.controlled(scraping_robot.arm_model(), angles),
+        world=world,
+        fingers=fingers.readings(len(log.counts)),
+        reference=_empty_reference(ticks) if led else motion,
+        target=operational_space.resting_target(),
+        roll_gains=(control.roll_p_rad_n_m, control.roll_i_rad_n_m_s),
+        share=1.0 - np.exp(-2.0 * np.pi * control.wrench_cutoff_hz * parameters.dt),
+        noise=noise,
+        felt=np.zeros(6),
+        push=np.zeros(6),
+        sums=np.zeros(2),
+        log=log,
+        hand=np.empty((ticks, 3, 3)),
+        tool=np.empty((ticks, 3, 3)),
+    )
+    others = (*(motion.compiled if led else NO_PLAN), NOBODY if person is None else person)
+    if engine == "compiled":
+        _ticks(run, 0, ticks, True, *others)
+    else:
+        from structlearn.testbeds.scraping.world.bullet import Bullet  # most runs need no PyBullet
 
-        height = roll = 0.0
-        hold = nothing
-        if motion.primitive > 0:
-            height = -force_control.step(conditions.force[k] + felt[2])
-            if corrector is not None:
-                lacking = conditions.board_roll - roll_of(world.tool_rotation)
-                nominal = (roll_of(quaternion.matrix(motion.orientation)), float(motion.angular_velocity[1]))
-                person = corrector.torque(k, lacking, nominal, (roll_of(arm.rotation), arm.twist[4]))
-                hold = np.array([0.0, 0.0, 0.0, 0.0, person, 0.0])
-                roll = roll_control.step(person - felt[4])
-        position = motion.position.copy()
-        position[2] += height
-        rotation = _about_y(roll) @ quaternion.matrix(motion.orientation)
-        torques = arm.torques(
-            position,
-            rotation,
-            np.concatenate((motion.velocity, motion.angular_velocity)),
-            np.concatenate((motion.acceleration, motion.angular_acceleration)),
-            conditions.stiffness,
-            hold,
-        )
-        log.position[k] = arm.position
-        rotations[0, k], rotations[1, k] = arm.rotation, world.tool_rotation
-        log.joint_positions[k], log.joint_velocities[k] = world.q[:ARM_JOINTS], world.v[:ARM_JOINTS]
-        log.joint_torques[k], log.wrench[k], log.primitive[k] = torques, wrench, motion.primitive
-        world.step(torques)
-    log.orientation[:] = _quaternions(rotations[0])
-    tilt = quaternion.product(_quaternions(rotations[1]), quaternion.conjugate(FLAT_ORIENTATION))
+        with Bullet(world) as bullet:
+            for k in range(ticks):
+                _ticks(run, k, k + 1, False, *others)
+                bullet.advance(run.arm.torques)
+    if not all(np.isfinite(rotations).all() for rotations in (run.hand, run.tool)):
+        raise FloatingPointError("the robot has diverged")
+    log.orientation[:] = _quaternions(run.hand)
+    board = quaternion.from_rotation_vector(conditions.board_roll * ROLL_AXIS)
+    tilt = quaternion.product(_quaternions(run.tool), quaternion.conjugate(FLAT_ORIENTATION))
     log.tool_to_board[:] = quaternion.sign_continuous(
         quaternion.shortest(quaternion.product(quaternion.conjugate(board), tilt))
     )
     return log
 
 
+@numba.njit(cache=True, error_model="numpy")
 def roll_of(rotation: np.ndarray) -> float:
     """Roll about the base y axis of a frame that points down (x against base x) when flat: (3, 3) -> rad."""
-    return float(np.arctan2(rotation[2, 0], -rotation[0, 0]))
+    return np.arctan2(rotation[2, 0], -rotation[0, 0])
 
 
-class _ProportionalIntegral:
-    """A PI controller on an error per tick."""
+@numba.njit(cache=True, error_model="numpy")
+def _ticks(
+    run: _Run,
+    first: int,
+    end: int,
+    integrate: bool,
+    plan_arrays: tuple,
+    state_arrays: tuple,
+    person: Corrector,
+) -> None:
+    """Ticks of sensors, motion, control and recorder, each followed by one of the world if that is compiled.
 
-    def __init__(self, proportional: float, integral: float, dt: float) -> None:
-        self._gains, self._dt, self._sum = (proportional, integral), dt, 0.0
+    The person may be nobody, and the plan may have no primitive: then the reference is there already. Runs of
+    all kinds have the same types, since a loop of this size takes ten seconds to compile.
+    """
+    for k in range(first, end):
+        _sense(run, k)
+        if len(plan_arrays[0]) > 1:
+            _lead(plan_arrays, state_arrays, run.reference, run.log.counts, k)
+        primitive = run.reference.primitive[k]
+        height = roll = 0.0
+        for i in range(6):
+            run.push[i] = 0.0
+        if primitive > 0:
+            force_error = run.conditions.force[k] + run.felt[2]
+            height = -_proportional_integral(run.conditions.force_gains, force_error, run.dt, run.sums, 0)
+            if len(person.remaining) > 0:
+                run.push[4] = _corrected(
+                    run.conditions.board_roll, run.reference, k, run.arm, run.world.tool_rotation, person
+                )
+                give = run.push[4] - run.felt[4]
+                roll = _proportional_integral(run.roll_gains, give, run.dt, run.sums, 1)
+        _aim(run.reference, k, height, roll, run.target)
+        operational_space.control(run.arm, run.target, run.conditions.stiffness, run.push)
+        for j in range(ARM_JOINTS):
+            run.log.joint_torques[k, j] = run.arm.torques[j]
+        run.log.primitive[k] = primitive
+        if integrate:
+            scraping_world.advance(run.world, run.arm.torques)
 
-    def step(self, error: float) -> float:
-        self._sum += error * self._dt
-        return self._gains[0] * error + self._gains[1] * self._sum
+
+@compiled_inside
+def _sense(run: _Run, k: int) -> None:
+    """Read joints, wrist and, every third tick, the fingers; all of it is logged."""
+    world, arm, log = run.world, run.arm, run.log
+    operational_space.observe(arm, world.q, world.v)
+    tool_wrench(world.grasp_load, arm.rotation, world.tool_rotation, log.wrench[k])
+    for i in range(6):
+        log.wrench[k, i] += run.noise[k, i]
+        run.felt[i] += run.share * (log.wrench[k, i] - run.felt[i])
+    for j in range(ARM_JOINTS):
+        log.joint_positions[k, j] = arm.q[j]
+        log.joint_velocities[k, j] = arm.v[j]
+    for i in range(3):
+        log.position[k, i] = arm.position[i]
+        for d in range(3):
+            run.hand[k, i, d] = arm.rotation[i, d]
+            run.tool[k, i, d] = world.tool_rotation[i, d]
+    if k % FINGER_TICKS == 0:
+        sample = np.empty(9)
+        for i in range(6):
+            sample[i] = world.grasp_load[i]
+        # turns about x, y, z; the joints turn about z, x, y
+        sample[6], sample[7], sample[8] = world.q[11], world.q[12], world.q[10]
+        take(run.fingers, k // FINGER_TICKS, sample, log.counts[k // FINGER_TICKS])
+
+
+@compiled_inside
+def _lead(plan_arrays: tuple, state_arrays: tuple, reference: Reference, counts: np.ndarray, k: int) -> None:
+    """Let the controller give tick k of the reference; it gets each reading of the fingers once."""
+    state = stepping.State(*state_arrays)
+    fresh = k % FINGER_TICKS == 0 and len(state.sample) > 0
+    if fresh:
+        for channel in range(len(state.sample)):
+            state.sample[channel] = counts[k // FINGER_TICKS, channel]
+    stepping.tick(plan_arrays, state_arrays, fresh)
+    for d in range(3):
+        reference.position[k, d] = state.path[0, 0, 0, d]
+        reference.velocity[k, d] = state.path[1, 0, 0, d]
+        reference.acceleration[k, d] = state.path[2, 0, 0, d]
+        reference.angular_velocity[k, d] = state.turning[0, 0, 0, d]
+        reference.angular_acceleration[k, d] = state.turning[1, 0, 0, d]
+    for d in range(4):
+        reference.orientation[k, d] = state.orientation[0, 0, d]
+    reference.primitive[k] = state.clock[stepping.PRIMITIVE]
+
+
+@compiled_inside
+def _corrected(
+    board_roll: float, reference: Reference, k: int, arm: Arm, tool: np.ndarray, person: Corrector
+) -> float:
+    """Torque in N m about roll of the person who holds the hand."""
+    orientation = reference.orientation
+    w, x, y, z = orientation[k, 0], orientation[k, 1], orientation[k, 2], orientation[k, 3]
+    nominal = np.arctan2(2.0 * (x * z - w * y), 2.0 * (y * y + z * z) - 1.0)  # `roll_of` its matrix
+    rate = reference.angular_velocity[k, 1]
+    return hold(person, k, board_roll - roll_of(tool), (nominal, rate), (roll_of(arm.rotation), arm.twist[4]))
+
+
+@compiled_inside
+def _proportional_integral(
+    gains: tuple[float, float], error: float, dt: float, sums: np.ndarray, own: int
+) -> float:
+    """A PI controller on an error per tick; `sums[own]` is its integral."""
+    sums[own] += error * dt
+    return gains[0] * error + gains[1] * sums[own]
+
+
+@compiled_inside
+def _aim(reference: Reference, k: int, height: float, roll: float, target: Target) -> None:
+    """Tick k of the reference, moved along z by m and turned about y by rad, as what the hand aims at."""
+    orientation = reference.orientation
+    w, x, y, z = orientation[k, 0], orientation[k, 1], orientation[k, 2], orientation[k, 3]
+    upright = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+    cosine, sine = np.cos(roll), np.sin(roll)
+    for d in range(3):
+        target.position[d] = reference.position[k, d]
+        target.rotation[0, d] = cosine * upright[0][d] + sine * upright[2][d]
+        target.rotation[1, d] = upright[1][d]
+        target.rotation[2, d] = cosine * upright[2][d] - sine * upright[0][d]
+        target.twist[d] = reference.velocity[k, d]
+        target.twist[3 + d] = reference.angular_velocity[k, d]
+        target.acceleration[d] = reference.acceleration[k, d]
+        target.acceleration[3 + d] = reference.angular_acceleration[k, d]
+    target.position[2] += height
+
+
+def _empty_reference(ticks: int) -> Reference:
+    vectors = [np.empty((ticks, 3)) for _ in range(5)]
+    return Reference(
+        *vectors[:3], np.empty((ticks, 4)), *vectors[3:], primitive=np.empty(ticks, dtype=np.int64)
+    )
 
 
 def _empty_log(ticks: int) -> RunLog:
@@ -238,19 +407,14 @@ def _empty_log(ticks: int) -> RunLog:
     return RunLog(
         counts=np.empty((len(count_ticks), CHANNELS)),
         count_ticks=count_ticks,
-        primitive=np.empty(ticks, dtype=int),
+        primitive=np.empty(ticks, dtype=np.int64),
         **{name: np.empty((ticks, width)) for name, width in widths.items()},
     )
-
-
-def _about_y(angle: float) -> np.ndarray:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array(((cosine, 0.0, sine), (0.0, 1.0, 0.0), (-sine, 0.0, cosine)))
 
 
 def _quaternions(rotations: np.ndarray) -> np.ndarray:
     """Sign-continuous unit quaternions of rotation matrices (T, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
-    xyzw = Rotation.from_matrix(rotations).as_quat()
+    xyzw = Rotation.from_matrix(rotations, assume_valid=True).as_quat()  # a chain's, so they are
     return quaternion.sign_continuous(quaternion.from_xyzw(xyzw))

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.world.demonstrator import Intention, orientation_of
+from structlearn.testbeds.scraping.world.execution import Reference
 
 
 class GuidanceParameters(Parameters):
@@ -35,35 +36,20 @@ class GuidanceParameters(Parameters):
     force_i_m_n_s: float = Field(ge=0)
 
 
-class GuidedMotion:
-    """The intended movement as a pose reference; see `execution.Motion`."""
-
-    def __init__(self, movement: Intention) -> None:
-        step = movement.time[1]
-        self._position = movement.edge + movement.edge_noise
-        self._velocity = np.gradient(movement.edge, step, axis=0)
-        self._acceleration = np.gradient(self._velocity, step, axis=0)
-        self._orientation = orientation_of(movement.tilt + movement.tilt_noise)
-        self._angular_velocity = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
-        self._angular_acceleration = np.gradient(self._angular_velocity, step, axis=0)
-        self._primitive = np.searchsorted(movement.segments[1:, 0], movement.time, side="right")
-        self._k = -1
-
-    def tick(self, counts: np.ndarray | None) -> None:
-        """Advance by one sample; a guided arm does not look at the fingers."""
-        self._k += 1
-        k = self._k
-        self.position, self.velocity, self.acceleration = (
-            self._position[k],
-            self._velocity[k],
-            self._acceleration[k],
-        )
-        self.orientation = self._orientation[k]
-        self.angular_velocity, self.angular_acceleration = (
-            self._angular_velocity[k],
-            self._angular_acceleration[k],
-        )
-        self.primitive = int(self._primitive[k])
+def guided_motion(movement: Intention) -> Reference:
+    """The intended movement as a pose reference."""
+    step = movement.time[1]
+    velocity = np.gradient(movement.edge, step, axis=0)
+    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
+    return Reference(
+        position=movement.edge + movement.edge_noise,
+        velocity=velocity,
+        acceleration=np.gradient(velocity, step, axis=0),
+        orientation=orientation_of(movement.tilt + movement.tilt_noise),
+        angular_velocity=turning,
+        angular_acceleration=np.gradient(turning, step, axis=0),
+        primitive=np.searchsorted(movement.segments[1:, 0], movement.time, side="right"),
+    )
 
 
 def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:

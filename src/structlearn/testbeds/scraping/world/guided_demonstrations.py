@@ -16,9 +16,8 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     orientation_of,
 )
 from structlearn.testbeds.scraping.world.execution import execute
-from structlearn.testbeds.scraping.world.guidance import GuidedMotion, pressure
+from structlearn.testbeds.scraping.world.guidance import guided_motion, pressure
 from structlearn.testbeds.scraping.world.recorder import provenance, recorded
-from structlearn.testbeds.scraping.world.scraping_world import ScrapingWorld
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finger_rate, run_conditions
 
 
@@ -45,27 +44,35 @@ def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Record
     )
     ticks = len(movement.time)
     own = testbed.guidance
-    with ScrapingWorld(testbed.world) as world:
-        conditions = run_conditions(
-            testbed,
-            0.0,
-            conditions_rng,
-            stiffness=(2.0 * np.pi * own.frequency_hz) ** 2,
-            force=pressure(own, ticks, world.dt, conditions_rng),
-            gains=(0.0, own.force_i_m_n_s),
-        )
-        motion = GuidedMotion(movement)
-        first = orientation_of(movement.tilt[:1] + movement.tilt_noise[:1])[0]
-        start = (movement.edge[0] + movement.edge_noise[0], quaternion.matrix(first))
-        fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
-        log = execute(world, motion, start, ticks, conditions, testbed.control, fingers, wrist_rng)
+    conditions = run_conditions(
+        testbed,
+        0.0,
+        conditions_rng,
+        stiffness=(2.0 * np.pi * own.frequency_hz) ** 2,
+        force=pressure(own, ticks, testbed.world.dt, conditions_rng),
+        gains=(0.0, own.force_i_m_n_s),
+    )
+    first = orientation_of(movement.tilt[:1] + movement.tilt_noise[:1])[0]
+    start = (movement.edge[0] + movement.edge_noise[0], quaternion.matrix(first))
+    fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
+    log = execute(
+        testbed.world,
+        guided_motion(movement),
+        start,
+        ticks,
+        conditions,
+        testbed.control,
+        fingers,
+        wrist_rng,
+        engine=testbed.engine,
+    )
     return recorded(
         movement.name,
         first_stamp(int(movement.name) - 1),
         log,
         movement.segments,
         provenance("a person guides the arm", 0.0, str(seed)),
-        world.dt,
+        testbed.world.dt,
         testbed.recorder,
         clocks_rng,
     )

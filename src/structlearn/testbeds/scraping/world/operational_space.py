@@ -7,115 +7,177 @@ position and orientation; the null space keeps the elbow where it was; nle are g
 centrifugal forces of the arm with its hand and tool.
 """
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
-import pinocchio
 
-from structlearn.testbeds.scraping.world.scraping_robot import HOME, ArmModel
+from structlearn.ground.compiled_vectors import cross
+from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, factorise, solve, workspace
+from structlearn.testbeds.scraping.world.scraping_robot import ArmModel
 
 ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; the elbow is in no hurry
 
 
-class OperationalSpace:
-    """The control law with its workspace; one per arm, since Pinocchio's data are overwritten.
+class Arm(NamedTuple):
+    """What the controller knows of the arm, and what it observes; base frame.
 
     Attributes:
-        position: (3,) m, the edge frame's position at the last call, base frame.
+        body: the arm with its hand and an unloaded tool.
+        work: its workspace.
+        edge_rotation: (3, 3) of the edge frame in the last link's.
+        edge_place: (3,) m of its origin there.
+        posture: (7,) rad to which the null space pulls.
+        q: (7,) rad, last observed.
+        v: (7,) rad/s, last observed.
+        position: (3,) m, the edge frame's position then.
         rotation: (3, 3) its orientation.
-        twist: (6,) its velocity in m/s and rad/s, base frame.
+        twist: (6,) its velocity in m/s and rad/s.
+        jacobian: (6, 7) of that.
+        torques: (7,) N m, last commanded.
+        mobility: (6, 7) M^-1 J^T, transposed.
+        inverse_inertia: (6, 6) of Lambda.
     """
 
-    def __init__(self, arm: ArmModel) -> None:
-        self._model, self._frame = arm.model, arm.edge_frame
-        self._data = arm.model.createData()
-        self._posture = HOME.copy()
-        self.position = np.zeros(3)
-        self.rotation = np.eye(3)
-        self.twist = np.zeros(6)
+    body: Body
+    work: Workspace
+    edge_rotation: np.ndarray
+    edge_place: np.ndarray
+    posture: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    position: np.ndarray
+    rotation: np.ndarray
+    twist: np.ndarray
+    jacobian: np.ndarray
+    torques: np.ndarray
+    mobility: np.ndarray
+    inverse_inertia: np.ndarray
 
-    def hold_posture(self, angles: np.ndarray) -> None:
-        """Set the posture (7,) in rad to which the null space pulls."""
-        self._posture = angles.copy()
 
-    def observe(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Compute kinematics and dynamics at joint positions and velocities (7,) each."""
-        model, data = self._model, self._data
-        pinocchio.computeAllTerms(model, data, q, v)
-        pinocchio.updateFramePlacement(model, data, self._frame)
-        self._jacobian = pinocchio.getFrameJacobian(
-            model, data, self._frame, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+class Target(NamedTuple):
+    """Where the edge frame is to be: position (3,) m, rotation (3, 3), twist (6,), acceleration (6,)."""
+
+    position: np.ndarray
+    rotation: np.ndarray
+    twist: np.ndarray
+    acceleration: np.ndarray
+
+
+def resting_target() -> Target:
+    """Memory for a target."""
+    return Target(np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6))
+
+
+def controlled(arm: ArmModel, posture: np.ndarray) -> Arm:
+    """The controller's arm; its null space pulls to a posture (7,) in rad."""
+    count, edge = len(posture), arm.model.frames[arm.edge_frame].placement
+    return Arm(
+        body=body(arm.robot.tree, arm.robot.inertias),
+        work=workspace(count),
+        edge_rotation=np.ascontiguousarray(edge.rotation),
+        edge_place=edge.translation.copy(),
+        posture=posture.copy(),
+        q=np.zeros(count),
+        v=np.zeros(count),
+        position=np.zeros(3),
+        rotation=np.eye(3),
+        twist=np.zeros(6),
+        jacobian=np.zeros((6, count)),
+        torques=np.zeros(count),
+        mobility=np.zeros((6, count)),
+        inverse_inertia=np.zeros((6, 6)),
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
+    """Compute kinematics and dynamics at joint positions and velocities; those of the arm come first."""
+    count = len(arm.q)
+    for j in range(count):
+        arm.q[j] = q[j]
+        arm.v[j] = v[j]
+    work, jacobian = arm.work, arm.jacobian
+    dynamics(arm.body, arm.q, arm.v, work)
+    frame, place, x = work.frame[-1], work.place[-1], arm.position
+    for i in range(3):
+        x[i] = place[i]
+        for k in range(3):
+            x[i] += frame[i, k] * arm.edge_place[k]
+            arm.rotation[i, k] = (
+                frame[i, 0] * arm.edge_rotation[0, k]
+                + frame[i, 1] * arm.edge_rotation[1, k]
+                + frame[i, 2] * arm.edge_rotation[2, k]
+            )
+    for k in range(6):
+        arm.twist[k] = 0.0
+    for j in range(count):
+        screw = work.screw[j]
+        sweep = cross(screw, x)
+        for k in range(3):
+            jacobian[k, j] = screw[3 + k] + sweep[k]
+            jacobian[3 + k, j] = screw[k]
+        for k in range(6):
+            arm.twist[k] += jacobian[k, j] * v[j]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def control(arm: Arm, target: Target, stiffness: float, force: np.ndarray) -> None:
+    """Write the joint torques towards a target, at the last observed state; once per observation.
+
+    Args:
+        arm: see there.
+        target: of the edge frame.
+        stiffness: K in 1/s^2, the squared natural frequency.
+        force: (6,) additional wrench on the hand at the edge frame, N and N m, base frame.
+    """
+    count, mass, jacobian, torques = len(arm.q), arm.work.mass_matrix, arm.jacobian, arm.torques
+    wanted = np.empty(6)
+    for k in range(3):
+        wanted[k] = target.position[k] - arm.position[k]
+    write_rotation_error(target.rotation, arm.rotation, wanted[3:])
+    damping = 2.0 * np.sqrt(stiffness)
+    for k in range(6):
+        wanted[k] = (
+            stiffness * wanted[k] + damping * (target.twist[k] - arm.twist[k]) + target.acceleration[k]
         )
-        self._q, self._v = q, v
-        placement = data.oMf[self._frame]
-        self.position, self.rotation = placement.translation, placement.rotation
-        self.twist = self._jacobian @ v
-
-    def torques(
-        self,
-        position: np.ndarray,
-        rotation: np.ndarray,
-        twist: np.ndarray,
-        acceleration: np.ndarray,
-        stiffness: float,
-        force: np.ndarray,
-    ) -> np.ndarray:
-        """Joint torques towards a reference, at the last observed state.
-
-        Args:
-            position: (3,) m, of the edge frame.
-            rotation: (3, 3) of the edge frame.
-            twist: (6,) reference velocity, m/s and rad/s in the base frame.
-            acceleration: (6,) reference acceleration.
-            stiffness: K in 1/s^2, the squared natural frequency.
-            force: (6,) additional wrench on the hand at the edge frame, N and N m, base frame.
-
-        Returns:
-            (7,) N m.
-        """
-        data = self._data
-        return _control_law(
-            data.M,
-            self._jacobian,
-            data.nle,
-            self._q,
-            self._v,
-            self._posture,
-            position - self.position,
-            rotation @ self.rotation.T,
-            twist - self.twist,
-            acceleration,
-            stiffness,
-            force,
-        )
+    for i in range(count):
+        torques[i] = 0.0
+        for j in range(count):
+            pull = ELBOW_STIFFNESS * (arm.posture[j] - arm.q[j]) - ELBOW_DAMPING * arm.v[j]
+            torques[i] += mass[i, j] * pull
+    factorise(mass)
+    for k in range(6):
+        for j in range(count):
+            arm.mobility[k, j] = jacobian[k, j]
+        solve(mass, arm.mobility[k])
+        for m in range(k + 1):
+            arm.inverse_inertia[m, k] = 0.0
+            for j in range(count):
+                arm.inverse_inertia[m, k] += jacobian[m, j] * arm.mobility[k, j]
+        # N^T = 1 - J^T Lambda J M^-1 leaves of the posture torque only what does not move the hand
+        for j in range(count):
+            wanted[k] -= arm.mobility[k, j] * torques[j]
+    factorise(arm.inverse_inertia)
+    solve(arm.inverse_inertia, wanted)
+    for j in range(count):
+        torques[j] += arm.work.bias[j]
+        for k in range(6):
+            torques[j] += jacobian[k, j] * (wanted[k] + force[k])
 
 
-@numba.njit(cache=True)
-def _control_law(
-    mass: np.ndarray,
-    jacobian: np.ndarray,
-    bias: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    posture: np.ndarray,
-    distance: np.ndarray,
-    turn: np.ndarray,
-    twist_error: np.ndarray,
-    acceleration: np.ndarray,
-    stiffness: float,
-    force: np.ndarray,
-) -> np.ndarray:
-    """The law in the module's header; `turn` (3, 3) rotates the hand to its reference."""
-    jacobian = np.ascontiguousarray(jacobian)
-    error = np.empty(6)
-    error[:3] = distance
-    sine = 0.5 * np.array((turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]))
-    norm = np.sqrt(sine @ sine)
-    angle = np.arctan2(norm, 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0))
-    error[3:] = sine if norm < 1e-9 else sine * (angle / norm)
-    wanted = stiffness * error + 2.0 * np.sqrt(stiffness) * twist_error + acceleration
-    inverse_times_jacobian = np.linalg.solve(np.ascontiguousarray(mass), np.ascontiguousarray(jacobian.T))
-    inertia = np.linalg.inv(jacobian @ inverse_times_jacobian)  # Lambda
-    elbow = mass @ (ELBOW_STIFFNESS * (posture - q) - ELBOW_DAMPING * v)
-    # N^T = 1 - J^T Lambda J M^-1 leaves of the posture torque only what does not move the hand
-    null = elbow - jacobian.T @ (inertia @ (inverse_times_jacobian.T @ elbow))
-    return jacobian.T @ (inertia @ wanted + force) + null + bias
+@numba.njit(cache=True, error_model="numpy")
+def write_rotation_error(goal: np.ndarray, now: np.ndarray, error: np.ndarray) -> None:
+    """Write the rotation vector (3,) in rad, base frame, that turns one orientation (3, 3) to another."""
+    turn = np.empty((3, 3))
+    for i in range(3):
+        for k in range(3):
+            turn[i, k] = goal[i, 0] * now[k, 0] + goal[i, 1] * now[k, 1] + goal[i, 2] * now[k, 2]
+    error[0] = 0.5 * (turn[2, 1] - turn[1, 2])
+    error[1] = 0.5 * (turn[0, 2] - turn[2, 0])
+    error[2] = 0.5 * (turn[1, 0] - turn[0, 1])
+    sine = np.sqrt(error[0] * error[0] + error[1] * error[1] + error[2] * error[2])
+    if sine >= 1e-9:
+        angle = np.arctan2(sine, 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0))
+        for k in range(3):
+            error[k] *= angle / sine

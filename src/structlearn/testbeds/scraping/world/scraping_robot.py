@@ -6,18 +6,18 @@ between two soft finger tips, which are six passive joints with springs and damp
 """
 
 import re
-import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pinocchio
-import pybullet
 import pybullet_data
 
+from structlearn.rigid_body.tree import Robot, robot_of
 from structlearn.testbeds.scraping.world.layout import EDGE_M, GRASP_M
 
+GRAVITY = 9.81  # m/s^2
 ARM_JOINTS = 7
 TOOL_KG = 0.06
 TOOL_CENTRE_M = 0.02  # of mass, from the grasp
@@ -43,28 +43,16 @@ _SKIN_KG, _SKIN_INERTIA = 1e-4, (1e-8, 1e-8, 1e-8)
 
 
 @dataclass(frozen=True)
-class Chain:
-    """Kinematics of arm and grasp for compiled loops: 13 joints in a row.
-
-    Attributes:
-        rotation: (13, 3, 3) each joint's frame in its parent's at zero.
-        translation: (13, 3) m, its origin in its parent's.
-        axis: (13, 3) in its own frame.
-        prismatic: (13,) whether it slides.
-    """
-
-    rotation: np.ndarray
-    translation: np.ndarray
-    axis: np.ndarray
-    prismatic: np.ndarray
-
-
-@dataclass(frozen=True)
 class ArmModel:
     """What the controller knows: the arm with the hand and an unloaded tool, and the edge frame's number."""
 
-    model: pinocchio.Model
+    robot: Robot
     edge_frame: int
+
+    @property
+    def model(self) -> pinocchio.Model:
+        """Pinocchio's."""
+        return self.robot.model
 
 
 @lru_cache
@@ -94,57 +82,18 @@ def urdf() -> str:
 
 
 @lru_cache
-def arm_model() -> ArmModel:
-    """The controller's model: the grasp is rigid in it."""
-    whole = pinocchio.buildModelFromXML(urdf())
-    grasp = [whole.getJointId(name) for name in GRASP_JOINTS]
-    model = pinocchio.buildReducedModel(whole, grasp, pinocchio.neutral(whole))
-    return ArmModel(model, model.getFrameId("edge"))
+def whole() -> Robot:
+    """Arm, grasp and tool: thirteen joints in a row."""
+    return robot_of(pinocchio.buildModelFromXML(urdf()))
 
 
 @lru_cache
-def chain() -> Chain:
-    """Kinematics of all thirteen joints, from Pinocchio's reading of the URDF."""
-    whole = pinocchio.buildModelFromXML(urdf())
-    joints = range(1, whole.njoints)
-    kinds = [whole.joints[joint].shortname() for joint in joints]
-    letters = {"X": [1.0, 0.0, 0.0], "Y": [0.0, 1.0, 0.0], "Z": [0.0, 0.0, 1.0]}
-    return Chain(
-        np.array([whole.jointPlacements[joint].rotation for joint in joints]),
-        np.array([whole.jointPlacements[joint].translation for joint in joints]),
-        np.array([letters[kind[-1]] for kind in kinds]),
-        np.array([kind.startswith("JointModelP") for kind in kinds]),
-    )
-
-
-def load(client: int) -> tuple[int, list[int]]:
-    """Load the robot into a PyBullet client, all joints free of motors, friction and damping.
-
-    Returns:
-        The body, and its thirteen movable joints: arm, then grasp.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "scraping_robot.urdf"
-        # Bullet solves a constraint for every joint with limits in every step, which doubles the cost of a
-        # step; the task stays far from them. An upper limit below the lower one means none.
-        file.write_text(re.sub(r'lower="[^"]*" upper="[^"]*"', 'lower="1" upper="-1"', urdf()))
-        body = pybullet.loadURDF(
-            str(file), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
-        )  # without the flag Bullet makes up inertias from collision shapes
-    joints = []
-    for joint in range(-1, pybullet.getNumJoints(body, physicsClientId=client)):
-        pybullet.changeDynamics(
-            body, joint, linearDamping=0, angularDamping=0, jointDamping=0, physicsClientId=client
-        )
-        if (
-            joint >= 0
-            and pybullet.getJointInfo(body, joint, physicsClientId=client)[2] != pybullet.JOINT_FIXED
-        ):
-            joints.append(joint)
-    pybullet.setJointMotorControlArray(
-        body, joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(joints), physicsClientId=client
-    )
-    return body, joints
+def arm_model() -> ArmModel:
+    """The controller's model: the grasp is rigid in it."""
+    model = whole().model
+    grasp = [model.getJointId(name) for name in GRASP_JOINTS]
+    reduced = pinocchio.buildReducedModel(model, grasp, pinocchio.neutral(model))
+    return ArmModel(robot_of(reduced), reduced.getFrameId("edge"))
 
 
 def joint_angles(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:

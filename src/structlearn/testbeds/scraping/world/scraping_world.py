@@ -1,27 +1,30 @@
-"""The scraping testbed as a physical world: torques in, motion and contact out (PyBullet, compiled contact).
+"""The scraping testbed as a physical world: torques in, motion and contact out.
 
-PyBullet integrates arm, grasp and tool; the springs of the grasp and the contact of edge and board are
-computed here and enter as joint torques. Everything is deterministic: the same torques give the same bits.
+The springs of the grasp and the contact of edge and board are computed here and enter as joint torques; the
+robot's own motion is integrated by `rigid_body.compiled_chain`, or by PyBullet (`bullet`), which takes ten
+times as long and agrees with it. Everything is deterministic: the same torques give the same bits.
 """
 
-from typing import Self
+from typing import NamedTuple
 
 import numba
 import numpy as np
-import pybullet
 from pydantic import Field
 
+from structlearn.ground.compiled_vectors import cross
 from structlearn.ground.params import Parameters
+from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, step, workspace
 from structlearn.testbeds.scraping.world import contact, scraping_robot
+from structlearn.testbeds.scraping.world.contact import Board
 from structlearn.testbeds.scraping.world.layout import EDGE_M
 from structlearn.testbeds.scraping.world.scraping_robot import (
     ARM_JOINTS,
     GRASP_JOINTS,
+    GRAVITY,
     TOOL_CENTRE_M,
     TOOL_KG,
 )
 
-GRAVITY = 9.81  # m/s^2
 # Masses and inertias that each spring of the grasp carries, for its damping: the tool's.
 _CARRIED = np.array([TOOL_KG, TOOL_KG, TOOL_KG, 1e-5, 7.4e-5, 7.4e-5])
 
@@ -55,154 +58,148 @@ class WorldParameters(Parameters):
     sticking_n_m: float = Field(gt=0)
     sticking_damping: float = Field(ge=0)
 
+    @property
+    def dt(self) -> float:
+        """Of a control tick, s."""
+        return 1.0 / self.control_rate_hz
 
-class ScrapingWorld:
-    """Robot, tool and board. Use as a context manager: PyBullet's server is closed at the end.
+
+class World(NamedTuple):
+    """Robot, tool and board in one moment; the arrays change in place.
 
     Attributes:
+        body: arm, grasp and tool, thirteen joints.
+        work: kinematics and dynamics at q and v.
         q: (13,) positions of arm and grasp joints, rad and m.
         v: (13,) their velocities.
+        grasp: (2, 6) stiffness and damping of the grasp's joints.
+        board: of this run.
+        dt: s per physics step.
+        substeps: of these per control tick.
+        stuck: (EDGE_POINTS, 3) m, tangential springs of the contact.
         tool_rotation: (3, 3) of the tool, base frame, at the last physics step.
-        edge: (3,) m, middle of the tool's edge.
+        edge: (3,) m, middle of the tool's edge then.
         board_wrench: (6,) force of the board on the tool in N, and its torque about the edge in N m.
         grasp_load: (6,) force and torque of the tool on the hand at the grasp, hand frame.
+        torques: (13,) N m and N of arm, grasp and contact on the joints.
     """
 
-    def __init__(self, parameters: WorldParameters) -> None:
-        self.parameters = parameters
-        self.dt = 1.0 / parameters.control_rate_hz
-        self._client = pybullet.connect(pybullet.DIRECT)
-        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
-        pybullet.setTimeStep(self.dt / parameters.substeps, physicsClientId=self._client)
-        self._body, self._joints = scraping_robot.load(self._client)
-        chain = scraping_robot.chain()
-        self._chain = (chain.rotation, chain.translation, chain.axis, chain.prismatic, EDGE_M)
-        about_x, about_z, about_y = parameters.grasp_n_m_rad
-        stiffness = np.array([parameters.grasp_n_m] * 3 + [about_z, about_x, about_y])
-        damping = 2.0 * parameters.grasp_damping * np.sqrt(stiffness * _CARRIED)
-        self._grasp = np.stack([stiffness, damping])
-        count = len(self._joints)
-        self.q, self.v = np.zeros(count), np.zeros(count)
-        self.tool_rotation, self.edge = np.eye(3), np.zeros(3)
-        self.board_wrench, self.grasp_load = np.zeros(6), np.zeros(6)
-        self._torques = np.zeros(count)
-        self._stuck = np.zeros((contact.EDGE_POINTS, 3))
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pybullet.disconnect(self._client)
-
-    def place(
-        self,
-        angles: np.ndarray,
-        board_roll: float,
-        board_point: np.ndarray,
-        friction_factor: float = 1.0,
-        stiffness_factor: float = 1.0,
-    ) -> None:
-        """Put the robot at rest, with the tool hanging in the grasp, and the board in its place.
-
-        Args:
-            angles: (7,) rad, of the arm.
-            board_roll: rad, about the base y axis.
-            board_point: (3,) m, a point of the board on its axis of tilt.
-            friction_factor: of this run, on the friction coefficient.
-            stiffness_factor: of this run, on the board's stiffness.
-        """
-        own = self.parameters
-        sag = np.zeros(len(GRASP_JOINTS))
-        sag[2] = TOOL_KG * GRAVITY / own.grasp_n_m  # fingers point down: the weight pulls along them
-        for joint, angle in zip(self._joints, [*angles, *sag], strict=True):
-            pybullet.resetJointState(self._body, joint, angle, 0.0, physicsClientId=self._client)
-        self._point = np.array(board_point, dtype=float)
-        self._normal = np.array([np.sin(board_roll), 0.0, np.cos(board_roll)])
-        self._board = np.array(
-            [
-                own.board_n_m * stiffness_factor,
-                own.board_damping_s_m,
-                own.friction * friction_factor,
-                own.sticking_n_m,
-                2.0 * own.sticking_damping * np.sqrt(own.sticking_n_m * TOOL_KG),
-            ]
-        )
-        self._stuck[:] = 0.0
-        self._read()
-        self._apply(np.zeros(ARM_JOINTS))
-
-    def step(self, torques: np.ndarray) -> None:
-        """Advance by one control tick with constant arm torques (7,) in N m."""
-        for _ in range(self.parameters.substeps):
-            self._apply(torques)
-            pybullet.setJointMotorControlArray(
-                self._body,
-                self._joints,
-                pybullet.TORQUE_CONTROL,
-                forces=self._torques.tolist(),
-                physicsClientId=self._client,
-            )
-            pybullet.stepSimulation(physicsClientId=self._client)
-            self._read()
-
-    def _read(self) -> None:
-        states = pybullet.getJointStates(self._body, self._joints, physicsClientId=self._client)
-        self.q[:] = [state[0] for state in states]
-        self.v[:] = [state[1] for state in states]
-
-    def _apply(self, torques: np.ndarray) -> None:
-        """Fill the joint torques of the next physics step: arm, grasp and contact."""
-        contact.step_forces(
-            self.q,
-            self.v,
-            *self._chain,
-            self._point,
-            self._normal,
-            self._board,
-            self.dt / self.parameters.substeps,
-            self._stuck,
-            self.tool_rotation,
-            self.edge,
-            self.board_wrench,
-            self._torques,
-        )
-        _add_grasp_and_arm(self.q, self.v, self._grasp, torques, self._torques, self.grasp_load)
+    body: Body
+    work: Workspace
+    q: np.ndarray
+    v: np.ndarray
+    grasp: np.ndarray
+    board: Board
+    dt: float
+    substeps: int
+    stuck: np.ndarray
+    tool_rotation: np.ndarray
+    edge: np.ndarray
+    board_wrench: np.ndarray
+    grasp_load: np.ndarray
+    torques: np.ndarray
 
 
-def tool_wrench(grasp_load: np.ndarray, hand_rotation: np.ndarray, tool_rotation: np.ndarray) -> np.ndarray:
-    """What the tool exerts on the board, from what the wrist sensor feels at the grasp.
+def placed(
+    parameters: WorldParameters,
+    angles: np.ndarray,
+    board_roll: float,
+    board_point: np.ndarray,
+    friction_factor: float = 1.0,
+    stiffness_factor: float = 1.0,
+) -> World:
+    """The robot at rest, with the tool hanging in the grasp, and the board in its place.
+
+    Args:
+        parameters: see there.
+        angles: (7,) rad, of the arm.
+        board_roll: rad, about the base y axis.
+        board_point: (3,) m, a point of the board on its axis of tilt.
+        friction_factor: of this run, on the friction coefficient.
+        stiffness_factor: of this run, on the board's stiffness.
+    """
+    own, robot = parameters, scraping_robot.whole()
+    about_x, about_z, about_y = own.grasp_n_m_rad
+    stiffness = np.array([own.grasp_n_m] * 3 + [about_z, about_x, about_y])
+    count = ARM_JOINTS + len(GRASP_JOINTS)
+    q = np.concatenate([angles, np.zeros(len(GRASP_JOINTS))])
+    q[ARM_JOINTS + 2] = TOOL_KG * GRAVITY / own.grasp_n_m  # fingers point down: the weight pulls along them
+    world = World(
+        body=body(robot.tree, robot.inertias),
+        work=workspace(count),
+        q=q,
+        v=np.zeros(count),
+        grasp=np.stack([stiffness, 2.0 * own.grasp_damping * np.sqrt(stiffness * _CARRIED)]),
+        board=Board(
+            point=np.array(board_point, dtype=float),
+            normal=np.array([np.sin(board_roll), 0.0, np.cos(board_roll)]),
+            stiffness=float(own.board_n_m * stiffness_factor),
+            damping=own.board_damping_s_m,
+            friction=float(own.friction * friction_factor),
+            sticking=own.sticking_n_m,
+            sticking_damping=float(2.0 * own.sticking_damping * np.sqrt(own.sticking_n_m * TOOL_KG)),
+        ),
+        dt=own.dt / own.substeps,
+        substeps=own.substeps,
+        stuck=np.zeros((contact.EDGE_POINTS, 3)),
+        tool_rotation=np.eye(3),
+        edge=np.zeros(3),
+        board_wrench=np.zeros(6),
+        grasp_load=np.zeros(6),
+        torques=np.zeros(count),
+    )
+    dynamics(world.body, world.q, world.v, world.work)
+    load(world, np.zeros(ARM_JOINTS))
+    return world
+
+
+@numba.njit(cache=True, error_model="numpy")
+def advance(world: World, torques: np.ndarray) -> None:
+    """Advance by one control tick with constant arm torques (7,) in N m."""
+    for _ in range(world.substeps):
+        load(world, torques)
+        step(world.body, world.q, world.v, world.torques, world.dt, world.work)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def load(world: World, arm: np.ndarray) -> None:
+    """Write the joint torques of the next physics step: of the arm (7,) in N m, grasp and contact."""
+    torques = world.torques
+    for i in range(3):
+        for k in range(3):
+            world.tool_rotation[i, k] = world.work.frame[-1, i, k]
+    contact.press(
+        world.work, world.v, world.board, world.dt, world.stuck, world.edge, world.board_wrench, torques
+    )
+    for j in range(ARM_JOINTS):
+        torques[j] += arm[j]
+    for i in range(6):
+        j = ARM_JOINTS + i
+        spring = world.grasp[0, i] * world.q[j] + world.grasp[1, i] * world.v[j]
+        torques[j] -= spring
+        # joints: displacements x, y, z, then turns about z, x, y
+        world.grasp_load[i if i < 3 else 3 + (i - 1) % 3] = spring
+
+
+@numba.njit(cache=True, error_model="numpy")
+def tool_wrench(load: np.ndarray, hand: np.ndarray, tool: np.ndarray, wrench: np.ndarray) -> None:
+    """Write what the tool exerts on the board, from what the wrist sensor feels at the grasp.
 
     The tool's weight is taken off with its *current* orientation: with that of the hand, a tool that gives
     way would seem to be loaded, and roll control would settle at twice the tilt.
 
     Args:
-        grasp_load: (6,) of `ScrapingWorld`.
-        hand_rotation: (3, 3) of the hand, base frame.
-        tool_rotation: (3, 3) of the tool, base frame.
-
-    Returns:
-        (6,) force in N and torque about the tool's edge in N m, base frame.
+        load: (6,) `World.grasp_load`.
+        hand: (3, 3) of the hand, base frame.
+        tool: (3, 3) of the tool, base frame.
+        wrench: (6,) written: force in N and torque about the tool's edge in N m, base frame.
     """
-    return _tool_wrench(grasp_load, np.ascontiguousarray(hand_rotation), np.ascontiguousarray(tool_rotation))
-
-
-@numba.njit(cache=True)
-def _tool_wrench(load: np.ndarray, hand: np.ndarray, tool: np.ndarray) -> np.ndarray:
-    down = tool[:, 2].copy()
-    weight = np.array((0.0, 0.0, -GRAVITY * TOOL_KG))
-    force = hand @ load[:3] - weight
-    torque = hand @ load[3:] - TOOL_CENTRE_M * np.cross(down, weight) - EDGE_M * np.cross(down, force)
-    return -np.concatenate((force, torque))  # on the board, not by it
-
-
-@numba.njit(cache=True)
-def _add_grasp_and_arm(
-    q: np.ndarray, v: np.ndarray, grasp: np.ndarray, arm: np.ndarray, torques: np.ndarray, load: np.ndarray
-) -> None:
-    """Add the arm's torques (7,) and the grasp's springs to the contact's; write the load on the hand."""
-    torques[:ARM_JOINTS] += arm
-    for i in range(6):
-        spring = grasp[0, i] * q[ARM_JOINTS + i] + grasp[1, i] * v[ARM_JOINTS + i]
-        torques[ARM_JOINTS + i] -= spring
-        # joints: displacements x, y, z, then turns about z, x, y
-        load[i if i < 3 else 3 + (i - 1) % 3] = spring
+    for i in range(3):
+        wrench[i] = -(hand[i, 0] * load[0] + hand[i, 1] * load[1] + hand[i, 2] * load[2])
+        wrench[3 + i] = -(hand[i, 0] * load[3] + hand[i, 1] * load[4] + hand[i, 2] * load[5])
+    weight = (0.0, 0.0, -GRAVITY * TOOL_KG)
+    wrench[2] += weight[2]
+    down = (tool[0, 2], tool[1, 2], tool[2, 2])
+    hanging, pushing = cross(down, weight), cross(down, wrench)
+    for i in range(3):
+        wrench[3 + i] += TOOL_CENTRE_M * hanging[i] - EDGE_M * pushing[i]
