@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from sklearn.linear_model import ARDRegression
 
 from structlearn.avoidance import human_inspired
 from structlearn.avoidance.features import features
@@ -62,6 +63,17 @@ def test_known_weights_are_found_and_others_pruned():
     np.testing.assert_allclose(found(again, zero, zero), truth(again, zero, zero), atol=0.05)
     assert found.weights[0, 0].tolist() == [0.0] * (2 * GRID)  # nothing along x: no weight along x
     assert np.count_nonzero(found.weights[0]) < 60
+
+
+@pytest.mark.parametrize("count", [40, 500])
+def test_the_regression_is_that_of_the_library(count):
+    rng = np.random.default_rng(count)
+    inputs = rng.normal(size=(count, 50)) @ rng.normal(size=(50, 50))  # correlated, as effects are
+    target = inputs[:, :3].sum(axis=1) + rng.normal(size=count)
+    expected = ARDRegression(max_iter=human_inspired.ITERATIONS, fit_intercept=False).fit(inputs, target)
+    found = human_inspired.pruning_regression(inputs, target)
+    np.testing.assert_allclose(found, expected.coef_, atol=1e-8 * np.abs(expected.coef_).max())
+    assert (found == 0.0).any()
 
 
 def test_model_of_each_sample():

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from committed import committed
+from scipy.sparse.csgraph import shortest_path
+from scipy.spatial import cKDTree
 
 from structlearn.ground.errors import InputError
 from structlearn.tactile.electrodes import SKINS
@@ -43,6 +45,16 @@ def test_graph_distances_approach_the_closed_form(name):
     assert np.median(ratio) < 1.04
     assert np.quantile(ratio, 0.99) < 1.12
     assert ratio.min() > 0.98  # chords cut through, paths do not
+
+
+@pytest.mark.parametrize("name", sorted(SKINS))
+def test_graph_distances_are_those_of_the_library(name):
+    _, points = spread(name, 300)
+    length, near = cKDTree(points).query(points, k=19)
+    edges = np.full((300, 300), np.inf)
+    np.put_along_axis(edges, near[:, 1:], length[:, 1:], axis=1)
+    expected = shortest_path(np.minimum(edges, edges.T), method="D")
+    np.testing.assert_allclose(graph_distances(points, 18, 0.0), expected, rtol=1e-6)
 
 
 def test_the_skin_is_gone_round_not_cut_through():
