@@ -38,7 +38,7 @@ def test_least_squares_minimises_the_sum_of_errors(regressor):
     triangle = normalised_triangle(regressor.factors)
     theta = least_squares(triangle)
     motion = noisy_motion()
-    direct = nmse(regressor.columns.numpy() @ theta, motion.torque).sum()
+    direct = nmse(regressor.columns @ theta, motion.torque).sum()
     residual = triangle @ np.append(theta, -1.0)
     np.testing.assert_allclose(residual @ residual, direct, rtol=1e-9)
     slope = triangle[:, :-1].T @ residual

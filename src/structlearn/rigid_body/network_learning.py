@@ -59,16 +59,17 @@ class NetworkLearner:
             q, qd, qdd, torque = self.rows.mT.split(joints)
             self.network = self.network.standardised((q, qd, qdd), torque)
         self.weights = as_tensor(np.asarray(weights))[:, None]
-        self.rubbing = initial_friction(len(generators), joints, self.friction).float().requires_grad_()
+        self.rubbing = as_tensor(initial_friction(len(generators), joints, self.friction)).requires_grad_()
         variables = [*self.network.parameters(), *([self.rubbing] if self.friction else [])]
         self.adam = Adam(variables, adam)
         self.samples, self.batch = len(motion), adam.batch
 
-    def step(self, samples: Tensor) -> None:
-        """One step of Adam down the mean weighted squared error of some samples."""
-        error = self._error(self.rows[samples])
-        loss = (error * error * self.weights).sum() / len(samples)
-        self.adam.step(torch.autograd.grad(loss, self.adam.variables, allow_unused=True))
+    def learn(self, order: Tensor) -> None:
+        """Steps of Adam down the mean weighted squared error of samples, a batch each."""
+        for samples in order.split(self.batch):
+            error = self._error(self.rows[samples])
+            loss = (error * error * self.weights).sum() / len(samples)
+            self.adam.step(torch.autograd.grad(loss, self.adam.variables, allow_unused=True))
 
     @torch.no_grad()
     def nmse(self, stride: int = 1) -> np.ndarray:
