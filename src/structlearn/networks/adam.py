@@ -1,13 +1,10 @@
-"""Adam with a rate that may shrink: torch's, on variables that several models share, and compiled."""
+"""Adam with a rate that may shrink, compiled; the rule is torch's."""
 
 import math
-from collections.abc import Sequence
 
 import numba
 import numpy as np
-import torch
 from pydantic import Field
-from torch import Tensor
 
 from structlearn.ground.params import Parameters
 
@@ -43,31 +40,7 @@ MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8
 """Per step, of the running mean of gradients; added to the root of their mean square. They are torch's."""
 
 
-class Adam:
-    """Torch's Adam with the rate of `AdamParameters`.
-
-    Args:
-        variables: leaves that gradients are taken for.
-        parameters: see there.
-    """
-
-    def __init__(self, variables: Sequence[Tensor], parameters: AdamParameters):
-        self.variables = list(variables)
-        self.parameters, self.steps = parameters, 0
-        betas = (MEAN_DECAY, parameters.second_moment_decay)
-        self.optimiser = torch.optim.Adam(self.variables, parameters.rate, betas, SMALLEST_ROOT, fused=True)
-
-    def step(self, gradients: Sequence[Tensor | None]) -> None:
-        """One step down the gradients of the variables; one without (a constant of a potential) stays."""
-        self.optimiser.param_groups[0]["lr"] = self.parameters.rate_at(self.steps)
-        for variable, gradient in zip(self.variables, gradients, strict=True):
-            # the fused step takes a gradient's memory as if it were laid out like the variable's
-            variable.grad = None if gradient is None else gradient.contiguous()
-        self.optimiser.step()
-        self.steps += 1
-
-
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")  # without a check of each divisor it becomes vectors
 def adam_step(
     variable: np.ndarray,
     gradient: np.ndarray,
@@ -76,7 +49,7 @@ def adam_step(
     decay: float,
     count: int,
 ) -> None:
-    """One step of the same rule in place.
+    """One step in place.
 
     Args:
         variable: of any shape, contiguous.
