@@ -134,7 +134,7 @@ def test_a_network_is_kept_for_its_errors_on_all_samples(motion):
 
 
 @pytest.mark.parametrize(
-    "kind, friction", [("mlp_scaled", ()), ("delan", ()), ("delan", ("coulomb", "offset"))]
+    ("kind", "friction"), [("mlp_scaled", ()), ("delan", ()), ("delan", ("coulomb", "offset"))]
 )
 def test_gradients_of_networks_are_those_of_autograd(kind, friction, motion):
     group = start(kind, motion, friction=friction, loss="normalised")
