@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rigid_body_robots import robot
 
+from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
+from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
     draw,
@@ -13,6 +15,8 @@ from structlearn.rigid_body.inertia_parameters import (
     link_inertias,
     parameter_count,
 )
+from structlearn.rigid_body.regressor import link_parameters
+from structlearn.rigid_body.structured_learning import squared
 
 EXTREME = st.sampled_from([0.0, 1e-200, -1e-12, 1e-6, 1.0, -1.0, 37.0, 1e3, -1e8, 1e16, -1e30, 1e60])
 FREE = arrays(np.float64, (2, 10), elements=st.one_of(st.floats(-10.0, 10.0), EXTREME))
@@ -50,6 +54,27 @@ def test_gradients_are_finite_for_every_value(structure, free):
     inertias = link_inertias(structure, values)
     (inertias.mass.sum() + inertias.inertia.sum()).backward()
     assert torch.isfinite(values.grad).all()
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@settings(max_examples=30)
+@given(seed=st.integers(0, 1000), size=st.floats(0.0, 30.0))
+@example(seed=0, size=0.0)
+def test_gradients_in_closed_form_are_those_of_autograd(structure, seed, size):
+    generator = torch.Generator().manual_seed(seed)
+    free = (size * draw(structure, 3, [generator, generator])).requires_grad_()
+    rubbing = torch.randn(2, 3, 2, generator=generator, dtype=torch.float64).requires_grad_()
+    terms = ("coulomb", "offset")
+    if structure == "nostr":
+        free.data[..., 0] += 1.0  # theta is divided by its mass
+    links = link_parameters(link_inertias(structure, free), structure != "nostr")
+    theta = torch.cat([links, friction_coefficients(rubbing, terms).flatten(1)], dim=1)
+    slope = torch.randn(theta.shape, generator=generator, dtype=torch.float64)
+    expected = torch.autograd.grad(theta, [free, rubbing], slope)
+    arguments = STRUCTURES.index(structure), free.detach().numpy(), rubbing.detach().numpy(), squared(terms)
+    np.testing.assert_allclose(structure_theta(*arguments), theta.detach(), rtol=1e-9, atol=1e-13)
+    for found, gradient in zip(structure_gradient(*arguments, slope.numpy()), expected, strict=True):
+        np.testing.assert_allclose(found, gradient, rtol=1e-8, atol=1e-11)
 
 
 @given(free=FREE)

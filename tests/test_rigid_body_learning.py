@@ -5,12 +5,13 @@ from committed import committed
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
 
 from structlearn.ground.metrics import nmse
-from structlearn.networks.adam import Adam, AdamParameters
+from structlearn.networks.adam import AdamParameters
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.model_learning import (
     KINDS,
     LearningParameters,
+    Lesson,
     error_table,
     learn_in_epochs,
     learn_online,
@@ -43,30 +44,37 @@ def motion():
 
 
 def start(kind, motion, seeds=(0, 1), friction=(), loss="raw"):
-    return learner(kind, arm().tree, motion, friction, loss, seeds, PARAMETERS)
+    return learner(kind, Lesson(arm().tree, motion, friction), loss, seeds, PARAMETERS)
 
 
 @pytest.mark.parametrize("structure", STRUCTURES)
 def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structure):
+    """Also after many steps: the compiled descent is that of torch's Adam on the recursion."""
     motion = rubbing_motion(arm())
     group = start(structure, motion, friction=FRICTION, loss="normalised")
-    free = group.scaled.detach().clone().requires_grad_()
-    rubbing = group.rubbing.detach().clone().requires_grad_()
-    batch = torch.arange(0, 200, 7)
-    q, qd, qdd, torque = (
-        torch.from_numpy(values[batch]) for values in (motion.q, motion.qd, motion.qdd, motion.torque)
-    )
-    inertias = link_inertias(structure, free * group.steps)
-    torques = inverse_dynamics(arm().tree, inertias, q, qd, qdd)
-    columns = torch.from_numpy(friction_columns(motion.qd[batch], FRICTION))
-    torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(rubbing, FRICTION))
+    free = torch.from_numpy(group.scaled.copy()).requires_grad_()
+    rubbing = torch.from_numpy(group.rubbing.copy()).requires_grad_()
     weights = torch.from_numpy(loss_weights("normalised", motion))
-    ((torques - torque).square() * weights).sum(dim=-1).mean(dim=-1).sum().backward()
-    Adam([free, rubbing], PARAMETERS.structures).step([free.grad, rubbing.grad])
+    parameters = PARAMETERS.structures
+    adam = torch.optim.Adam([free, rubbing], betas=(0.9, parameters.second_moment_decay))
+    order = torch.randperm(len(motion), generator=torch.Generator().manual_seed(1))[:-5]
+    for step, batch in enumerate(order.split(parameters.batch)):
+        q, qd, qdd, torque = (
+            torch.from_numpy(values[batch]) for values in (motion.q, motion.qd, motion.qdd, motion.torque)
+        )
+        inertias = link_inertias(structure, free * torch.from_numpy(group.sizes))
+        torques = inverse_dynamics(arm().tree, inertias, q, qd, qdd)
+        columns = torch.from_numpy(friction_columns(motion.qd[batch], FRICTION))
+        torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(rubbing, FRICTION))
+        loss = ((torques - torque).square() * weights).sum(dim=-1).mean(dim=-1).sum()
+        adam.zero_grad()
+        loss.backward()
+        adam.param_groups[0]["lr"] = parameters.rate_at(step)
+        adam.step()
 
-    group.step(batch)
-    torch.testing.assert_close(group.scaled, free, rtol=1e-6, atol=1e-9)
-    torch.testing.assert_close(group.rubbing, rubbing, rtol=1e-6, atol=1e-9)
+    group.learn(order)
+    np.testing.assert_allclose(group.scaled, free.detach(), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(group.rubbing, rubbing.detach(), rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -110,9 +118,46 @@ def test_friction_is_learned_with_the_inertias():
         learn_in_epochs(group, threshold=0.0, epochs=15)
     assert with_friction.nmse().max() < 0.05
     assert without.nmse().max(axis=1).min() > 0.5
-    found = friction_coefficients(with_friction.rubbing.detach(), FRICTION).numpy()
+    found = friction_coefficients(torch.from_numpy(with_friction.rubbing), FRICTION).numpy()
     np.testing.assert_allclose(found[..., 1], COULOMB, atol=0.2)
     assert (np.abs(found[..., 0] - VISCOUS) < 0.2).mean() > 0.8
+
+
+def test_a_network_is_kept_for_its_errors_on_all_samples(motion):
+    parameters = {"threshold": 0.9, "epochs": 30}
+    some = learn_in_epochs(start("mlp_scaled", motion, loss="normalised"), **parameters, stride=7)
+    every = learn_in_epochs(start("mlp_scaled", motion, loss="normalised"), **parameters)
+    assert (some.epochs > 0).all()
+    assert (np.abs(some.epochs - every.epochs) <= 1).all()
+    for model, epoch in enumerate(some.epochs):
+        np.testing.assert_array_equal(some.nmse[epoch, model], every.nmse[epoch, model])
+
+
+@pytest.mark.parametrize(
+    ("kind", "friction"), [("mlp_scaled", ()), ("delan", ()), ("delan", ("coulomb", "offset"))]
+)
+def test_gradients_of_networks_are_those_of_autograd(kind, friction, motion):
+    group = start(kind, motion, friction=friction, loss="normalised")
+    samples = np.arange(0, len(motion), 3)  # more than are worked on at once
+    found = group.gradients(group.numbers, group.weights, *(values[samples] for values in group.data))
+    variables = [*group.network.parameters(), group.rubbing.requires_grad_()]
+    states = [
+        torch.tensor(values[samples].T, dtype=torch.float32) for values in (motion.q, motion.qd, motion.qdd)
+    ]
+    torques = group.network.torques(*states)
+    if friction:
+        columns = torch.tensor(friction_columns(motion.qd[samples], friction), dtype=torch.float32)
+        torques = torques + torch.einsum(
+            "njt,mjt->mjn", columns, friction_coefficients(group.rubbing, friction)
+        )
+    error = torques - torch.tensor(motion.torque[samples].T, dtype=torch.float32)
+    weights = torch.tensor(loss_weights("normalised", motion), dtype=torch.float32)
+    loss = (error.square() * weights[:, None]).sum() / len(samples)
+    expected = torch.autograd.grad(loss, variables, materialize_grads=True, allow_unused=True)
+    sizes = [values[0].numel() for values in expected]
+    for its, gradient in zip(torch.from_numpy(found).split(sizes, dim=1), expected, strict=True):
+        largest = float(gradient.abs().max()) if gradient.numel() else 0.0
+        torch.testing.assert_close(its, gradient.flatten(1), rtol=0, atol=3e-6 * largest)
 
 
 def test_networks_learn():
@@ -133,13 +178,8 @@ def test_the_rate_falls_with_the_steps_and_stays():
     parameters = committed(
         AdamParameters, "train_dynamics.learning.networks", rate=0.1, decay=0.1, smallest=0.01
     )
-    variable = torch.zeros(1, requires_grad=True)
-    adam = Adam([variable], parameters)
-    rates = []
-    for _ in range(3001):
-        adam.step([torch.ones(1)])
-        rates.append(adam.optimiser.param_groups[0]["lr"])
-    np.testing.assert_allclose(rates[::1000], [0.1, 0.01, 0.001, 0.001])
+    rates = [parameters.rate_at(step) for step in (0, 1000, 2000, 3000)]
+    np.testing.assert_allclose(rates, [0.1, 0.01, 0.001, 0.001])
 
 
 def test_the_raw_loss_weighs_all_joints_alike_and_the_other_by_their_variance(motion):
@@ -151,14 +191,3 @@ def test_errors_become_rows():
     table = error_table(np.arange(12.0).reshape(2, 3, 2), "epoch")
     row = table[(table["seed"] == 1) & (table["epoch"] == 1) & (table["joint"] == 2)]
     assert row["nmse"].item() == 9.0
-
-
-def test_a_gradient_may_be_laid_out_otherwise_than_its_variable():
-    gradient = torch.arange(6.0).reshape(2, 3) - 2.5
-    steps = []
-    for layout in (gradient, gradient.mT.contiguous().mT):
-        variable = torch.zeros(2, 3, requires_grad=True)
-        Adam([variable], committed(AdamParameters, "train_dynamics.learning.networks")).step([layout])
-        steps.append(variable.detach())
-    torch.testing.assert_close(*steps)
-    torch.testing.assert_close(steps[0], -1e-3 * gradient.sign())

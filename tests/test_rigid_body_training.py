@@ -89,7 +89,7 @@ def test_epochs_are_counted_to_the_first_at_which_all_joints_are_good_enough():
 def test_online_learning_sees_every_batch_once():
     motion = sine_motion(arm())
     parameters = committed(
-        OnlineParameters, "online", models=("mlp_scaled", "cov"), seeds=2, losses=("normalised",), stride=3
+        OnlineParameters, "online", models=("mlp_scaled", "cov"), seeds=2, losses=("normalised",)
     )
     table = learn_once_through(arm().tree, motion, parameters)
     batches = -(-len(motion) // 256)

@@ -1,10 +1,10 @@
-"""Adam with a rate that may shrink, on variables that several models share."""
+"""Adam with a rate that may shrink, compiled; the rule is torch's."""
 
-from collections.abc import Sequence
+import math
 
-import torch
+import numba
+import numpy as np
 from pydantic import Field
-from torch import Tensor
 
 from structlearn.ground.params import Parameters
 
@@ -31,27 +31,38 @@ class AdamParameters(Parameters):
     smallest: float = Field(ge=0, le=1)
     mass_step: float = Field(gt=0)
 
+    def rate_at(self, step: int) -> float:
+        """Learning rate of a step, from 0."""
+        return self.rate * max(self.decay ** (1e-3 * step), self.smallest)
 
-class Adam:
-    """Torch's Adam with the rate of `AdamParameters`.
+
+MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8
+"""Per step, of the running mean of gradients; added to the root of their mean square. They are torch's."""
+
+
+@numba.njit(cache=True, error_model="numpy")  # without a check of each divisor it becomes vectors
+def adam_step(
+    variable: np.ndarray,
+    gradient: np.ndarray,
+    moments: tuple[np.ndarray, np.ndarray],
+    rate: float,
+    decay: float,
+    count: int,
+) -> None:
+    """One step in place.
 
     Args:
-        variables: leaves that gradients are taken for.
-        parameters: see there.
+        variable: of any shape, contiguous.
+        gradient: of its shape.
+        moments: running means of gradients and of their squares, of its shape.
+        rate: learning rate.
+        decay: of the mean of squares, per step.
+        count: of this step, from 1.
     """
-
-    def __init__(self, variables: Sequence[Tensor], parameters: AdamParameters):
-        self.variables = list(variables)
-        self.parameters, self.steps = parameters, 0
-        betas = (0.9, parameters.second_moment_decay)
-        self.optimiser = torch.optim.Adam(self.variables, parameters.rate, betas, fused=True)
-
-    def step(self, gradients: Sequence[Tensor | None]) -> None:
-        """One step down the gradients of the variables; one without (a constant of a potential) stays."""
-        share = max(self.parameters.decay ** (1e-3 * self.steps), self.parameters.smallest)
-        self.optimiser.param_groups[0]["lr"] = self.parameters.rate * share
-        for variable, gradient in zip(self.variables, gradients, strict=True):
-            # the fused step takes a gradient's memory as if it were laid out like the variable's
-            variable.grad = None if gradient is None else gradient.contiguous()
-        self.optimiser.step()
-        self.steps += 1
+    mean, square = moments[0].reshape(-1), moments[1].reshape(-1)
+    values, slopes = variable.reshape(-1), gradient.reshape(-1)
+    step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)
+    for place in range(len(values)):
+        mean[place] += (1.0 - MEAN_DECAY) * (slopes[place] - mean[place])
+        square[place] += (1.0 - decay) * (slopes[place] * slopes[place] - square[place])
+        values[place] -= step * mean[place] / (math.sqrt(square[place]) / root + SMALLEST_ROOT)

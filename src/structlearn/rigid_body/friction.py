@@ -35,7 +35,10 @@ def friction_columns(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarra
         "coulomb": lambda: np.tanh(qd / COULOMB_WIDTH),
         "offset": lambda: np.ones_like(qd),
     }
-    return np.stack([shapes[term]() for term in terms], axis=-1)
+    columns = np.empty((*qd.shape, len(terms)))
+    for place, term in enumerate(terms):
+        columns[..., place] = shapes[term]()
+    return columns
 
 
 def friction_regressor(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:

@@ -31,7 +31,7 @@ rounding when the principal moments are of very different size."""
 INITIAL_MASS, INITIAL_FIRST_MOMENT, INITIAL_INERTIA = 1.0, 0.1, 0.01
 """Standard deviations of the free parameters at the start, as in public code of the dissertation's group."""
 
-_FLAT_SIGMOID = 30.0  # beyond, the sigmoid of tri's angle is 0 or 1 to 1e-13
+FLAT_SIGMOID = 30.0  # beyond, the sigmoid of tri's angle is 0 or 1 to 1e-13
 _FROM_BOUND, _FLATTEST = 1e-6, 0.999
 """Known inertias start at least so far inside the bounds (share of their size; tri's angle in pi), since the
 gradient vanishes at a bound itself. The inertia is changed by some 1e-6 of itself."""
@@ -105,7 +105,7 @@ def _triangular(free: Tensor) -> Tensor:
     """Principal moments from two sides of a triangle and the angle between them (eq. III.9 to III.11)."""
     rotation = _exponential(free[..., :3])
     first, second = (free[..., 3:5].square() + INERTIA_BIAS).unbind(-1)
-    half_angle = 0.5 * torch.pi * torch.sigmoid(free[..., 5].clamp(-_FLAT_SIGMOID, _FLAT_SIGMOID))
+    half_angle = 0.5 * torch.pi * torch.sigmoid(free[..., 5].clamp(-FLAT_SIGMOID, FLAT_SIGMOID))
     # the law of cosines without the difference of large squares: J3^2 = (J1 - J2)^2 + 4 J1 J2 sin^2(a / 2)
     third = torch.hypot(first - second, 2.0 * (first.sqrt() * second.sqrt()) * half_angle.sin())
     moments = torch.stack([first, second, third], dim=-1)

@@ -4,8 +4,9 @@ Models of one kind learn together, one per seed: the seed decides where a model 
 samples is the same for all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, Protocol, get_args
 
 import numpy as np
@@ -42,12 +43,39 @@ class LearningParameters(Parameters):
         networks: optimiser of the networks.
         structures: optimiser of the inertias.
         threshold: NMSE of every joint at which a model is good enough.
+        stride: errors of networks are taken on every so manieth sample of the motion.
     """
 
     hidden: tuple[int, ...] = Field(min_length=1)
     networks: AdamParameters
     structures: AdamParameters
     threshold: float = Field(gt=0)
+    stride: int = Field(ge=1)
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A motion to learn from, whose regressors are made once, for all structures.
+
+    Attributes:
+        tree: kinematics; the networks do not use them.
+        motion: to learn from.
+        friction: terms of joint friction that are learned too.
+    """
+
+    tree: KinematicTree
+    motion: Motion
+    friction: tuple[FrictionTerm, ...] = ()
+
+    @cached_property
+    def symmetric(self) -> MotionRegressor:
+        """For structures whose inertias are symmetric."""
+        return MotionRegressor(self.tree, self.motion, True, self.friction)
+
+    @cached_property
+    def full(self) -> MotionRegressor:
+        """For nostr."""
+        return MotionRegressor(self.tree, self.motion, False, self.friction)
 
 
 class Learner(Protocol):
@@ -56,8 +84,8 @@ class Learner(Protocol):
     samples: int
     batch: int
 
-    def step(self, samples: Tensor) -> None:
-        """One gradient step on the samples with these places."""
+    def learn(self, order: Tensor) -> None:
+        """Gradient steps on the samples with these places, batch after batch."""
 
     def nmse(self, stride: int = 1) -> np.ndarray:
         """(M, n) errors on the motion, or on every `stride`-th sample."""
@@ -88,54 +116,58 @@ def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
 
 
 def learner(
-    kind: Kind,
-    tree: KinematicTree,
-    motion: Motion,
-    friction: Sequence[FrictionTerm],
-    loss: Loss,
-    seeds: Sequence[int],
-    parameters: LearningParameters,
+    kind: Kind, lesson: Lesson, loss: Loss, seeds: Sequence[int], parameters: LearningParameters
 ) -> Learner:
     """Models of one kind at their start.
 
     Args:
         kind: one of `KINDS`.
-        tree: kinematics; the networks do not use them.
-        motion: to learn from.
-        friction: terms of joint friction that are learned too.
+        lesson: what they learn from.
         loss: raw or normalised.
         seeds: one per model.
         parameters: see there.
     """
-    weights, generators = loss_weights(loss, motion), [seeded(seed) for seed in seeds]
+    weights, generators = loss_weights(loss, lesson.motion), [seeded(seed) for seed in seeds]
     if kind in STRUCTURES:
-        regressor = MotionRegressor(tree, motion, kind != "nostr", friction)
-        return StructuredLearner(kind, regressor, friction, weights, parameters.structures, generators)
-    return NetworkLearner(kind, motion, friction, weights, parameters.networks, parameters.hidden, generators)
+        regressor = lesson.full if kind == "nostr" else lesson.symmetric
+        return StructuredLearner(kind, regressor, weights, parameters.structures, generators)
+    return NetworkLearner(
+        kind, lesson.motion, lesson.friction, weights, parameters.networks, parameters.hidden, generators
+    )
 
 
-def learn_in_epochs(models: Learner, threshold: float, epochs: int) -> Learned:
+def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
+    """Epochs in an order that is the same for all models; the number of each, from 1, after it."""
+    generator = seeded(0)
+    for epoch in range(1, epochs + 1):
+        models.learn(torch.randperm(models.samples, generator=generator))
+        yield epoch
+
+
+def learn_in_epochs(models: Learner, threshold: float, epochs: int, stride: int = 1) -> Learned:
     """Shuffled epochs until every joint of every model is good enough (III.4.1.1).
 
     A model is kept as it was at the end of the first epoch after which its errors are below the threshold.
+    Errors of networks on some samples only say when that may be: what a model is kept for is its error on
+    all samples.
 
     Args:
         models: at their start.
         threshold: NMSE of every joint.
         epochs: at most so many.
+        stride: until then, errors of networks are taken on every `stride`-th sample.
     """
-    history = [models.nmse()]
+    history = [models.nmse(stride)]
     needed = np.zeros(len(history[0]), dtype=int)
     kept = models.state()
-    generator = seeded(0)
-    for epoch in range(1, epochs + 1):
-        order = torch.randperm(models.samples, generator=generator)
-        for batch in order.split(models.batch):
-            models.step(batch)
-        history.append(models.nmse())
+    for epoch in shuffled_epochs(models, epochs):
         learning = needed == 0
+        errors = models.nmse(stride)
+        if epoch == epochs or (learning & _good(errors, threshold)).any():
+            errors = models.nmse()
+        history.append(errors)
         kept = _replaced(kept, models.state(), learning)
-        needed[learning & (history[-1] <= threshold).all(axis=1)] = epoch
+        needed[learning & _good(errors, threshold)] = epoch
         if (needed > 0).all():
             break
     return Learned(kept, np.array(history), needed)
@@ -146,11 +178,11 @@ def learn_online(models: Learner, stride: int = 1) -> Learned:
 
     Args:
         models: at their start.
-        stride: errors of networks are taken on every `stride`-th sample of the whole motion.
+        stride: errors of networks are taken on every `stride`-th sample.
     """
     history = [models.nmse(stride)]
     for batch in torch.arange(models.samples).split(models.batch):
-        models.step(batch)
+        models.learn(batch)
         history.append(models.nmse(stride))
     nmse = np.array(history)
     return Learned(models.state(), nmse, np.zeros(nmse.shape[1], dtype=int))
@@ -160,6 +192,11 @@ def error_table(nmse: np.ndarray, step: str) -> pd.DataFrame:
     """Rows `seed`, `step`, `joint` (from 1) and `nmse` of errors (E, M, n)."""
     steps, seeds, joints = (places.ravel() for places in np.indices(nmse.shape))
     return pd.DataFrame({"seed": seeds, step: steps, "joint": joints + 1, "nmse": nmse.ravel()})
+
+
+def _good(errors: np.ndarray, threshold: float) -> np.ndarray:
+    """(M,) whether every joint's error (M, n) is at most the threshold."""
+    return (errors <= threshold).all(axis=1)
 
 
 def _replaced(

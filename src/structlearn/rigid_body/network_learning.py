@@ -7,13 +7,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.networks.adam import Adam, AdamParameters
+from structlearn.networks.adam import AdamParameters, adam_step
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
-from structlearn.rigid_body.structured_learning import initial_friction
+from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
+from structlearn.rigid_body.network_gradients import LagrangianGradients, PerceptronGradients
+from structlearn.rigid_body.structured_learning import initial_friction, squared
 
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
 
@@ -45,48 +46,73 @@ class NetworkLearner:
         hidden: Sequence[int],
         generators: Sequence[torch.Generator],
     ):
-        joints = motion.joints
-        self.kind, self.friction = kind, tuple(friction) if kind == "delan" else ()
-        network = StackedLagrangianNetworks if kind == "delan" else StackedPerceptrons
-        self.network = network.initial(joints, hidden, generators)
-        parts = [motion.q, motion.qd, motion.qdd, motion.torque]
-        if self.friction:
-            columns = friction_columns(motion.qd, self.friction)
-            parts += [columns[..., term] for term in range(len(self.friction))]
-        self.rows = as_tensor(np.hstack(parts))  # (N, n (4 + k)): a batch is a gathering of rows
-        self.joints, self.variance = joints, motion.torque_variance
+        joints, models = motion.joints, len(generators)
+        states = np.stack([motion.q, motion.qd, motion.qdd], axis=1).astype(np.float32)  # (N, 3, n)
+        self.torque, self.variance = motion.torque.astype(np.float32), motion.torque_variance
+        self.states, self.friction = states, tuple(friction) if kind == "delan" else ()
+        if kind == "delan":
+            self.network = StackedLagrangianNetworks.initial(joints, hidden, generators)
+        else:
+            self.network = StackedPerceptrons.initial(joints, hidden, generators)
         if kind == "mlp_scaled":
-            q, qd, qdd, torque = self.rows.mT.split(joints)
-            self.network = self.network.standardised((q, qd, qdd), torque)
-        self.weights = as_tensor(np.asarray(weights))[:, None]
-        self.rubbing = initial_friction(len(generators), joints, self.friction).float().requires_grad_()
-        variables = [*self.network.parameters(), *([self.rubbing] if self.friction else [])]
-        self.adam = Adam(variables, adam)
+            self.network = self.network.standardised(_by_columns(states), torch.from_numpy(self.torque.T))
+        self.rubbing = as_tensor(initial_friction(models, joints, self.friction))
+        self.numbers = _as_one([*self.network.parameters(), self.rubbing])
+        self.moments = (np.zeros_like(self.numbers), np.zeros_like(self.numbers))
         self.samples, self.batch = len(motion), adam.batch
+        self.adam, self.steps = adam, 0
+        if kind == "delan":
+            columns = friction_columns(motion.qd, self.friction).astype(np.float32)
+            self.data = (states, self.torque, columns)
+            entries = tuple(its.argmax(dim=1).numpy() for its in (self.network.row, self.network.column))
+            gradients = LagrangianGradients(joints, hidden, entries, squared(self.friction))
+        else:
+            mean, scale, out_mean, out_scale = (getattr(self.network, name).numpy() for name in SCALING)
+            inputs = (states.reshape(len(states), -1) - mean) / scale
+            self.data = (inputs, (self.torque - out_mean) / out_scale)
+            weights = weights * out_scale**2
+            gradients = PerceptronGradients(joints, hidden)
+        self.gradients, self.weights = gradients, weights.astype(np.float32)
 
-    def step(self, samples: Tensor) -> None:
-        """One step of Adam down the mean weighted squared error of some samples."""
-        error = self._error(self.rows[samples])
-        loss = (error * error * self.weights).sum() / len(samples)
-        self.adam.step(torch.autograd.grad(loss, self.adam.variables, allow_unused=True))
+    def learn(self, order: Tensor) -> None:
+        """Steps of Adam down the mean weighted squared error of samples, a batch each."""
+        for samples in order.split(self.batch):
+            batch = (values[samples.numpy()] for values in self.data)
+            gradients = self.gradients(self.numbers, self.weights, *batch)
+            rate, decay = self.adam.rate_at(self.steps), self.adam.second_moment_decay
+            self.steps += 1
+            adam_step(self.numbers, gradients, self.moments, rate, decay, self.steps)
 
     @torch.no_grad()
     def nmse(self, stride: int = 1) -> np.ndarray:
         """(M, n) errors on the whole motion, or on every `stride`-th sample of it."""
-        chunks = self.rows[::stride].split(EVALUATED_AT_ONCE)
-        squares = sum(self._error(chunk).double().square().sum(dim=-1) for chunk in chunks)
-        return squares.numpy() / (sum(map(len, chunks)) * self.variance)
+        states, torque = self.states[::stride], self.torque[::stride]
+        squares = np.zeros((len(self.numbers), len(self.variance)))
+        for begin in range(0, len(states), EVALUATED_AT_ONCE):
+            some = slice(begin, begin + EVALUATED_AT_ONCE)
+            error = self.network.torques(*_by_columns(states[some])) - torch.from_numpy(torque[some].T)
+            if self.friction:
+                columns = as_tensor(friction_columns(states[some, 1], self.friction))
+                coefficients = friction_coefficients(self.rubbing, self.friction)
+                error += torch.einsum("njt,mjt->mjn", columns, coefficients)
+            squares += error.double().square().sum(dim=-1).numpy()
+        return squares / (len(states) * self.variance)
 
     def state(self) -> dict[str, np.ndarray]:
         """Weights and free parameters of friction, each with a leading axis of models; then scales."""
-        tensors = self.network.to_arrays() | {"friction": self.rubbing.detach()}
+        tensors = self.network.to_arrays() | {"friction": self.rubbing}
         return {name: values.numpy().copy() for name, values in tensors.items()}
 
-    def _error(self, rows: Tensor) -> Tensor:
-        """(M, n, B) torques too much."""
-        q, qd, qdd, torque, *columns = rows.mT.contiguous().split(self.joints)
-        error = self.network.torques(q, qd, qdd) - torque
-        coefficients = friction_coefficients(self.rubbing, self.friction) if self.friction else self.rubbing
-        for term, column in enumerate(columns):
-            error = error + coefficients[..., term, None] * column
-        return error
+
+def _by_columns(states: np.ndarray) -> list[Tensor]:
+    """Positions, velocities and accelerations (n, N) of (N, 3, n)."""
+    return [torch.from_numpy(values) for values in np.ascontiguousarray(states.transpose(1, 2, 0))]
+
+
+def _as_one(parameters: Sequence[Tensor]) -> np.ndarray:
+    """All numbers of each model (M, V) in one array, of which the tensors become views."""
+    numbers = torch.cat([values.detach().flatten(1) for values in parameters], dim=1)
+    sizes = [values[0].numel() for values in parameters]
+    for values, view in zip(parameters, numbers.split(sizes, dim=1), strict=True):
+        values.data = view.unflatten(1, values.shape[1:])
+    return numbers.numpy()

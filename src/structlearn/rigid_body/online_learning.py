@@ -1,20 +1,23 @@
 """Learning while the robot moves: once through a motion, and a payload that is picked up on the way."""
 
+from collections.abc import Sequence
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
+import torch
 from pydantic import Field
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.identification import fit_structure
-from structlearn.rigid_body.inertia_parameters import Structure, link_inertias
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, link_inertias
 from structlearn.rigid_body.model_learning import (
     Kind,
-    Learned,
     LearningParameters,
+    Lesson,
     Loss,
     error_table,
     learn_online,
@@ -48,8 +51,7 @@ class OnlineParameters(Parameters):
         models: kinds that go through the motion.
         seeds: models of each kind.
         losses: each with all of them.
-        learning: their optimisers.
-        stride: errors of networks on the whole motion are taken on every so manieth sample.
+        learning: how they learn.
         payload: how a payload is followed.
     """
 
@@ -57,7 +59,6 @@ class OnlineParameters(Parameters):
     seeds: int = Field(ge=1)
     losses: tuple[Loss, ...]
     learning: LearningParameters
-    stride: int = Field(ge=1)
     payload: PayloadLearningParameters
 
 
@@ -72,14 +73,11 @@ def learn_once_through(tree: KinematicTree, motion: Motion, parameters: OnlinePa
     Returns:
         `model`, `loss`, `seed`, `batch` (0: before the first), `joint`, `nmse`.
     """
-    work = [(kind, loss) for loss in parameters.losses for kind in parameters.models]
-    run = partial(_once_through, tree=tree, motion=motion, parameters=parameters)
-    results = parallel_map(run, work, "online learning")
-    tables = [
-        error_table(learned.nmse, "batch").assign(model=kind, loss=loss)
-        for (kind, loss), learned in zip(work, results, strict=True)
-    ]
-    return pd.concat(tables, ignore_index=True)
+    kinds: dict[str, list[Kind]] = {}
+    for kind in sorted(parameters.models, key=lambda kind: kind != "delan"):  # it takes longest
+        kinds.setdefault("symmetric" if kind in STRUCTURES and kind != "nostr" else kind, []).append(kind)
+    run = partial(_once_through, lesson=Lesson(tree, motion), parameters=parameters)
+    return pd.concat(parallel_map(run, kinds.values(), "online learning"), ignore_index=True)
 
 
 def follow_payload(
@@ -120,7 +118,7 @@ def follow_payload(
         fresh = np.concatenate([last[batch], left[batch, :, None]], axis=-1).reshape(-1, triangle.shape[1])
         triangle = np.linalg.qr(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]), mode="r")
         free, _ = fit_structure(parameters.structure, triangle, (), now, parameters.iterations, empty)
-        fitted = link_inertias(parameters.structure, free[0])
+        fitted = link_inertias(parameters.structure, torch.from_numpy(free[0]))
         now, learned = fitted.arrays(), link_parameters(fitted).numpy()
         gained = (now.first_moment - empty.first_moment)[0]
         end = min(start + parameters.batch, len(motion)) * dt
@@ -129,10 +127,11 @@ def follow_payload(
     return pd.DataFrame(rows, columns=["time_s", "nmse_fixed", "nmse_learned", "mass_kg", *moments])
 
 
-def _once_through(
-    item: tuple[Kind, Loss], tree: KinematicTree, motion: Motion, parameters: OnlineParameters
-) -> Learned:
-    kind, loss = item
+def _once_through(kinds: Sequence[Kind], lesson: Lesson, parameters: OnlineParameters) -> pd.DataFrame:
+    tables, learning = [], parameters.learning
     with one_thread():
-        models = learner(kind, tree, motion, (), loss, range(parameters.seeds), parameters.learning)
-        return learn_online(models, parameters.stride)
+        for kind, loss in product(kinds, parameters.losses):
+            models = learner(kind, lesson, loss, range(parameters.seeds), learning)
+            nmse = learn_online(models, learning.stride).nmse
+            tables.append(error_table(nmse, "batch").assign(model=kind, loss=loss))
+    return pd.concat(tables, ignore_index=True)

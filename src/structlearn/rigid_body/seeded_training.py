@@ -19,6 +19,7 @@ from structlearn.rigid_body.model_learning import (
     Kind,
     Learned,
     LearningParameters,
+    Lesson,
     Loss,
     error_table,
     learn_in_epochs,
@@ -152,10 +153,12 @@ def train(
         `epochs` to the threshold on every joint and `epochs_but_last` on every joint but the last (NaN: not
         reached), `nmse_mean` and `nmse_max` over the joints of the model that was kept.
     """
-    order = sorted(range(len(work)), key=lambda place: work[place].kind != "delan")
-    run = partial(_train_one, tree=tree, parameters=parameters)
-    items = [(work[place], motions[work[place].data]) for place in order]
-    results = dict(zip(order, parallel_map(run, items, "dynamics models"), strict=True))
+    together = sorted(_together(work), key=lambda places: work[places[0]].kind != "delan")
+    run = partial(_train_together, tree=tree, parameters=parameters)
+    items = [([work[place] for place in places], motions[work[places[0]].data]) for places in together]
+    results = {}
+    for places, found in zip(together, parallel_map(run, items, "dynamics models"), strict=True):
+        results |= dict(zip(places, found, strict=True))
     models, errors, outcomes = {}, [], []
     for place, training in enumerate(work):
         learned = results[place]
@@ -179,24 +182,30 @@ def train(
     return models, pd.concat(errors, ignore_index=True), pd.concat(outcomes, ignore_index=True)
 
 
-def _train_one(
-    item: tuple[Training, Motion], tree: KinematicTree, parameters: DynamicsTrainingParameters
-) -> Learned:
-    training, motion = item
+def _together(work: Sequence[Training]) -> list[list[int]]:
+    """Places of trainings that share a process: structures with a common regressor, a network alone."""
+    groups: dict[tuple, list[int]] = {}
+    for place, training in enumerate(work):
+        own = training.kind == "nostr" if training.kind in STRUCTURES else place
+        groups.setdefault((training.data, training.friction, own), []).append(place)
+    return list(groups.values())
+
+
+def _train_together(
+    item: tuple[Sequence[Training], Motion], tree: KinematicTree, parameters: DynamicsTrainingParameters
+) -> list[Learned]:
+    work, motion = item
+    lesson = Lesson(tree, motion, FRICTIONS[work[0].friction])
+    with one_thread():
+        return [_train_one(training, lesson, parameters) for training in work]
+
+
+def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingParameters) -> Learned:
     learning = parameters.learning
     if training.optimiser == PLAIN:
         learning = learning.model_copy(update={"structures": parameters.plain})
-    with one_thread():
-        models = learner(
-            training.kind,
-            tree,
-            motion,
-            FRICTIONS[training.friction],
-            training.loss,
-            range(parameters.seeds),
-            learning,
-        )
-        return learn_in_epochs(models, learning.threshold, training.epochs)
+    models = learner(training.kind, lesson, training.loss, range(parameters.seeds), learning)
+    return learn_in_epochs(models, learning.threshold, training.epochs, learning.stride)
 
 
 def _outcomes(learned: Learned, threshold: float) -> pd.DataFrame:

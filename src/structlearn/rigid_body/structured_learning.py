@@ -1,20 +1,22 @@
-"""Gradient descent on the inertias of M models at once, by the regressor.
+"""Gradient descent on the inertias of M models at once, by the regressor, compiled.
 
-While the kinematics are fixed, torques are Y theta. The gradient at theta is a matrix product, and autograd
-only carries it through the parameterisation: the recursive algorithm (`newton_euler`) gives the same, more
-slowly.
+While the kinematics are fixed, torques are Y theta. The gradient at theta is a matrix product, and
+`compiled_structures` carries it through the parameterisation: the recursive algorithm (`newton_euler`) and
+autograd give the same, more slowly.
 """
 
 from collections.abc import Sequence
 
+import numba
 import numpy as np
 import torch
 
-from structlearn.networks.adam import Adam, AdamParameters
-from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_regressor
-from structlearn.rigid_body.inertia_parameters import Structure, draw, link_inertias
+from structlearn.networks.adam import AdamParameters, adam_step
+from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
+from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, draw
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.rigid_body.torque_factors import TorqueFactors, torque_factors
 from structlearn.rigid_body.tree import KinematicTree
 
@@ -22,10 +24,14 @@ INITIAL_FRICTION = 0.01
 """N m s/rad or N m; not 0, where the gradient of a square is 0."""
 
 
-def initial_friction(models: int, joints: int, terms: Sequence[FrictionTerm]) -> torch.Tensor:
-    """Free parameters (M, n, k) of friction at the start, offsets 0."""
-    start = [0.0 if term == "offset" else INITIAL_FRICTION**0.5 for term in terms]
-    return torch.tensor(start, dtype=torch.float64).repeat(models, joints, 1)
+def initial_friction(models: int, joints: int, terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """Free parameters (M, n, t) of friction at the start, offsets 0."""
+    return np.tile(np.where(squared(terms), INITIAL_FRICTION**0.5, 0.0), (models, joints, 1))
+
+
+def squared(terms: Sequence[FrictionTerm]) -> np.ndarray:
+    """(t,) whether the coefficient of a term is the square of its free parameter."""
+    return np.array([term != "offset" for term in terms], dtype=bool)
 
 
 class MotionRegressor:
@@ -45,8 +51,8 @@ class MotionRegressor:
         if friction:
             columns = np.concatenate([columns, friction_regressor(motion.qd, friction)], axis=-1)
         self.factors: TorqueFactors = torque_factors(columns, motion.torque)
-        self.columns = torch.from_numpy(columns)  # (N, n, P)
-        self.torque = torch.tensor(motion.torque)  # a copy: what other processes share cannot be written
+        self.columns, self.torque = columns, motion.torque  # (N, n, P), (N, n)
+        self.friction = tuple(friction)
 
 
 class StructuredLearner:
@@ -55,7 +61,6 @@ class StructuredLearner:
     Args:
         structure: of the inertias.
         regressor: the motion.
-        friction: terms of the regressor.
         weights: (n,) of each joint's squared error in the loss.
         adam: the optimiser.
         generators: source of the initial values of each model.
@@ -65,51 +70,120 @@ class StructuredLearner:
         self,
         structure: Structure,
         regressor: MotionRegressor,
-        friction: Sequence[FrictionTerm],
         weights: np.ndarray,
         adam: AdamParameters,
         generators: Sequence[torch.Generator],
     ):
-        joints = regressor.torque.shape[1]
-        self.structure, self.regressor, self.friction = structure, regressor, tuple(friction)
-        self.symmetric = structure != "nostr"
-        self.weights = torch.from_numpy(np.asarray(weights, dtype=float))
-        free = draw(structure, joints, list(generators))
-        self.steps = torch.ones(free.shape[-1], dtype=torch.float64)
-        self.steps[0] = adam.mass_step
-        self.scaled = (free / self.steps).requires_grad_()
-        self.rubbing = initial_friction(len(free), joints, self.friction).requires_grad_()
-        self.adam = Adam([self.scaled, *([self.rubbing] if self.friction else [])], adam)
-        self.samples, self.batch = len(regressor.torque), adam.batch
+        self.samples, joints = regressor.torque.shape
+        self.structure, self.regressor, self.weights = STRUCTURES.index(structure), regressor, weights
+        self.squared = squared(regressor.friction)
+        free = draw(structure, joints, list(generators)).numpy()
+        self.sizes = np.ones(free.shape[-1])
+        self.sizes[0] = adam.mass_step
+        self.scaled = free / self.sizes
+        self.rubbing = initial_friction(len(free), joints, regressor.friction)
+        self.moments = [(np.zeros_like(its), np.zeros_like(its)) for its in (self.scaled, self.rubbing)]
+        self.adam, self.batch, self.steps = adam, adam.batch, 0
 
     @property
-    def free(self) -> torch.Tensor:
-        """(M, n, k) free parameters of the inertias, differentiable."""
-        return self.scaled * self.steps
+    def free(self) -> np.ndarray:
+        """(M, n, k) free parameters of the inertias."""
+        return self.scaled * self.sizes
 
-    def theta(self) -> torch.Tensor:
-        """(M, P) parameters of the regressor's columns, differentiable."""
-        theta = link_parameters(link_inertias(self.structure, self.free), self.symmetric)
-        if not self.friction:
-            return theta
-        return torch.cat([theta, friction_coefficients(self.rubbing, self.friction).flatten(1)], dim=1)
-
-    def step(self, samples: torch.Tensor) -> None:
-        """One step of Adam down the mean weighted squared error of some samples."""
-        columns, torque = self.regressor.columns[samples], self.regressor.torque[samples]
-        theta = self.theta()
-        error = columns.flatten(0, 1) @ theta.detach().mT - torque.reshape(-1, 1)  # (B n, M)
-        weighted = error * self.weights.repeat(len(samples))[:, None]
-        slope = (2.0 / len(samples)) * (weighted.mT @ columns.flatten(0, 1))
-        self.adam.step(torch.autograd.grad(theta, self.adam.variables, slope))
+    def learn(self, order: torch.Tensor) -> None:
+        """Steps of Adam down the mean weighted squared error of samples, a batch each."""
+        count = -(-len(order) // self.batch)
+        rates = np.array([self.adam.rate_at(step) for step in range(self.steps, self.steps + count)])
+        _descend(
+            self.structure,
+            self.regressor.columns,
+            self.regressor.torque,
+            self.weights,
+            order.numpy(),
+            self.batch,
+            self.scaled,
+            self.sizes,
+            self.rubbing,
+            self.squared,
+            *self.moments,
+            rates,
+            self.adam.second_moment_decay,
+            self.steps,
+        )
+        self.steps += count
 
     def nmse(self, stride: int = 1) -> np.ndarray:
         """(M, n) errors on the whole motion; a stride would save nothing."""
-        return self.regressor.factors.nmse(self.theta().detach().numpy())
+        theta = structure_theta(self.structure, self.free, self.rubbing, self.squared)
+        return self.regressor.factors.nmse(theta)
 
     def state(self) -> dict[str, np.ndarray]:
         """Free parameters, each with a leading axis of models."""
-        return {
-            "inertia": self.free.detach().numpy().copy(),
-            "friction": self.rubbing.detach().numpy().copy(),
-        }
+        return {"inertia": self.free, "friction": self.rubbing.copy()}
+
+
+@numba.njit(cache=True)
+def _descend(
+    structure: int,
+    columns: np.ndarray,
+    torque: np.ndarray,
+    weights: np.ndarray,
+    order: np.ndarray,
+    batch: int,
+    scaled: np.ndarray,
+    sizes: np.ndarray,
+    rubbing: np.ndarray,
+    squared: np.ndarray,
+    inertial_moments: tuple[np.ndarray, np.ndarray],
+    rubbed_moments: tuple[np.ndarray, np.ndarray],
+    rates: np.ndarray,
+    decay: float,
+    steps: int,
+) -> None:
+    """Change `scaled` and `rubbing`, and Adam's moments of both, by a step per batch of the order."""
+    for step in range(len(rates)):
+        samples = order[step * batch : (step + 1) * batch]
+        free = scaled * sizes
+        theta = structure_theta(structure, free, rubbing, squared)
+        slope = np.zeros_like(theta)
+        _add_slopes(columns, torque, 2.0 / len(samples) * weights, samples, free.shape[2], theta, slope)
+        inertial, rubbed = structure_gradient(structure, free, rubbing, squared, slope)
+        adam_step(scaled, inertial * sizes, inertial_moments, rates[step], decay, steps + step + 1)
+        adam_step(rubbing, rubbed, rubbed_moments, rates[step], decay, steps + step + 1)
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})
+def _add_slopes(
+    columns: np.ndarray,
+    torque: np.ndarray,
+    weights: np.ndarray,
+    samples: np.ndarray,
+    width: int,
+    theta: np.ndarray,
+    slope: np.ndarray,
+) -> None:
+    """Add Y^T weights (Y theta - tau) of some samples, for every model.
+
+    A joint's torque does not depend on links before it, nor on the friction of other joints.
+    """
+    joints = torque.shape[1]
+    links = joints * width
+    terms = theta.shape[1] // joints - width
+    for sample in samples:
+        for joint in range(joints):
+            begin, rub = joint * width, links + joint * terms
+            row, rubbed = columns[sample, joint, begin:links], columns[sample, joint, rub : rub + terms]
+            for model in range(len(theta)):
+                # views, which the compiler turns into vector instructions
+                values, found = theta[model, begin:links], slope[model, begin:links]
+                rubbing, its = theta[model, rub : rub + terms], slope[model, rub : rub + terms]
+                error = -torque[sample, joint]
+                for place in range(len(row)):
+                    error += row[place] * values[place]
+                for place in range(terms):
+                    error += rubbed[place] * rubbing[place]
+                error *= weights[joint]
+                for place in range(len(row)):
+                    found[place] += row[place] * error
+                for place in range(terms):
+                    its[place] += rubbed[place] * error

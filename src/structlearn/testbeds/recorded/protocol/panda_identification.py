@@ -18,7 +18,13 @@ from structlearn.rigid_body.identification import fit_structure, least_squares, 
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.inertia_tables import link_table
 from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import Kind, LearningParameters, learn_in_epochs, learner
+from structlearn.rigid_body.model_learning import (
+    Kind,
+    LearningParameters,
+    Lesson,
+    learner,
+    shuffled_epochs,
+)
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.prediction import predicted_torques, rigid_body_torques
 from structlearn.rigid_body.seeded_training import FRICTIONS
@@ -166,12 +172,13 @@ def _learned(
             regressor = MotionRegressor(robot.tree, motion, kind != "nostr", terms)
             triangle = normalised_triangle(regressor.factors)
             free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, parameters.iterations)
-            state = {"inertia": free.numpy(), "friction": rubbing.numpy()}
+            state = {"inertia": free, "friction": rubbing}
             return DynamicsModels(kind, robot.tree.names, terms, (), state)
         seeds = range(parameters.seeds)
-        models = learner(kind, robot.tree, motion, terms, "normalised", seeds, learning)
-        state = learn_in_epochs(models, 0.0, parameters.epochs).state
-    return DynamicsModels(kind, robot.tree.names, terms, learning.hidden, state)
+        models = learner(kind, Lesson(robot.tree, motion, terms), "normalised", seeds, learning)
+        for _ in shuffled_epochs(models, parameters.epochs):
+            pass
+    return DynamicsModels(kind, robot.tree.names, terms, learning.hidden, models.state())
 
 
 def _urdf_torques(robot: Robot, motion: Motion) -> np.ndarray:
@@ -186,7 +193,7 @@ def _regressed(
     tree: KinematicTree, motion: Motion, terms: Sequence[FrictionTerm], theta: np.ndarray
 ) -> np.ndarray:
     """Torques (N, n) of parameters that need not be those of a body."""
-    return MotionRegressor(tree, motion, True, terms).columns.numpy() @ theta
+    return MotionRegressor(tree, motion, True, terms).columns @ theta
 
 
 def _errors(predictions: dict, parts: dict[str, Motion]) -> pd.DataFrame:
