@@ -13,7 +13,7 @@ QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every
 
 @pytest.fixture(scope="module")
 def table():
-    return model_comparison.compare_representations(toy_dataset(), QUICK)
+    return model_comparison.compare_representations({"turn": toy_dataset()}, QUICK)["turn"]
 
 
 def test_every_representation_is_tested_on_every_fold_with_both_stoppings(table):

@@ -15,8 +15,7 @@ def main() -> None:
     settings = stage_parameters("coupling_dataset", SupervisionParameters).settings_deg
     datasets = read_datasets("data/feedback/scraping/dataset", settings)
     scores, orderings = [], []
-    for name, dataset in datasets.items():
-        found = compare_representations(dataset, parameters)
+    for name, found in compare_representations(datasets, parameters).items():
         scores.append(found.assign(primitive=name))
         orderings.append(paired_orderings(found).assign(primitive=name))
     with publish("data/feedback/scraping/comparison") as folder:

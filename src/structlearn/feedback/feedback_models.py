@@ -22,6 +22,7 @@ from structlearn.feedback.unrolled_training import (
     train_unrolled,
     unrolled_error,
 )
+from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 
 POINTWISE, UNROLLED = "pointwise", "unrolled"
@@ -59,11 +60,9 @@ def train_models(
     Returns:
         By model, its networks by primitive.
     """
-    models: dict[str, Networks] = {model: [] for model in MODELS}
-    for name, dataset in datasets.items():
-        models[POINTWISE].append((name, train_final(dataset, parameters.pointwise, parameters.hidden)))
-        models[UNROLLED].append((name, _train_inside(dataset, parameters)))
-    return models
+    work = [(model, dataset, parameters) for model in MODELS for dataset in datasets.values()]
+    networks = iter(parallel_map(_trained, work, "training feedback models"))
+    return {model: [(name, next(networks)) for name in datasets] for model in MODELS}
 
 
 def path_errors(
@@ -96,6 +95,13 @@ def path_errors(
                 )
             )
     return pd.concat(tables, ignore_index=True)
+
+
+def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> PhaseModulatedNetwork:
+    model, dataset, parameters = work
+    if model == UNROLLED:
+        return _train_inside(dataset, parameters)
+    return train_final(dataset, parameters.pointwise, parameters.hidden)
 
 
 def _train_inside(dataset: CouplingDataset, parameters: FeedbackParameters) -> PhaseModulatedNetwork:

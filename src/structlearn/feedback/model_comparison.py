@@ -3,7 +3,7 @@
 All folds of a representation train as one stack; the representations are spread over the cores.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -59,29 +59,29 @@ CLAIMS = (
 
 
 def compare_representations(
-    dataset: CouplingDataset,
-    parameters: TrainingParameters,
-    names: Sequence[str] = REPRESENTATIONS,
-) -> pd.DataFrame:
+    datasets: Mapping[str, CouplingDataset], parameters: TrainingParameters
+) -> dict[str, pd.DataFrame]:
     """Train every representation on every fold.
 
     Args:
-        dataset: samples of one primitive.
+        datasets: samples by the primitive's name.
         parameters: of the training.
-        names: of the representations.
 
     Returns:
-        `representation`, `fold`, `stopping`, `step`, `train`, `validation`, `test`, `generalization` (NMSE at
-        that step) and `dimensions` (of the code; missing where the deviations are not compressed first).
+        By primitive: `representation`, `fold`, `stopping`, `step`, `train`, `validation`, `test`,
+        `generalization` (NMSE at that step) and `dimensions` (of the code; missing where the deviations are
+        not compressed first).
 
     Raises:
         InputError: fewer than two demonstrations, too few samples, or a constant target.
     """
-    longest_first = sorted(names, key=_LONGEST_FIRST.index)
-    work = [(dataset, parameters, name) for name in longest_first]
-    tables = parallel_map(_evaluated, work, "comparing representations")
-    found = dict(zip(longest_first, tables, strict=True))
-    return pd.concat([found[name] for name in names], ignore_index=True)
+    work = [(dataset, parameters, name) for name in _LONGEST_FIRST for dataset in datasets.values()]
+    tables = iter(parallel_map(_evaluated, work, "comparing representations"))
+    found = {name: {primitive: next(tables) for primitive in datasets} for name in _LONGEST_FIRST}
+    return {
+        primitive: pd.concat([found[name][primitive] for name in REPRESENTATIONS], ignore_index=True)
+        for primitive in datasets
+    }
 
 
 def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
