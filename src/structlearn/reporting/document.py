@@ -245,5 +245,7 @@ def cell(value: object, number_format: str = "") -> str:
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, int | float | np.number):
+        if isinstance(value, float | np.floating):
+            number_format = number_format or ".6g"  # digits beyond depend on the processor
         return format(value, number_format).replace("-", "\N{MINUS SIGN}")
     return str(value)
