@@ -1,10 +1,13 @@
 """Unroll the baseline past known, unseen, moving and several obstacles with every model (IV.8.4-8.7)."""
 
+from functools import partial
+
 import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.learned_models import read_models
 from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.parallel import parallel_map
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.files import read_baseline, read_scenarios
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
@@ -19,10 +22,9 @@ def main() -> None:
     models = read_models("data/obstacles/models")
     demonstrations = read_scenarios(places, "data/raw/obstacles")
 
-    found = [
-        avoidance_protocols.evaluate(situation, models, baseline, parameters)
-        for situation in avoidance_protocols.situations(places, baseline, parameters, cloud_count)
-    ]
+    evaluate = partial(avoidance_protocols.evaluate, models=models, baseline=baseline, parameters=parameters)
+    situations = avoidance_protocols.situations(places, baseline, parameters, cloud_count)
+    found = parallel_map(evaluate, situations, "unrolling past obstacles")
     scores, paths = (pd.concat(tables, ignore_index=True) for tables in zip(*found, strict=True))
     with publish("data/obstacles/evaluation") as folder:
         folder.mkdir()

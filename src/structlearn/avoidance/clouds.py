@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -75,4 +76,4 @@ def cloud_batch(
 
 def constant_velocity(velocity: np.ndarray) -> Motion:
     """Motion with a velocity (B, 3) or (3,) in m/s."""
-    return lambda time: time * np.asarray(velocity, dtype=float)
+    return partial(np.multiply, np.asarray(velocity, dtype=float))
