@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 from committed import committed
 from recordings_bags import recorded_data
 from rigid_body_motions import COULOMB, rubbing_motion
@@ -101,8 +102,8 @@ def test_a_body_that_can_exist_explains_the_recorded_arm_nearly_as_well_as_least
     train, test = (MotionRegressor(panda.tree, part, True, terms) for part in parts)
     triangle = normalised_triangle(train.factors)
     free, rubbing = fit_structure("cov", triangle, terms, panda.inertias, 300)
-    links = link_parameters(link_inertias("cov", free))[0]
-    theta = np.append(links.numpy(), friction_coefficients(rubbing, terms)[0].numpy())
+    links = link_parameters(link_inertias("cov", torch.from_numpy(free)))[0]
+    theta = np.append(links.numpy(), friction_coefficients(torch.from_numpy(rubbing), terms)[0].numpy())
     found, best = test.factors.nmse(theta), test.factors.nmse(least_squares(triangle))
     assert (found < 2.0 * best).all()
     assert found[:6].mean() < 0.02

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import torch
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 
 from structlearn.ground.metrics import nmse
@@ -53,9 +54,9 @@ def test_a_structure_explains_the_data_nearly_as_well_and_its_links_can_exist(st
     triangle = normalised_triangle(regressor.factors)
     best = regressor.factors.nmse(least_squares(triangle))
     free, rubbing = fit_structure(structure, triangle, FRICTION, wrong_inertias(), 200)
-    found = link_inertias(structure, free)
+    found = link_inertias(structure, torch.from_numpy(free))
     links = link_parameters(found, structure != "nostr")[0].numpy()
-    theta = np.append(links, friction_coefficients(rubbing, FRICTION)[0].numpy())
+    theta = np.append(links, friction_coefficients(torch.from_numpy(rubbing), FRICTION)[0].numpy())
     assert (regressor.factors.nmse(theta) < 10.0 * best).all()
     table = link_table(arm().tree, found.arrays(), arm().inertias)
     if structure in ("tri", "cov"):
@@ -64,7 +65,7 @@ def test_a_structure_explains_the_data_nearly_as_well_and_its_links_can_exist(st
 
 def test_what_torques_show_is_learned_and_what_they_do_not_show_stays_at_the_start(regressor):
     free, _ = fit_structure("cov", normalised_triangle(regressor.factors), FRICTION, wrong_inertias(), 400)
-    found = link_inertias("cov", free).arrays()
+    found = link_inertias("cov", torch.from_numpy(free)).arrays()
     tree = arm().tree
     table = base_table(tree, base_parameters(tree), found, arm().inertias)
     large = table["truth"].abs() > 0.2

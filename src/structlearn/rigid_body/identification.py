@@ -8,12 +8,11 @@ is a quadratic form of theta (`torque_factors`), so that an iteration does not t
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 
-from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients
-from structlearn.rigid_body.inertia_parameters import Structure, free_parameters, link_inertias
-from structlearn.rigid_body.regressor import link_parameters
-from structlearn.rigid_body.structured_learning import initial_friction
+from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
+from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, free_parameters
+from structlearn.rigid_body.structured_learning import initial_friction, squared
 from structlearn.rigid_body.torque_factors import TorqueFactors
 from structlearn.rigid_body.tree import LinkInertias
 
@@ -46,7 +45,7 @@ def fit_structure(
     start: LinkInertias,
     iterations: int,
     known: LinkInertias | None = None,
-) -> tuple[torch.Tensor, torch.Tensor]:
+) -> tuple[np.ndarray, np.ndarray]:
     """The structure's best parameters for the same loss as `least_squares`, by L-BFGS.
 
     A weak pull towards known inertias decides what the data leave open.
@@ -64,32 +63,31 @@ def fit_structure(
     """
     from scipy.optimize import minimize
 
-    symmetric = structure != "nostr"
-    free = free_parameters(structure, start)[None]
-    rubbing = torch.from_numpy(initial_friction(1, len(start.mass), friction))
-    sizes = (free.numel(), rubbing.numel())
-    pulled = free if known is None else free_parameters(structure, known)[None]
-    reference = link_parameters(link_inertias(structure, pulled), symmetric)
-    weight = ANCHOR / float(reference.square().sum())
-    factor = torch.from_numpy(triangle)
+    place, squares = STRUCTURES.index(structure), squared(friction)
+    free = free_parameters(structure, start)[None].numpy()
+    rubbing = initial_friction(1, len(start.mass), friction)
+    pulled = free if known is None else free_parameters(structure, known)[None].numpy()
+    reference = structure_theta(place, pulled, rubbing[..., :0], squares[:0])[0]
+    weight = ANCHOR / (reference @ reference)
+    factor, measured = triangle[:, :-1], triangle[:, -1]
+
+    def parts(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        inertial, rubbed = np.split(values, [free.size])
+        return inertial.reshape(free.shape), rubbed.reshape(rubbing.shape)
 
     def loss(values: np.ndarray) -> tuple[float, np.ndarray]:
-        variable = torch.tensor(values, requires_grad=True)
-        inertial, rubbed = variable.split(sizes)
-        links = link_parameters(link_inertias(structure, inertial.view_as(free)), symmetric)
-        parts = [links[0], -torch.ones(1, dtype=links.dtype)]
-        if friction:
-            parts.insert(1, friction_coefficients(rubbed.view_as(rubbing), friction).flatten())
-        total = (factor @ torch.cat(parts)).square().sum() + weight * (links - reference).square().sum()
-        (slope,) = torch.autograd.grad(total, variable)
-        return total.item(), slope.numpy()
+        theta = structure_theta(place, *parts(values), squares)
+        error, pull = factor @ theta[0] - measured, theta[0, : len(reference)] - reference
+        slope = 2.0 * (error @ factor)
+        slope[: len(reference)] += 2.0 * weight * pull
+        gradients = structure_gradient(place, *parts(values), squares, slope[None])
+        return error @ error + weight * (pull @ pull), np.concatenate([its.ravel() for its in gradients])
 
     found = minimize(
         loss,
-        torch.cat([free.flatten(), rubbing.flatten()]).numpy(),
+        np.concatenate([free.ravel(), rubbing.ravel()]),
         jac=True,
         method="L-BFGS-B",
         options={"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10},
     )
-    inertial, rubbed = torch.from_numpy(found.x).split(sizes)
-    return inertial.view_as(free), rubbed.view_as(rubbing)
+    return parts(found.x)

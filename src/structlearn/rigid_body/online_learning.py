@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
+import torch
 from pydantic import Field
 
 from structlearn.ground.parallel import parallel_map
@@ -117,7 +118,7 @@ def follow_payload(
         fresh = np.concatenate([last[batch], left[batch, :, None]], axis=-1).reshape(-1, triangle.shape[1])
         triangle = np.linalg.qr(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]), mode="r")
         free, _ = fit_structure(parameters.structure, triangle, (), now, parameters.iterations, empty)
-        fitted = link_inertias(parameters.structure, free[0])
+        fitted = link_inertias(parameters.structure, torch.from_numpy(free[0]))
         now, learned = fitted.arrays(), link_parameters(fitted).numpy()
         gained = (now.first_moment - empty.first_moment)[0]
         end = min(start + parameters.batch, len(motion)) * dt

@@ -172,7 +172,7 @@ def _learned(
             regressor = MotionRegressor(robot.tree, motion, kind != "nostr", terms)
             triangle = normalised_triangle(regressor.factors)
             free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, parameters.iterations)
-            state = {"inertia": free.numpy(), "friction": rubbing.numpy()}
+            state = {"inertia": free, "friction": rubbing}
             return DynamicsModels(kind, robot.tree.names, terms, (), state)
         seeds = range(parameters.seeds)
         models = learner(kind, Lesson(robot.tree, motion, terms), "normalised", seeds, learning)
