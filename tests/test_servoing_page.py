@@ -16,8 +16,7 @@ from structlearn.reporting.document import environment, render, words_in_view
 from structlearn.reporting.publishing import publish_report
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.latent_parameters import LatentParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.latent_variants import TRAINED_WITH
 from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.tactile.touch_preparation import TouchDataParameters

@@ -4,8 +4,7 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.source import SourceParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.latent_parameters import LatentParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings

@@ -1,4 +1,4 @@
-"""What is chosen for the training of latent spaces and their dynamics."""
+"""What is chosen for the training of latent spaces and their dynamics, and for the distances on the skin."""
 
 from pydantic import Field, PositiveInt
 
@@ -101,3 +101,22 @@ class LatentSpaceParameters(Parameters):
     training: LatentTrainingParameters
     pair_pool: int = Field(ge=1)
     evaluation_pairs: int = Field(ge=1)
+
+
+class GeodesicParameters(Parameters):
+    """The neighbour graph.
+
+    Attributes:
+        neighbours: M nearest neighbours of every point.
+        bin_size: N' points per bin.
+        bins: at most so many bins; None: as many as the samples fill.
+        bridge_mm: gap between two patches of points that may be bridged by its shortest edge; a wider one is
+            an error.
+        seed: of the bins.
+    """
+
+    neighbours: int = Field(ge=2)
+    bin_size: int = Field(ge=3)
+    bins: int | None = Field(ge=1)
+    bridge_mm: float = Field(ge=0)
+    seed: int = Field(ge=0)

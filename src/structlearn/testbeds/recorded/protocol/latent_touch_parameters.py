@@ -3,8 +3,7 @@
 from pydantic import Field
 
 from structlearn.ground.params import Parameters
-from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.latent_parameters import LatentSpaceParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 
 
 class LatentTouchParameters(Parameters):

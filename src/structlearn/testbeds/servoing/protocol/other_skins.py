@@ -10,9 +10,9 @@ from structlearn.recordings.clock import synchronise
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.geodesics import GeodesicParameters, geodesics
+from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import learn
-from structlearn.tactile.latent_parameters import LatentParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.latent_variants import FORWARD_OF
 from structlearn.tactile.resting_servo import demonstrated_actions
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
