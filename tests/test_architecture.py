@@ -37,38 +37,42 @@ SLOW = (
 STARTS = {
     "tables": (
         (),
-        "report.py scraping/segment.py scraping/fit_primitives.py scraping/coupling_dataset.py "
-        "obstacles/demonstrate.py obstacles/dataset.py servoing/record_touch.py "
-        "servoing/touch_dataset.py servoing/geodesics.py "
+        "report.py scraping/segment.py scraping/sweep.py scraping/fit_primitives.py "
+        "scraping/coupling_dataset.py obstacles/demonstrate.py obstacles/dataset.py obstacles/evaluate.py "
+        "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
         "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py",
     ),
     "robot": (
-        ("pybullet", "pinocchio"),
-        "scraping/record_nominal.py scraping/sweep.py scraping/expected_traces.py "
-        "scraping/record_corrections.py",
+        ("pinocchio",),
+        "scraping/record_nominal.py scraping/expected_traces.py scraping/record_corrections.py "
+        "scraping/evaluate_feedback.py scraping/refine.py scraping/evaluate_refinement.py "
+        "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py",
     ),
     "training": (
         ("torch",),
-        "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py obstacles/evaluate.py "
-        "servoing/train_latent.py servoing/servo.py servoing/other_skins.py "
-        "recorded/avoidance.py recorded/latent_touch.py",
+        "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
+        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py",
     ),
-    "search": (
-        ("torch", "pybullet", "pinocchio"),
-        "scraping/refine.py scraping/compare_search.py scraping/evaluate_feedback.py "
-        "scraping/evaluate_refinement.py scraping/time_controller.py dynamics/train_dynamics.py "
-        "dynamics/online.py dynamics/track.py dynamics/record_motion.py recorded/dynamics.py",
+    "dynamics": (
+        ("torch", "pinocchio"),
+        "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py",
     ),
     "recordings": (
-        ("rerun", "torch", "pybullet", "pinocchio"),
-        "scraping/view.py obstacles/view.py dynamics/view.py servoing/view.py recorded/view.py",
+        ("rerun",),
+        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py",
     ),
+    "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (
-        ("matplotlib", "torch", "pybullet", "pinocchio"),
-        "scraping/report.py obstacles/report.py dynamics/report.py servoing/report.py recorded/report.py "
-        "recorded/calibration_report.py",
+        ("matplotlib",),
+        "recorded/report.py recorded/calibration_report.py",
     ),
+    "pages with stills": (
+        ("matplotlib", "pybullet"),
+        "obstacles/report.py servoing/report.py",
+    ),
+    "pages with a robot": (("matplotlib", "pybullet", "pinocchio"), "scraping/report.py"),
+    "pages of dynamics": (("matplotlib", "pybullet", "pinocchio", "torch"), "dynamics/report.py"),
 }
 """By kind of stage: slow libraries that its start may load, and the scripts."""
 

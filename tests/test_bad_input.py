@@ -12,8 +12,8 @@ from recordings_bags import header, pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill
 
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.feedback_models import MODELS
 from structlearn.feedback.pmnn import read_networks, write_networks
+from structlearn.feedback.training_parameters import MODELS
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.recordings import write_recordings

@@ -3,14 +3,14 @@ import pytest
 from committed import committed
 from feedback_toy import toy_dataset
 
-from structlearn.feedback.feedback_models import MODELS, FeedbackParameters, path_errors, train_models
-from structlearn.feedback.supervised_training import TrainingParameters, train_final
-from structlearn.feedback.unrolled_training import (
-    SAMPLES,
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
+from structlearn.feedback.feedback_models import train_models
+from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.training_parameters import (
+    MODELS,
+    FeedbackParameters,
+    TrainingParameters,
     UnrolledTrainingParameters,
-    corrected_paths,
-    split,
-    unrolled_error,
 )
 from structlearn.ground.errors import InputError
 

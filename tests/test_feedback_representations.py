@@ -5,7 +5,7 @@ from feedback_toy import toy_dataset
 
 from structlearn.feedback.folds import leave_one_out
 from structlearn.feedback.representations import StackedAutoencoders, autoencoder, principal_components
-from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.feedback.training_parameters import TrainingParameters
 
 QUICK = committed(TrainingParameters, "compare_models", steps=400, evaluate_every=100, batch_size=32)
 FOLDS = leave_one_out(toy_dataset(), (0.075, 0.075), 1, seed=0)

@@ -15,7 +15,6 @@ from structlearn.feedback.supervised_training import (
     FRACTIONS,
     LearningCurves,
     StackedData,
-    TrainingParameters,
     evaluate,
     predict,
     restore,
@@ -24,6 +23,7 @@ from structlearn.feedback.supervised_training import (
     train,
     train_final,
 )
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.networks.rmsprop import RootMeanSquarePropagation

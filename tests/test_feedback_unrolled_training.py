@@ -7,17 +7,13 @@ from committed import committed
 from primitives_movements import ramp, wobbly_turn
 from pydantic import ValidationError
 
+from structlearn.feedback.corrected_paths import corrected_paths, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
-from structlearn.feedback.supervised_training import TrainingParameters, train_final
-from structlearn.feedback.unrolled_training import (
-    UnrolledTrainingParameters,
-    corrected_paths,
-    split,
-    train_unrolled,
-    unrolled_error,
-)
+from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
+from structlearn.feedback.unrolled_training import train_unrolled
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels, transformation

@@ -22,9 +22,11 @@ from made_up_environment import (
     wanted,
 )
 
+from structlearn.feedback import supervised_training
 from structlearn.feedback.coupling_dataset import concatenated
 from structlearn.feedback.skill import open_loop
-from structlearn.feedback.supervised_training import TrainingParameters, train_final
+from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
 from structlearn.policy_search.checkpoint import Checkpoint
@@ -286,7 +288,7 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
         trained.append((data, initial))
         return train_final(data, parameters, initial=initial)
 
-    monkeypatch.setattr(refinement, "train_final", remember)
+    monkeypatch.setattr(supervised_training, "train_final", remember)
     environment = MadeUp(lambda seed: seed == (1, 2, 1))
     result = refined(environment, PARAMETERS.model_copy(update={"added_runs": 3}))
     kept = len(demonstrations.target)

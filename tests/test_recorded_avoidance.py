@@ -7,10 +7,11 @@ from recordings_bags import recorded_data
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.network_training import NetworkParameters
-from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 from structlearn.testbeds.recorded.protocol import avoidance_representations, avoidance_samples
+from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 
 ROWS = 12
 
@@ -77,7 +78,7 @@ def phase_dependent(count=120, seed=0):
 def test_representations_are_compared_on_the_same_held_out_samples():
     dataset = phase_dependent()
     parameters = committed(
-        avoidance_representations.RecordedAvoidanceParameters,
+        RecordedAvoidanceParameters,
         "recorded_avoidance",
         folds=2,
         network=committed(
@@ -120,7 +121,7 @@ def test_too_few_samples_for_the_folds():
     with pytest.raises(InputError, match="too few for 10 folds"):
         avoidance_representations.compare_on_recorded(
             phase_dependent(15),
-            committed(avoidance_representations.RecordedAvoidanceParameters, "recorded_avoidance"),
+            committed(RecordedAvoidanceParameters, "recorded_avoidance"),
         )
 
 

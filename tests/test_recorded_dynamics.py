@@ -22,10 +22,10 @@ from structlearn.testbeds.recorded.protocol.panda_identification import (
     LEAST_SQUARES,
     TRACE_STRIDE,
     URDF,
-    RecordedDynamicsParameters,
     identify,
     panda_motion,
 )
+from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
 PARAMETERS = committed(RecordedDynamicsParameters, "recorded_dynamics", iterations=150, seeds=2, epochs=1)

@@ -11,11 +11,10 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings import clmc, slide, synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
-from structlearn.tactile.latent_spaces import LatentSpaceParameters
-from structlearn.tactile.latent_training import LatentTrainingParameters
+from structlearn.tactile.latent_parameters import LatentSpaceParameters, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 from structlearn.testbeds.recorded.protocol import latent_touch, touch_sets
-from structlearn.testbeds.recorded.protocol.latent_touch import LatentTouchParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import TouchSet
 
 SKIN = biotac()

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from viewer_files import PRIMITIVES as MOVEMENTS
 from viewer_files import colour_of, contents, demonstration, note, values, view_names
 
-from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground import quaternion
 from structlearn.primitives.fitting import FitParameters, learn_primitive
 from structlearn.primitives.primitive_files import write_primitives

@@ -16,9 +16,9 @@ from structlearn.reporting.document import environment, render, words_in_view
 from structlearn.reporting.publishing import publish_report
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.latent_comparison import SPLITS, LatentParameters
-from structlearn.tactile.latent_models import TRAINED_WITH
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
+from structlearn.tactile.latent_variants import TRAINED_WITH
+from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing.files import OtherSkinTables
 from structlearn.testbeds.servoing.names import OURS, TEXT
@@ -28,13 +28,9 @@ from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import contact_bias
 from structlearn.testbeds.servoing.protocol.model_scores import ModelScores, skin_table
-from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParameters
-from structlearn.testbeds.servoing.protocol.servo_trials import (
-    MOTIONS,
-    Comparison,
-    ServoTrialParameters,
-    variants,
-)
+from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS
+from structlearn.testbeds.servoing.protocol.servo_variants import Comparison, ServoTrialParameters, variants
 
 SKIN = SKINS["biotac"]
 SHIFT_M = 0.001

@@ -25,7 +25,8 @@ from structlearn.tactile.flat_maps import map_laying
 from structlearn.tactile.touch_dataset import read_dataset, write_dataset
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, OURS, TEXT
-from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters, make_scene
+from structlearn.testbeds.servoing.protocol.servo_trials import make_scene
+from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
 from structlearn.testbeds.servoing.recordings.demonstrated_touches import (
     handle_place,
     write_touch_demonstrations,

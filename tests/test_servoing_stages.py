@@ -18,7 +18,7 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.tactile.geodesics import read_geodesics
 from structlearn.tactile.touch_dataset import chains, read_dataset
-from structlearn.testbeds.servoing.protocol.servo_trials import Variant, variants
+from structlearn.testbeds.servoing.protocol.servo_variants import Variant, variants
 
 OWN_STAGES = ("record_touch", "touch_dataset", "geodesics", "train_latent", "servo", "view", "report")
 

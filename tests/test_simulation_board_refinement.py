@@ -11,7 +11,7 @@ from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
-from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import ScaleParameters

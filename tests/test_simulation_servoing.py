@@ -16,14 +16,8 @@ from structlearn.testbeds.servoing.protocol.servo_scores import (
     success_by_tolerance,
     success_rates,
 )
-from structlearn.testbeds.servoing.protocol.servo_trials import (
-    MOTIONS,
-    ServoTrialParameters,
-    Variant,
-    draw,
-    make_scene,
-    variants,
-)
+from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
+from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters, Variant, variants
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
 
 PERSON = committed(ToucherParameters, "toucher")

@@ -9,13 +9,13 @@ from scipy.spatial import cKDTree
 from structlearn.ground.errors import InputError
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.geodesics import (
-    GeodesicParameters,
     Geodesics,
     geodesics,
     graph_distances,
     read_geodesics,
     write_geodesics,
 )
+from structlearn.tactile.latent_parameters import GeodesicParameters
 
 
 def spread(name: str, count: int = 900, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

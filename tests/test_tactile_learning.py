@@ -13,20 +13,17 @@ from structlearn.ground.artefacts import write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.inverse_dynamics import JACOBIAN
-from structlearn.tactile.latent_comparison import LatentParameters, learn
+from structlearn.tactile.latent_comparison import learn
 from structlearn.tactile.latent_evaluation import ChainData, SplitData, forward_errors, latent_errors
 from structlearn.tactile.latent_files import read_models, write_models
-from structlearn.tactile.latent_models import (
-    FORWARD_OF,
-    NO_INVERSE,
-    NONLINEAR,
-    LatentModels,
+from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_parameters import (
+    LatentParameters,
+    LatentTrainingParameters,
     NetworkParameters,
 )
 from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
-    LatentTrainingParameters,
     autoencoder_loss,
     direction_loss,
     draw_pairs,
@@ -34,6 +31,7 @@ from structlearn.tactile.latent_training import (
     train,
     training_data,
 )
+from structlearn.tactile.latent_variants import FORWARD_OF, JACOBIAN, NO_INVERSE, NONLINEAR
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST, TRAIN, chains
 from structlearn.tactile.units import touch_units

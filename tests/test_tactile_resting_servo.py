@@ -7,7 +7,8 @@ from committed import committed
 from tactile_toy import doubled, toy_dataset
 
 from structlearn.tactile.forward_dynamics import LocallyLinearDynamics, NonLinearDynamics, applied
-from structlearn.tactile.latent_models import LatentModels, NetworkParameters
+from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.resting_servo import (
     Caution,
     RestingServo,

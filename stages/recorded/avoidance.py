@@ -3,10 +3,8 @@
 from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.ground.artefacts import publish, read_table, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.testbeds.recorded.protocol.avoidance_representations import (
-    RecordedAvoidanceParameters,
-    compare_on_recorded,
-)
+from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.avoidance_representations import compare_on_recorded
 
 
 def main() -> None:

@@ -10,11 +10,8 @@ from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
-from structlearn.testbeds.recorded.protocol.panda_identification import (
-    RecordedDynamicsParameters,
-    identify,
-    panda_motion,
-)
+from structlearn.testbeds.recorded.protocol.panda_identification import identify, panda_motion
+from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
 
 

@@ -8,7 +8,8 @@ from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
-from structlearn.testbeds.recorded.protocol.latent_touch import LatentTouchParameters, learn_touch
+from structlearn.testbeds.recorded.protocol.latent_touch import learn_touch
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import touch_sets
 
 

@@ -8,11 +8,11 @@ from structlearn.testbeds.recorded.page.assembly import HEADLINES, recorded_docu
 from structlearn.testbeds.recorded.page.figures import pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults, metrics
 from structlearn.testbeds.recorded.page.tables import tables
-from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
-from structlearn.testbeds.recorded.protocol.latent_touch import LatentTouchParameters
-from structlearn.testbeds.recorded.protocol.panda_identification import RecordedDynamicsParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
+from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 

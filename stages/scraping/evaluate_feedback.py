@@ -1,10 +1,11 @@
 """Execute the primitives on every setting, without and with each feedback model (IV.9.3.5)."""
 
-from structlearn.feedback import feedback_models
+from structlearn.feedback.corrected_paths import path_errors
 from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.runtime import Limits, largest_coupling
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.feedback.training_parameters import MODELS
 from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
@@ -26,16 +27,14 @@ def main() -> None:
     clock = stage_parameters("clock", ClockParameters)
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
     expected, datasets = read_expected(f"{DATA}/expected"), read_datasets(f"{DATA}/dataset")
-    networks = {
-        model: read_networks(f"{DATA}/models/{model}.safetensors") for model in feedback_models.MODELS
-    }
+    networks = {model: read_networks(f"{DATA}/models/{model}.safetensors") for model in MODELS}
 
     sets = []
     with publish("data/raw/scraping/closed_loop") as folder:
         folder.mkdir()
         if datasets and stage_parameters("record", SourceParameters).simulated:
             limits = Limits(largest_coupling=largest_coupling([one.target for one in datasets.values()]))
-            for model in (executed_sets.NOMINAL, *feedback_models.MODELS):
+            for model in (executed_sets.NOMINAL, *MODELS):
                 own = networks.get(model, {})
                 skill = ReactiveSkill(primitives, expected, own, supervision.unit_axis)
                 recordings, executed = executed_set(model, skill, parameters, testbed, limits, clock)
@@ -50,7 +49,7 @@ def main() -> None:
             write_table(scores, folder / "scores.parquet")
             write_metrics(compared_engines(skill, parameters, testbed, limits), folder / "engines.json")
             write_table(executed_sets.traces(sets, expected, supervision), folder / "traces.parquet")
-            write_table(feedback_models.path_errors(datasets, networks), folder / "path_errors.parquet")
+            write_table(path_errors(datasets, networks), folder / "path_errors.parquet")
 
 
 if __name__ == "__main__":

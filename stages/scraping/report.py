@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.feedback.feedback_models import FeedbackParameters
-from structlearn.feedback.supervised_training import TrainingParameters
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
+from structlearn.feedback.training_parameters import FeedbackParameters, TrainingParameters
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters

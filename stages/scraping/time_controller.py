@@ -1,9 +1,9 @@
 """Time the runtime controller and a simulated run on this machine; no stage depends on the result."""
 
-from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.supervision import SupervisionParameters
+from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground.artefacts import write_metrics
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives

@@ -7,11 +7,11 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.latent_comparison import LatentParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
-from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParameters, with_other_skin
-from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters
+from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.other_skins import with_other_skin
+from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
 
 SHARED = {
     "touch_dataset": TouchDataParameters,

@@ -4,16 +4,15 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.source import SourceParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.geodesics import GeodesicParameters
-from structlearn.tactile.latent_comparison import LatentParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.page import document
 from structlearn.testbeds.servoing.page.results import HEADLINES, ServoingResults
 from structlearn.testbeds.servoing.page.tables import tables
-from structlearn.testbeds.servoing.protocol.other_skins import OtherSkinsParameters
-from structlearn.testbeds.servoing.protocol.servo_trials import ServoTrialParameters
+from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
 from structlearn.testbeds.servoing.world.scene_still import scene_still
 
 PARAMETERS = {

@@ -9,12 +9,8 @@ from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_files import read_models
 from structlearn.tactile.resting_servo import demonstrated_actions
 from structlearn.tactile.touch_dataset import read_dataset
-from structlearn.testbeds.servoing.protocol.servo_trials import (
-    ServoTrialParameters,
-    Taught,
-    compare,
-    variants,
-)
+from structlearn.testbeds.servoing.protocol.servo_trials import Taught, compare
+from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters, variants
 
 
 def main() -> None:

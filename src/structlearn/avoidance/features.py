@@ -12,6 +12,7 @@ centre.
 """
 
 from collections.abc import Callable
+from functools import cache
 
 import numba
 import numpy as np
@@ -64,7 +65,7 @@ def features(
         raise InputError(f"obstacle features: tau must be positive and finite, is {tau}")
     with np.errstate(invalid="ignore"):  # what is not finite is named below
         to_centre = centre - position
-        to_points = _to_closest_points(position, cloud, _SLOTS)  # (..., 3 points, 3 axes)
+        to_points = _closest_points()(position, cloud, _SLOTS)  # (..., 3 points, 3 axes)
         values = np.empty(
             (*np.broadcast_shapes(to_points.shape[:-2], to_centre.shape[:-1], velocity.shape[:-1]), 17)
         )
@@ -93,7 +94,7 @@ def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
     Returns:
         (...) m; NaN where an input is not finite.
     """
-    return _norm(_to_closest_points(position, cloud, _SLOTS)[..., 0, :])
+    return _norm(_closest_points()(position, cloud, _SLOTS)[..., 0, :])
 
 
 def _check_shapes(position: np.ndarray, velocity: np.ndarray, cloud: np.ndarray, centre: np.ndarray) -> None:
@@ -129,7 +130,13 @@ _SLOTS = np.empty(CLOSEST_POINTS)
 """Gives the compiled function the length of its output, nothing else."""
 
 
-@numba.guvectorize(["(f8[:], f8[:, :], f8[:], f8[:, :])"], "(d),(p,d),(k)->(k,d)", nopython=True, cache=True)
+@cache
+def _closest_points() -> np.ufunc:
+    """`_to_closest_points` for batches; made at its first use, since its declared types load the compiler."""
+    types, shapes = ["(f8[:], f8[:, :], f8[:], f8[:, :])"], "(d),(p,d),(k)->(k,d)"
+    return numba.guvectorize(types, shapes, nopython=True, cache=True)(_to_closest_points)
+
+
 def _to_closest_points(
     position: np.ndarray, cloud: np.ndarray, slots: np.ndarray, vectors: np.ndarray
 ) -> None:

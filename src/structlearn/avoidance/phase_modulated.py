@@ -4,27 +4,15 @@ One network per axis of the coupling term (eq. IV.27-IV.30), trained as one stac
 phase rests there is no coupling: such a model needs no post-processing to let a movement reach its goal.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
-from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.folds import without_generalization
+from structlearn.avoidance.avoidance_dataset import AXES
 from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks, write_networks
-from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
-from structlearn.feedback.supervised_training import (
-    FRACTIONS,
-    StackedData,
-    TrainingParameters,
-    standardisation,
-    target_scale,
-    train,
-)
 from structlearn.ground.errors import InputError
-from structlearn.networks.torch_settings import as_tensor, seeded
 from structlearn.primitives import kernels
 
 
@@ -42,61 +30,6 @@ class PhaseModulatedAvoidance:
         """Coupling terms (B, 3) in m of features (B, 17), phase (B,) and phase velocity (B,)."""
         modulation = kernels.features(phase, phase_velocity, len(self.networks[0].phase_biases))
         return np.stack([network.coupling(features, modulation) for network in self.networks], axis=-1)
-
-
-def train_phase_modulated(
-    dataset: AvoidanceDataset,
-    parameters: TrainingParameters,
-    hidden: Sequence[int] = (100,),
-    description: str | None = None,
-) -> PhaseModulatedAvoidance:
-    """Train on all samples but those that say when to stop.
-
-    Args:
-        dataset: samples of any number of scenarios.
-        parameters: of the training; its chunks of consecutive samples are split together.
-        hidden: nodes of the regular hidden layers.
-        description: what the progress bar says; no bar without one.
-
-    Raises:
-        InputError: too few samples, or the target of an axis is constant.
-    """
-    per_axis = [coupling_dataset(dataset, axis) for axis in range(len(AXES))]
-    fold = without_generalization(per_axis[0], FRACTIONS, parameters.chunk_samples, parameters.seed)
-    mean, spread = standardisation(dataset.features, fold)
-    scales = [target_scale(one.target, fold) for one in per_axis]
-    modulation = per_axis[0].modulation()
-    stack = StackedPhaseModulatedNetworks(
-        len(AXES),
-        len(mean),
-        hidden,
-        modulation.shape[1],
-        parameters.dropout,
-        seeded(parameters.seed),
-    )
-    data = StackedData(
-        inputs=as_tensor((dataset.features - mean) / spread).expand(len(AXES), -1, -1),
-        modulation=as_tensor(modulation),
-        target=as_tensor(np.stack([one.target / scale for one, scale in zip(per_axis, scales, strict=True)])),
-        folds=[fold] * len(AXES),
-    )
-    train(stack, data, parameters, description)
-    return PhaseModulatedAvoidance(
-        tuple(stack.to_network(place, mean, spread, scale) for place, scale in enumerate(scales))
-    )
-
-
-def coupling_dataset(dataset: AvoidanceDataset, axis: int) -> CouplingDataset:
-    """One axis of the coupling term as the feedback models know it; the scenario is the setting."""
-    return CouplingDataset(
-        deviation=dataset.features,
-        phase=dataset.phase,
-        phase_velocity=dataset.phase_velocity,
-        target=dataset.target[:, axis],
-        setting=dataset.scenario.astype(float),
-        demonstration=dataset.demonstration,
-        time=dataset.time,
-    )
 
 
 def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: str | Path) -> None:

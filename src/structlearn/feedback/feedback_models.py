@@ -8,42 +8,14 @@ follows the corrected demonstration. Which one is better is decided on the board
 from collections.abc import Mapping
 
 import numpy as np
-import pandas as pd
-from pydantic import Field
 
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervised_training import TrainingParameters, train_final
-from structlearn.feedback.unrolled_training import (
-    SAMPLES,
-    UnrolledTrainingParameters,
-    corrected_paths,
-    split,
-    train_unrolled,
-    unrolled_error,
-)
+from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.training_parameters import MODELS, UNROLLED, FeedbackParameters
+from structlearn.feedback.unrolled_training import train_unrolled
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
-
-POINTWISE, UNROLLED = "pointwise", "unrolled"
-MODELS = (POINTWISE, UNROLLED)
-
-
-class FeedbackParameters(Parameters):
-    """Training of the final models.
-
-    Attributes:
-        hidden: nodes of the regular hidden layers.
-        pointwise: training sample by sample.
-        unrolled: training inside the unroll.
-        validation_share: of the demonstration numbers, on which training inside the unroll is stopped.
-    """
-
-    hidden: tuple[int, ...]
-    pointwise: TrainingParameters
-    unrolled: UnrolledTrainingParameters
-    validation_share: float = Field(gt=0, lt=1)
-
 
 Networks = list[tuple[str, PhaseModulatedNetwork]]
 
@@ -63,38 +35,6 @@ def train_models(
     work = [(model, dataset, parameters) for model in MODELS for dataset in datasets.values()]
     networks = iter(parallel_map(_trained, work, "training feedback models"))
     return {model: [(name, next(networks)) for name in datasets] for model in MODELS}
-
-
-def path_errors(
-    datasets: Mapping[str, CouplingDataset], models: Mapping[str, Mapping[str, PhaseModulatedNetwork]]
-) -> pd.DataFrame:
-    """Errors of the unrolled roll path, given the recorded sensors, over all demonstrations.
-
-    Args:
-        datasets: by the primitive's name, with settings that were and were not learned from.
-        models: networks by primitive, by model.
-
-    Returns:
-        One row per model, primitive and demonstration: `model`, `primitive`, `setting_deg`, `demonstration`,
-        `error_deg` (rms over the movement).
-    """
-    tables = []
-    for name, dataset in datasets.items():
-        for model, networks in models.items():
-            network = networks[name]
-            paths = corrected_paths(dataset, SAMPLES)
-            tables.append(
-                pd.DataFrame(
-                    {
-                        "model": model,
-                        "primitive": name,
-                        "setting_deg": paths.setting,
-                        "demonstration": paths.demonstration,
-                        "error_deg": np.degrees(unrolled_error(network, paths)),
-                    }
-                )
-            )
-    return pd.concat(tables, ignore_index=True)
 
 
 def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> PhaseModulatedNetwork:

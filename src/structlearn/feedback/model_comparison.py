@@ -12,23 +12,21 @@ import torch
 from structlearn.feedback import representations
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.folds import PARTS, Fold, leave_one_out
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.representation_orderings import REPRESENTATIONS, STOPPINGS
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
     FRACTIONS,
     StackedData,
-    TrainingParameters,
     evaluate,
     restore,
     standardisation,
     target_scale,
     train,
 )
-from structlearn.ground.metrics import mean_interval, verdict
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import as_tensor
 
-REPRESENTATIONS = ("pmnn_100", "pmnn_6", "pmnn_0", "ffnn_phase", "ffnn", "pca", "autoencoder")
 HIDDEN = {
     "pmnn_100": (100,),
     "pmnn_6": (6,),
@@ -39,23 +37,6 @@ HIDDEN = {
     "autoencoder": (),
 }
 """Nodes of the regular hidden layers; `pmnn_6` has about as many as there are principal components."""
-
-STOPPINGS = ("validation", "generalization")
-"""The part whose error names the step; generalization is the dissertation's, optimistic choice."""
-
-CLAIMS = (
-    ("pmnn_100", "pmnn_0"),
-    ("pmnn_0", "ffnn_phase"),
-    ("ffnn_phase", "ffnn"),
-    ("pmnn_100", "ffnn_phase"),
-    ("pmnn_100", "ffnn"),
-    ("pmnn_100", "pmnn_6"),
-    ("pmnn_100", "pca"),
-    ("pmnn_100", "autoencoder"),
-    ("pmnn_6", "pca"),
-    ("pmnn_6", "autoencoder"),
-)
-"""Pairs (better, worse) of figure IV.16 and its text."""
 
 
 def compare_representations(
@@ -82,53 +63,6 @@ def compare_representations(
         primitive: pd.concat([found[name][primitive] for name in REPRESENTATIONS], ignore_index=True)
         for primitive in datasets
     }
-
-
-def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
-    """Whether the dissertation's orderings hold, in pairs over the folds.
-
-    Folds share most of their training samples, so their differences are not independent and the intervals
-    are somewhat too narrow.
-
-    Args:
-        table: of `compare_representations`.
-
-    Returns:
-        Per stopping and claim: `better`, `worse` (as claimed), `difference` (mean over folds of the latter's
-        generalisation NMSE minus the former's; positive as claimed), `half_width` of its 95 % confidence
-        interval, `p_value` (two-sided Wilcoxon signed-rank test) and the `verdict`: better, worse or
-        undecided, by the interval.
-    """
-    from scipy import stats
-
-    rows = []
-    for stopping in STOPPINGS:
-        errors = table[table["stopping"] == stopping].pivot_table("generalization", "fold", "representation")
-        for better, worse in CLAIMS:
-            if better in errors and worse in errors:
-                difference = (errors[worse] - errors[better]).to_numpy()
-                mean, half_width = mean_interval(difference)
-                p_value = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
-                found = str(verdict(mean - half_width, mean + half_width))
-                rows.append((stopping, better, worse, mean, half_width, p_value, found))
-    columns = ["stopping", "better", "worse", "difference", "half_width", "p_value", "verdict"]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def dominant_features(network: PhaseModulatedNetwork, count: int = 10) -> np.ndarray:
-    """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
-
-    Args:
-        network: a trained network.
-        count: nodes per kernel.
-
-    Returns:
-        (N, H) True for the nodes with the largest |weight| into a kernel.
-    """
-    order = np.argsort(-np.abs(network.phase_weights), axis=1, kind="stable")
-    dominant = np.zeros(network.phase_weights.shape, dtype=bool)
-    np.put_along_axis(dominant, order[:, :count], True, axis=1)
-    return dominant
 
 
 _LONGEST_FIRST = ("autoencoder", "ffnn_phase", "ffnn", "pmnn_100", "pmnn_6", "pca", "pmnn_0")

@@ -90,6 +90,22 @@ def read_networks(path: str | Path) -> dict[str, PhaseModulatedNetwork]:
         raise InputError(f"{path}: holds no phase-modulated networks (missing {error})") from error
 
 
+def dominant_features(network: PhaseModulatedNetwork, count: int = 10) -> np.ndarray:
+    """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
+
+    Args:
+        network: a trained network.
+        count: nodes per kernel.
+
+    Returns:
+        (N, H) True for the nodes with the largest |weight| into a kernel.
+    """
+    order = np.argsort(-np.abs(network.phase_weights), axis=1, kind="stable")
+    dominant = np.zeros(network.phase_weights.shape, dtype=bool)
+    np.put_along_axis(dominant, order[:, :count], True, axis=1)
+    return dominant
+
+
 _ARRAYS = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
 
 

@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from structlearn.feedback.folds import Fold
-from structlearn.feedback.supervised_training import StackedData, TrainingParameters, train
+from structlearn.feedback.supervised_training import StackedData, train
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.networks.stacked_layers import Dropout, RowLayers
 from structlearn.networks.torch_settings import as_tensor, one_thread
 

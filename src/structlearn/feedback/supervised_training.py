@@ -13,7 +13,6 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from pydantic import Field, PositiveInt
 from torch import Tensor
 from tqdm import tqdm
 
@@ -21,8 +20,8 @@ from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.folds import PARTS, Fold, without_generalization
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
 from structlearn.networks.rmsprop import RootMeanSquarePropagation
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 
@@ -37,28 +36,6 @@ DECAY = 0.9
 
 FRACTIONS = (0.075, 0.075)
 """Of the samples that are not left out, for validation and test (IV.9.3)."""
-
-
-class TrainingParameters(Parameters):
-    """How a feedback model is trained.
-
-    Attributes:
-        steps: gradient steps.
-        batch_size: samples per model and step.
-        learning_rate: of RMSProp.
-        dropout: probability with which a hidden node is left out of a step (IV.9.1.4).
-        evaluate_every: steps between two evaluations, which are where training can stop.
-        chunk_samples: consecutive samples that are split together; 1 is the text.
-        seed: of initial weights, splits, batches and dropout.
-    """
-
-    steps: PositiveInt
-    batch_size: PositiveInt
-    learning_rate: float = Field(gt=0)
-    dropout: float = Field(ge=0, lt=1)
-    evaluate_every: PositiveInt
-    chunk_samples: PositiveInt
-    seed: int = Field(ge=0)
 
 
 class Stack(Protocol):

@@ -21,7 +21,7 @@ from pydantic import Field
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import open_loop
-from structlearn.feedback.supervised_training import TrainingParameters, train_final
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
@@ -160,6 +160,8 @@ def improve(
     Raises:
         InputError: fewer than two policies could be executed, or the improved policy or the network not once.
     """
+    from structlearn.feedback.supervised_training import train_final
+
     iteration = progress.iteration + 1
     rng = np.random.default_rng([seed, iteration])
     distribution = SearchDistribution(progress.compressed, progress.covariance)

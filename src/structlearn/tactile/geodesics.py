@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from pydantic import Field
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -23,32 +22,13 @@ from scipy.spatial import cKDTree
 from structlearn.ground.artefacts import read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
+from structlearn.tactile.latent_parameters import GeodesicParameters
 
 FILE_UNIT = 1e-6
 """m per whole number in a file: 16 bits hold 65 mm, in half the space and with half the pairs of float32."""
 
 SHORTEST_EDGE = 1e-9
 """m; two samples at the same point are neighbours too, and a sparse matrix takes zero for no edge."""
-
-
-class GeodesicParameters(Parameters):
-    """The neighbour graph.
-
-    Attributes:
-        neighbours: M nearest neighbours of every point.
-        bin_size: N' points per bin.
-        bins: at most so many bins; None: as many as the samples fill.
-        bridge_mm: gap between two patches of points that may be bridged by its shortest edge; a wider one is
-            an error.
-        seed: of the bins.
-    """
-
-    neighbours: int = Field(ge=2)
-    bin_size: int = Field(ge=3)
-    bins: int | None = Field(ge=1)
-    bridge_mm: float = Field(ge=0)
-    seed: int = Field(ge=0)
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,7 @@ from structlearn.tactile.forward_dynamics import (
     NonLinearDynamics,
     applied,
 )
-
-LOCALLY_LINEAR, NEGATIVE_GRADIENT, JACOBIAN = "LL", "NG", "NJ"
-"""Names of the inverse models."""
+from structlearn.tactile.latent_variants import LOCALLY_LINEAR, NEGATIVE_GRADIENT
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pandas as pd
 import torch
-from pydantic import Field, PositiveInt
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_evaluation import (
@@ -25,10 +23,10 @@ from structlearn.tactile.latent_evaluation import (
     latent_errors,
     latent_map,
 )
-from structlearn.tactile.latent_models import LatentModels, NetworkParameters
+from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
-    LatentTrainingParameters,
     Pairs,
     TrainingData,
     draw_pairs,
@@ -36,43 +34,15 @@ from structlearn.tactile.latent_training import (
     training_data,
 )
 from structlearn.tactile.touch_dataset import (
+    SPLITS,
     STRIDES,
-    TEST,
     TEST_STRIDE,
     TRAIN,
-    VALIDATION,
     Chains,
     TouchDataset,
     chains,
 )
 from structlearn.tactile.units import TouchUnits, touch_units
-
-SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}
-"""Splits by their names in tables."""
-
-
-class LatentParameters(Parameters):
-    """What is trained, and how it is compared.
-
-    Attributes:
-        seeds: of the latent spaces with and without structure, and their dynamics.
-        stacks: the seeds train in so many processes.
-        map_unit_m: m on the skin per unit of the latent map; the losses then are of comparable size.
-        networks: sizes.
-        training: of all of them.
-        pair_pool: pairs of samples from which the batches are drawn.
-        evaluation_pairs: pairs per split on which map and geodesic distances are compared (II.4.3).
-        longest_chain: steps of prediction to which the forward models are tested.
-    """
-
-    seeds: PositiveInt
-    stacks: PositiveInt
-    map_unit_m: float = Field(gt=0)
-    networks: NetworkParameters
-    training: LatentTrainingParameters
-    pair_pool: PositiveInt
-    evaluation_pairs: PositiveInt
-    longest_chain: int = Field(ge=3)
 
 
 @dataclass(frozen=True)

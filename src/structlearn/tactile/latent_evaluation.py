@@ -14,8 +14,9 @@ from torch import Tensor
 from structlearn.tactile.autoencoder import map_distance
 from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
-from structlearn.tactile.latent_models import FORWARD_OF, NO_INVERSE, TRAINED_WITH, LatentModels
+from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_training import encoded
+from structlearn.tactile.latent_variants import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.touch_dataset import TouchDataset
 from structlearn.tactile.units import LINEAR
 
@@ -24,9 +25,6 @@ PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 
 SHORTEST = 1e-9
 """Floor of a norm by which is divided."""
-
-UNCHANGED = "unchanged"
-"""The prediction that nothing moves, beside the forward models."""
 
 
 @dataclass(frozen=True)

@@ -9,49 +9,16 @@ from dataclasses import dataclass
 from typing import Self
 
 import torch
-from pydantic import PositiveInt
 from torch import Tensor
 
-from structlearn.ground.params import Parameters
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.autoencoder import StackedAutoencoders
 from structlearn.tactile.forward_dynamics import ForwardDynamics, LocallyLinearDynamics, NonLinearDynamics
-from structlearn.tactile.inverse_dynamics import JACOBIAN, LOCALLY_LINEAR, NEGATIVE_GRADIENT
-
-STRUCTURES = (True, False)
-"""Whether the latent space has structure: L_MDS and L_CDP in its loss."""
-
-NONLINEAR = "NL"
-"""Name of the other forward model, beside `LOCALLY_LINEAR`."""
-
-NO_INVERSE = "none"
-"""Trained with L_LFD alone."""
-
-TRAINED_WITH = {
-    LOCALLY_LINEAR: (NO_INVERSE, LOCALLY_LINEAR),
-    NONLINEAR: (NO_INVERSE, NEGATIVE_GRADIENT, JACOBIAN),
-}
-"""Per forward model, the inverse models whose loss L_ID it is trained with, in the order of its stack."""
-
-FORWARD_OF = {LOCALLY_LINEAR: LOCALLY_LINEAR, NEGATIVE_GRADIENT: NONLINEAR, JACOBIAN: NONLINEAR}
-"""Per inverse model, the forward model that it shares its parameters with."""
+from structlearn.tactile.latent_parameters import NetworkParameters
+from structlearn.tactile.latent_variants import LOCALLY_LINEAR, NONLINEAR, STRUCTURES, TRAINED_WITH
 
 NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
 """Names of a stack's networks in files."""
-
-
-class NetworkParameters(Parameters):
-    """Sizes of the networks (II.4.1.3).
-
-    Attributes:
-        encoder_hidden: nodes of the encoder's hidden layers; the decoder mirrors them.
-        locally_linear_hidden: nodes of the hidden layers of the LL model.
-        nonlinear_hidden: nodes of the hidden layer of the NL model.
-    """
-
-    encoder_hidden: tuple[PositiveInt, ...]
-    locally_linear_hidden: tuple[PositiveInt, ...]
-    nonlinear_hidden: PositiveInt
 
 
 @dataclass(frozen=True)

@@ -6,40 +6,15 @@ learned from one set can be asked about another one, whose counts have other sca
 """
 
 import numpy as np
-from pydantic import Field, PositiveInt
 
-from structlearn.ground.params import Parameters
 from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_evaluation import SplitData
-from structlearn.tactile.latent_models import LatentModels, NetworkParameters
-from structlearn.tactile.latent_training import (
-    CHAIN_STEPS,
-    LatentTrainingParameters,
-    draw_pairs,
-    train,
-    training_data,
-)
+from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_parameters import LatentSpaceParameters
+from structlearn.tactile.latent_training import CHAIN_STEPS, draw_pairs, train, training_data
 from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchDataset, chains
 from structlearn.tactile.units import TouchUnits, touch_units
-
-
-class LatentSpaceParameters(Parameters):
-    """How latent spaces are learned from a small set.
-
-    Attributes:
-        seeds: of the latent spaces with and without structure; all are one stack.
-        networks: sizes; the dynamics are not trained.
-        training: of the autoencoders.
-        pair_pool: pairs of samples from which the batches are drawn.
-        evaluation_pairs: pairs on which map and geodesic distances are compared.
-    """
-
-    seeds: PositiveInt
-    networks: NetworkParameters
-    training: LatentTrainingParameters
-    pair_pool: int = Field(ge=1)
-    evaluation_pairs: int = Field(ge=1)
 
 
 def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:

@@ -13,19 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from pydantic import Field, PositiveInt
 from torch import Tensor
 from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
 from structlearn.networks.rmsprop import RootMeanSquarePropagation
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.tactile.autoencoder import latent_losses
 from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
-from structlearn.tactile.latent_models import FORWARD_OF, TRAINED_WITH, LatentModels
+from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_parameters import LatentTrainingParameters
+from structlearn.tactile.latent_variants import FORWARD_OF, TRAINED_WITH
 from structlearn.tactile.touch_dataset import Chains, TouchDataset
 from structlearn.tactile.units import TouchUnits
 
@@ -37,48 +37,6 @@ DRAWN_AT_ONCE = 100
 
 SHORTEST_ACTION = 1e-6
 """Floor of the length by which an action is divided, in the networks' units."""
-
-
-class LossWeights(Parameters):
-    """Weights of the losses (eq. II.23, II.24), for quantities in the units of `TouchUnits`.
-
-    Attributes:
-        reconstruction: w_AER.
-        distances: w_MDS.
-        pressure: w_CDP.
-        forward: w_LFD.
-        inverse: w_ID.
-    """
-
-    reconstruction: float = Field(ge=0)
-    distances: float = Field(ge=0)
-    pressure: float = Field(ge=0)
-    forward: float = Field(ge=0)
-    inverse: float = Field(ge=0)
-
-
-class LatentTrainingParameters(Parameters):
-    """How latent spaces and dynamics are trained.
-
-    Attributes:
-        steps: of both optimisers.
-        batch_size: pairs of samples, and chains, per model and step.
-        learning_rate: of RMSProp at the start; it falls to zero.
-        decay: of RMSProp's running mean of squared gradients.
-        weights: of the losses.
-        action_penalty: beta of the inverse models (eq. II.12), in the units of `TouchUnits`.
-        evaluate_every: steps between two points of the learning curve.
-        seed: of initial weights and batches.
-    """
-
-    steps: PositiveInt
-    batch_size: PositiveInt
-    learning_rate: float = Field(gt=0)
-    decay: float = Field(gt=0, lt=1)
-    weights: LossWeights
-    action_penalty: float = Field(gt=0)
-    evaluate_every: PositiveInt
-    seed: int = Field(ge=0)
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,9 @@ from structlearn.tactile.forward_dynamics import (
     LocallyLinearDynamics,
     applied,
 )
-from structlearn.tactile.inverse_dynamics import NEGATIVE_GRADIENT, LatentStep, receding_horizon_action
+from structlearn.tactile.inverse_dynamics import LatentStep, receding_horizon_action
 from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_variants import NEGATIVE_GRADIENT
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TRAIN, TouchDataset, chains
 from structlearn.tactile.units import TouchUnits

@@ -21,13 +21,13 @@ from torch import Tensor
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.tactile.inverse_dynamics import (
-    NEGATIVE_GRADIENT,
     LatentStep,
     affine_dynamics,
     inferred_action,
     receding_horizon_action,
 )
-from structlearn.tactile.latent_models import FORWARD_OF, NO_INVERSE, STRUCTURES, LatentModels
+from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_variants import FORWARD_OF, NEGATIVE_GRADIENT, NO_INVERSE, STRUCTURES
 from structlearn.tactile.units import TouchUnits
 
 

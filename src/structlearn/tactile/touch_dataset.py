@@ -13,6 +13,9 @@ from structlearn.ground.errors import InputError
 TRAIN, VALIDATION, TEST = 0, 1, 2
 """Numbers of the splits."""
 
+SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}
+"""Splits by their names in tables."""
+
 ROTATION, TRANSLATION, OTHER = 0, 1, 2
 """Numbers of the motions that were demonstrated."""
 

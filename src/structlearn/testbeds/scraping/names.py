@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from structlearn.feedback.feedback_models import POINTWISE, UNROLLED
+from structlearn.feedback.training_parameters import POINTWISE, UNROLLED
 from structlearn.palette import (
     BLUE,
     GREEN,

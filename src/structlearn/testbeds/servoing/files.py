@@ -10,7 +10,7 @@ from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.tactile.touch_dataset import TouchDataset, read_dataset
 from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
-from structlearn.testbeds.servoing.protocol.servo_trials import Comparison
+from structlearn.testbeds.servoing.protocol.servo_variants import Comparison
 
 RAW, DATA = "data/raw/servoing", "data/servoing"
 

@@ -1,10 +1,15 @@
 """Names, order and colours of what servoing compares: one of each, for its page and its recordings."""
 
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
-from structlearn.tactile.inverse_dynamics import JACOBIAN, LOCALLY_LINEAR, NEGATIVE_GRADIENT
-from structlearn.tactile.latent_evaluation import UNCHANGED
-from structlearn.tactile.latent_models import NO_INVERSE, TRAINED_WITH
-from structlearn.testbeds.servoing.protocol.servo_trials import PUBLISHED, RESTING, Variant
+from structlearn.tactile.latent_variants import (
+    JACOBIAN,
+    LOCALLY_LINEAR,
+    NEGATIVE_GRADIENT,
+    NO_INVERSE,
+    TRAINED_WITH,
+    UNCHANGED,
+)
+from structlearn.testbeds.servoing.protocol.servo_variants import PUBLISHED, RESTING, Variant
 
 INVERSE_COLOURS = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
 """Inverse models, in the order of the text."""

@@ -9,46 +9,23 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from pydantic import PositiveInt
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
 from structlearn.avoidance.network_training import (
-    NetworkParameters,
-    SplitParameters,
     by_scenario,
     fit_errors,
     fit_human_inspired_models,
     fit_networks,
     held_out_rows,
 )
-from structlearn.avoidance.phase_modulated import PhaseModulatedAvoidance, train_phase_modulated
-from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.avoidance.phase_modulated import PhaseModulatedAvoidance
+from structlearn.avoidance.phase_modulated_training import train_phase_modulated
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
+from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
-
-
-class AvoidanceTrainingParameters(Parameters):
-    """How the models are trained.
-
-    Attributes:
-        split: which demonstrations test.
-        per_setting: network of one scenario.
-        per_shape: network of all scenarios with one shape.
-        all_shapes: network of all scenarios.
-        phase_modulated: training of the phase-modulated networks.
-        phase_modulated_hidden: nodes of their regular hidden layers.
-    """
-
-    split: SplitParameters
-    per_setting: NetworkParameters
-    per_shape: NetworkParameters
-    all_shapes: NetworkParameters
-    phase_modulated: TrainingParameters
-    phase_modulated_hidden: tuple[PositiveInt, ...]
 
 
 @dataclass(frozen=True)

@@ -10,20 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.human_inspired import fit_human_inspired
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
-from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
-from structlearn.avoidance.phase_modulated import train_phase_modulated
-from structlearn.feedback.supervised_training import TrainingParameters
+from structlearn.avoidance.network_training import COLUMNS, stacked, train_member
+from structlearn.avoidance.phase_modulated_training import train_phase_modulated
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import mean_interval, nmse
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
+from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 
 INPUTS = tuple(COLUMNS)
 RIDGE, HUMAN_INSPIRED, STOPPED, NETWORK, ENSEMBLE, PMNN = (
@@ -41,25 +39,6 @@ REPRESENTATIONS = (
     (PMNN, "phase"),
 )
 """Representations and what they see beside the features (`models.COLUMNS`)."""
-
-
-class RecordedAvoidanceParameters(Parameters):
-    """Parameters of the recorded samples.
-
-    Attributes:
-        folds: blocks of consecutive rows.
-        ridge_decay: of the linear model on standardised inputs.
-        network: the feed-forward network; its members make the ensemble, the first of them alone is the
-            network. What it sees is varied.
-        pmnn: training of the phase-modulated network.
-        pmnn_hidden: its regular hidden layers.
-    """
-
-    folds: int = Field(ge=2)
-    ridge_decay: float = Field(gt=0)
-    network: NetworkParameters
-    pmnn: TrainingParameters
-    pmnn_hidden: tuple[int, ...]
 
 
 @dataclass(frozen=True)

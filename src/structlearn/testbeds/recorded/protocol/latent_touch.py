@@ -12,17 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
 from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.geodesics import GeodesicParameters
 from structlearn.tactile.latent_evaluation import latent_errors
-from structlearn.tactile.latent_spaces import LatentSpaceParameters, learn_spaces, own_units, seen_in
+from structlearn.tactile.latent_parameters import LatentSpaceParameters
+from structlearn.tactile.latent_spaces import learn_spaces, own_units, seen_in
 from structlearn.tactile.touch_dataset import TEST, TRAIN
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import (
     MAGNITUDES,
     RECORDED,
@@ -49,25 +48,6 @@ MODELS = (STRUCTURED, PLAIN, COMPONENTS)
 
 DIMENSIONS = 3
 """Of the latent space; as many principal components has the rival."""
-
-
-class LatentTouchParameters(Parameters):
-    """Parameters of the latent spaces of recorded touch.
-
-    Attributes:
-        faulty: trials in which an electrode jumped; left out altogether.
-        folds: parts of a set, by trial, that are left out in turn.
-        simulated_repeats: simulated demonstrations per area of the skin and part; fewer than in the main
-            pipeline, so that the sets are of like size.
-        geodesics: the neighbour graph of each set.
-        spaces: how the autoencoders are trained.
-    """
-
-    faulty: tuple[str, ...]
-    folds: int = Field(ge=2)
-    simulated_repeats: int = Field(ge=1)
-    geodesics: GeodesicParameters
-    spaces: LatentSpaceParameters
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,9 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.params import Parameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.recordings.joint_log import JointLog
 from structlearn.rigid_body.friction import FrictionTerm
@@ -18,18 +16,13 @@ from structlearn.rigid_body.identification import fit_structure, least_squares, 
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.inertia_tables import link_table
 from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import (
-    Kind,
-    LearningParameters,
-    Lesson,
-    learner,
-    shuffled_epochs,
-)
+from structlearn.rigid_body.model_learning import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.prediction import predicted_torques, rigid_body_torques
 from structlearn.rigid_body.seeded_training import FRICTIONS
 from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.rigid_body.tree import KinematicTree, Robot
+from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 
 URDF, LEAST_SQUARES = "urdf", "least_squares"
 """Models that nothing structured or neural was learned for."""
@@ -45,30 +38,6 @@ LEARNED_FRICTIONS = ("viscous", "coulomb", "offset")
 
 TRACE_STRIDE = 20
 """Every so manieth sample of the test part is kept for figures: 50 Hz."""
-
-
-class RecordedDynamicsParameters(Parameters):
-    """Parameters of identification from the recorded motion.
-
-    Attributes:
-        urdf: of the recorded arm (`simulation.arm.ArmParameters`).
-        locked_joints: of its gripper.
-        rate_hz: of the clock.
-        cutoff_hz: of the low-pass on all signals.
-        train_share: the first part of the motion, which is learned from.
-        iterations: of L-BFGS for a structure.
-        seeds: networks of each kind.
-        epochs: of the networks; there is no threshold, all are run.
-    """
-
-    urdf: str
-    locked_joints: tuple[str, ...]
-    rate_hz: float = Field(gt=0)
-    cutoff_hz: float = Field(gt=0)
-    train_share: float = Field(gt=0, lt=1)
-    iterations: int = Field(ge=1)
-    seeds: int = Field(ge=1)
-    epochs: int = Field(ge=1)
 
 
 @dataclass(frozen=True)

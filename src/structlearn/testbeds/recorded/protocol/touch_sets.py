@@ -16,7 +16,8 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.geodesics import GeodesicParameters, Geodesics, geodesics
+from structlearn.tactile.geodesics import Geodesics, geodesics
+from structlearn.tactile.latent_parameters import GeodesicParameters
 from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, TouchDataset
 
 RECORDED = (SLIDES, UNSCREWING) = ("slides", "unscrewing")

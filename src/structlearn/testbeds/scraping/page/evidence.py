@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from structlearn.feedback.feedback_models import POINTWISE, UNROLLED
+from structlearn.feedback.training_parameters import POINTWISE, UNROLLED
 from structlearn.ground.metrics import BETTER, mean_interval
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, counted, exact
 from structlearn.segmentation.result import RESULT

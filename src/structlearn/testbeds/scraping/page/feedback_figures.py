@@ -9,7 +9,7 @@ from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.figure import Figure
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground import signals
 from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, VERMILION
 from structlearn.recordings.demonstration import Demonstration

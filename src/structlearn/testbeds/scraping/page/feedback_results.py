@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.feedback_models import POINTWISE, UNROLLED
 from structlearn.feedback.folds import PARTS
-from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS, dominant_features
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.pmnn import PhaseModulatedNetwork, dominant_features
+from structlearn.feedback.representation_orderings import REPRESENTATIONS, STOPPINGS
 from structlearn.feedback.supervision import Cuts
+from structlearn.feedback.training_parameters import POINTWISE, UNROLLED
 from structlearn.ground import signals
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.metrics import mean_interval, verdict
@@ -38,7 +38,7 @@ class BoardResults(ExecutionResults):
 
     Attributes:
         traces: of `executed_sets.traces`.
-        path_errors: of `feedback_models.path_errors`.
+        path_errors: of `corrected_paths.path_errors`.
         corrected: corrected demonstrations in the setting `example_deg`.
         force_n: that the robot was asked to hold.
     """
@@ -142,7 +142,7 @@ class FeedbackResults:
         checks: of `supervision.coupling_dataset`, by primitive.
         networks: the pointwise models by primitive.
         comparison: of `model_comparison.compare_representations`, with `primitive`; empty where not made.
-        orderings: of `model_comparison.paired_orderings`, with `primitive`.
+        orderings: of `representation_orderings.paired_orderings`, with `primitive`.
         seen_deg: settings that are learned from.
         board: what was executed with the models; None where there is no simulation.
     """

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.primitives.kernels import KERNEL_COUNT

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.feedback.folds import PARTS
+from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.reporting.document import Table
 from structlearn.reporting.prose import with_spread
 from structlearn.segmentation.result import RESULT

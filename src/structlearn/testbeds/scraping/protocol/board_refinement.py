@@ -10,7 +10,6 @@ from pydantic import Field
 import structlearn
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervised_training import train_final
 from structlearn.ground.compilation import sources_digest
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.checkpoint import Checkpoint, digest
@@ -81,6 +80,8 @@ def refine_on_board(
     Raises:
         InputError: a primitive to be refined has no demonstrations, or too many rollouts fail.
     """
+    from structlearn.feedback.supervised_training import train_final
+
     unknown = sorted(set(parameters.scales) - set(datasets))
     if unknown:
         raise InputError(f"refine.scales names {', '.join(unknown)}: no primitive with corrections")

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.feedback_models import POINTWISE
+from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.testbeds.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles
 from structlearn.testbeds.scraping.names import CORRECTED, RUNS
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, counted, difference, exact, share
-from structlearn.tactile.latent_comparison import SPLITS
-from structlearn.tactile.latent_models import FORWARD_OF, NO_INVERSE
+from structlearn.tactile.latent_variants import FORWARD_OF, NO_INVERSE
+from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.testbeds.servoing.names import (
     DYNAMICS,
     OURS,
@@ -20,7 +20,7 @@ from structlearn.testbeds.servoing.names import (
 from structlearn.testbeds.servoing.page.results import ServoingResults
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores
-from structlearn.testbeds.servoing.protocol.servo_trials import Variant
+from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 
 
 def evidence(results: ServoingResults) -> dict[str, Found]:

@@ -13,14 +13,14 @@ from structlearn.ground.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, style
 from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.latent_models import NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_variants import NO_INVERSE, STRUCTURES
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import KEYS, rows_of
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores
 from structlearn.testbeds.servoing.protocol.servo_scores import success_by_tolerance
-from structlearn.testbeds.servoing.protocol.servo_trials import RESTING, Variant
+from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Variant
 
 BOUNDS = {"reconstruction": PUBLISHED["reconstruction_nmse"], "distances": PUBLISHED["distances_nmse"]}
 

@@ -18,7 +18,7 @@ from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResult
 from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
-from structlearn.testbeds.servoing.protocol.servo_trials import CHANGES, QUICK_FILTER, Variant
+from structlearn.testbeds.servoing.protocol.servo_variants import CHANGES, QUICK_FILTER, Variant
 
 PACKAGE = "structlearn.testbeds.servoing.page"
 

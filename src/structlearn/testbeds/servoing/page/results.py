@@ -13,14 +13,14 @@ from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.flat_maps import map_laying
-from structlearn.tactile.latent_models import FORWARD_OF
+from structlearn.tactile.latent_variants import FORWARD_OF
 from structlearn.tactile.touch_dataset import TEST, TEST_STRIDE, Chains, TouchDataset, chains
 from structlearn.testbeds.servoing.files import OtherSkinTables
 from structlearn.testbeds.servoing.names import OURS, TEXT
 from structlearn.testbeds.servoing.protocol.contact_errors import contact_errors
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
-from structlearn.testbeds.servoing.protocol.servo_trials import RESTING, Comparison, Variant
+from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Comparison, Variant
 
 PUBLISHED = yaml.safe_load(Path(__file__).with_name("published.yaml").read_text(encoding="utf-8"))
 """Numbers as the dissertation prints them."""

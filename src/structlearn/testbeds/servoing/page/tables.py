@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.reporting.document import Table
-from structlearn.tactile.latent_comparison import SPLITS
-from structlearn.tactile.touch_dataset import OTHER, ROTATION, TRANSLATION
+from structlearn.tactile.touch_dataset import OTHER, ROTATION, SPLITS, TRANSLATION
 from structlearn.testbeds.servoing.names import (
     COMPARISON_NAMES,
     FORM_NAMES,

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.testbeds.servoing.protocol.servo_scores import success_rates
-from structlearn.testbeds.servoing.protocol.servo_trials import Variant
+from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 
 KEYS = [field.name for field in fields(Variant)]
 """Columns that name a controller."""
@@ -18,7 +18,7 @@ class ControllerScores:
     """Closed loops of several controllers.
 
     Attributes:
-        trials: see `protocol.servo_trials.Comparison`; all controllers met the same contacts.
+        trials: see `protocol.servo_variants.Comparison`; all controllers met the same contacts.
     """
 
     trials: pd.DataFrame

@@ -4,60 +4,26 @@ The method is said not to assume the skin's geometry (II.5): distances on the sk
 contact points, and these from electrodes. Less is trained here than for the BioTac; the protocol is the same.
 """
 
-from collections.abc import Mapping
-from typing import Literal
-
 import pandas as pd
-from pydantic import Field, PositiveInt
 
-from structlearn.ground.params import Parameters
 from structlearn.recordings.clock import synchronise
 from structlearn.simulation.touch import FingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.geodesics import GeodesicParameters, geodesics
-from structlearn.tactile.latent_comparison import LatentParameters, learn
-from structlearn.tactile.latent_models import FORWARD_OF
+from structlearn.tactile.geodesics import geodesics
+from structlearn.tactile.latent_comparison import learn
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
+from structlearn.tactile.latent_variants import FORWARD_OF
 from structlearn.tactile.resting_servo import demonstrated_actions
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
-from structlearn.testbeds.servoing.protocol.servo_trials import (
+from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_trials import Taught, compare
+from structlearn.testbeds.servoing.protocol.servo_variants import (
     PUBLISHED,
     RESTING,
     ServoTrialParameters,
-    Taught,
     Variant,
-    compare,
 )
-
-
-class OtherSkin(Parameters):
-    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`.
-
-    Attributes:
-        along_mm: range along the finger.
-        across_deg: half the range of the turns about the core.
-        handle_half_mm: half the length of the handle.
-    """
-
-    along_mm: tuple[float, float]
-    across_deg: float = Field(ge=0, le=80)
-    handle_half_mm: float = Field(ge=0)
-
-
-class OtherSkinsParameters(Parameters):
-    """Other skins, and how much less is trained for them.
-
-    Attributes:
-        skins: by name.
-        bins: of geodesic distances.
-        seeds: of latent spaces and dynamics.
-        steps: of training.
-    """
-
-    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
-    bins: PositiveInt
-    seeds: PositiveInt
-    steps: PositiveInt
 
 
 def with_other_skin(
@@ -84,8 +50,8 @@ def with_other_skin(
 
     Returns:
         `latent` (see `tactile.latent_evaluation.latent_errors`), `directions` (see
-        `tactile.latent_evaluation.direction_errors`) and `trials` (see `servo_trials.Comparison`), each with
-        the column `skin`.
+        `tactile.latent_evaluation.direction_errors`) and `trials` (see `servo_variants.Comparison`), each
+        with the column `skin`.
     """
     person = person.model_copy(update={"skin": name} | other.skins[name].model_dump())
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]

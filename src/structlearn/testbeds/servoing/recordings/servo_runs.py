@@ -36,8 +36,8 @@ class ServoRun:
     """A closed loop of N points in time.
 
     Attributes:
-        path: rows of `protocol.servo_trials.Comparison.paths`.
-        trial: its row of `protocol.servo_trials.Comparison.trials`.
+        path: rows of `protocol.servo_variants.Comparison.paths`.
+        trial: its row of `protocol.servo_variants.Comparison.trials`.
     """
 
     path: pd.DataFrame
@@ -70,7 +70,7 @@ def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[di
     """The first trials of the first model, by the names of `SHOWN`.
 
     Args:
-        trials: see `protocol.servo_trials.Comparison`.
+        trials: see `protocol.servo_variants.Comparison`.
         paths: likewise.
         count: trials, as far as their paths are kept.
     """

@@ -25,7 +25,15 @@ from structlearn.simulation.touch import (
     touch,
     touching,
 )
-from structlearn.simulation.touch_demonstrator import PRESS_S, SAMPLED_EVERY, held_on_handle
+from structlearn.simulation.touch_demonstrator import (
+    PRESS_S,
+    SAMPLED_EVERY,
+    ToucherParameters,
+    held_on_handle,
+)
+
+CENTRE = (0.5, 0.1, 0.9)
+"""m, of the handle in the base frame; its axis is y."""
 
 FILTER_ORDER = 2
 """Of the low-pass, as in the preparation of the training data."""
@@ -150,6 +158,12 @@ class LowPass:
 
         passed, self._state = sosfilt(self._sections, piece, axis=0, zi=self._state)
         return passed
+
+
+def handle_of(person: ToucherParameters) -> Handle:
+    """Where the handle is in closed loops."""
+    half_length, radius = 1e-3 * person.handle_half_mm, 1e-3 * person.handle_radius_mm
+    return Handle(np.array(CENTRE), np.array([0.0, 1.0, 0.0]), half_length, radius)
 
 
 def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Generator) -> Held:

@@ -1,0 +1,182 @@
+"""Corrected demonstrations as paths, and how far from them a feedback model leads.
+
+    r = R c        error = rms (R c - r_cd)
+
+The path needs no file of its own: c_target was computed such that the primitive with it as its coupling
+term is the demonstration (`coupling`), so r_cd follows from the coupling dataset. `unrolled_training`
+learns to follow such paths.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pandas as pd
+
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_response import coupling_response
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.ground.errors import InputError
+from structlearn.ground.signals import time_normalised
+from structlearn.primitives import canonical, kernels, transformation
+
+PHASE_TOLERANCE = 0.02
+"""A demonstration's phase may differ so much from that of one uniform movement from start to end."""
+
+SAMPLES = 250
+"""Per demonstration in normalised time: about 100 Hz in movements of 2.6 s, the electrodes' own rate."""
+
+
+@dataclass(frozen=True)
+class CorrectedPaths:
+    """Corrected demonstrations of one primitive at the same T samples of normalised time.
+
+    Attributes:
+        deviation: (L, T, D) s_actual - s_expected, counts.
+        target: (L, T) coupling term of one dimension that was demonstrated.
+        correction: (L, T) rad, what was added to the nominal movement from the demonstration's initial state.
+        setting: (L,) degrees of board roll.
+        demonstration: (L,) number within its setting.
+    """
+
+    deviation: np.ndarray
+    target: np.ndarray
+    correction: np.ndarray
+    setting: np.ndarray
+    demonstration: np.ndarray
+
+    @property
+    def response(self) -> np.ndarray:
+        """(T, T) angle over time that a held coupling term adds to a movement."""
+        samples = self.target.shape[1]
+        return coupling_response(samples, 1.0 / (canonical.TAU_PER_DURATION * (samples - 1)))
+
+    def where(self, mask: np.ndarray) -> Self:
+        """The demonstrations of a mask (L,) or of indices."""
+        return type(self)(**{name: values[mask] for name, values in vars(self).items()})
+
+
+def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
+    """Demonstrations of a coupling dataset in normalised time, with the corrections that they asked for.
+
+    The correction is unrolled at the demonstration's own rate, so that nothing faster than the common samples
+    folds into it; everything is then interpolated linearly.
+
+    Args:
+        dataset: samples of each demonstration from the start to the end of the primitive, on a uniform clock.
+        samples: T per demonstration.
+
+    Returns:
+        CorrectedPaths in the order of setting, then demonstration.
+
+    Raises:
+        InputError: a demonstration is not on a uniform clock from the start to the end of the primitive.
+    """
+    keys = np.unique(np.column_stack([dataset.setting, dataset.demonstration]), axis=0)
+    columns: dict[str, list[np.ndarray]] = {"deviation": [], "target": [], "correction": []}
+    for setting, number in keys:
+        chosen = np.flatnonzero((dataset.setting == setting) & (dataset.demonstration == number))
+        rows = dataset.where(chosen[np.argsort(dataset.time[chosen], kind="stable")])
+        _check_whole_movement(rows, f"setting {setting:g}, demonstration {number:g}")
+        for name, values in (
+            ("deviation", rows.deviation),
+            ("target", rows.target[:, None]),
+            ("correction", _correction(rows.target)),
+        ):
+            columns[name].append(time_normalised(values, samples))
+    return CorrectedPaths(
+        deviation=np.array(columns["deviation"]),
+        target=np.array(columns["target"])[..., 0],
+        correction=np.array(columns["correction"])[..., 0],
+        setting=keys[:, 0],
+        demonstration=keys[:, 1].astype(int),
+    )
+
+
+def unrolled_error(network: PhaseModulatedNetwork, paths: CorrectedPaths) -> np.ndarray:
+    """Difference between the unrolled and the demonstrated path, given the demonstration's sensors.
+
+    Args:
+        network: any feedback model of this coupling dimension, however it was training.
+        paths: the demonstrations.
+
+    Returns:
+        (L,) rad, root mean square over each demonstration.
+    """
+    unrolled = network.coupling(paths.deviation, phase_features(network, paths)) @ paths.response.T
+    return np.sqrt(np.mean((unrolled - paths.correction) ** 2, axis=1))
+
+
+def path_errors(
+    datasets: Mapping[str, CouplingDataset], models: Mapping[str, Mapping[str, PhaseModulatedNetwork]]
+) -> pd.DataFrame:
+    """Errors of the unrolled roll path, given the recorded sensors, over all demonstrations.
+
+    Args:
+        datasets: by the primitive's name, with settings that were and were not learned from.
+        models: networks by primitive, by model.
+
+    Returns:
+        One row per model, primitive and demonstration: `model`, `primitive`, `setting_deg`, `demonstration`,
+        `error_deg` (rms over the movement).
+    """
+    tables = []
+    for name, dataset in datasets.items():
+        for model, networks in models.items():
+            network = networks[name]
+            paths = corrected_paths(dataset, SAMPLES)
+            tables.append(
+                pd.DataFrame(
+                    {
+                        "model": model,
+                        "primitive": name,
+                        "setting_deg": paths.setting,
+                        "demonstration": paths.demonstration,
+                        "error_deg": np.degrees(unrolled_error(network, paths)),
+                    }
+                )
+            )
+    return pd.concat(tables, ignore_index=True)
+
+
+def split(paths: CorrectedPaths, share: float, seed: int) -> tuple[CorrectedPaths, CorrectedPaths]:
+    """Demonstrations to train on and demonstrations to validate on; no number of a demonstration is in both.
+
+    Args:
+        paths: demonstrations of at least two numbers.
+        share: of the demonstration numbers, to validate on; at least one number.
+        seed: of the choice.
+
+    Returns:
+        Training and validation demonstrations.
+
+    Raises:
+        InputError: the demonstrations have one number only.
+    """
+    numbers = np.unique(paths.demonstration)
+    if len(numbers) < 2:
+        raise InputError(
+            "training in the unroll needs at least two demonstration numbers, one to validate on"
+        )
+    count = min(max(1, round(share * len(numbers))), len(numbers) - 1)
+    chosen = np.random.default_rng(seed).choice(numbers, count, replace=False)
+    validated = np.isin(paths.demonstration, chosen)
+    return paths.where(~validated), paths.where(validated)
+
+
+def phase_features(network: PhaseModulatedNetwork, paths: CorrectedPaths) -> np.ndarray:
+    """Phase features (T, N) of a network at the samples of paths."""
+    return kernels.unit_features(paths.target.shape[1], len(network.phase_biases))
+
+
+def _correction(target: np.ndarray) -> np.ndarray:
+    """What a coupling target (T,), linear between its samples, adds to a movement: (T, 1) rad."""
+    step = 1.0 / (canonical.TAU_PER_DURATION * (len(target) - 1))  # dt / tau
+    return transformation.unroll(np.zeros(1), np.zeros(1), target[:, None], step, 1.0).position
+
+
+def _check_whole_movement(rows: CouplingDataset, name: str) -> None:
+    expected, _ = canonical.phase(np.linspace(0.0, 1.0, len(rows.phase)), canonical.TAU_PER_DURATION)
+    if len(rows.phase) < 3 or np.abs(rows.phase - expected).max() > PHASE_TOLERANCE:
+        raise InputError(f"{name}: not on a uniform clock from the start to the end of the primitive")

@@ -1,0 +1,38 @@
+"""Which other skins are demonstrated on, and how much less is trained for them."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import Field, PositiveInt
+
+from structlearn.ground.params import Parameters
+
+
+class OtherSkin(Parameters):
+    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`.
+
+    Attributes:
+        along_mm: range along the finger.
+        across_deg: half the range of the turns about the core.
+        handle_half_mm: half the length of the handle.
+    """
+
+    along_mm: tuple[float, float]
+    across_deg: float = Field(ge=0, le=80)
+    handle_half_mm: float = Field(ge=0)
+
+
+class OtherSkinsParameters(Parameters):
+    """Other skins, and how much less is trained for them.
+
+    Attributes:
+        skins: by name.
+        bins: of geodesic distances.
+        seeds: of latent spaces and dynamics.
+        steps: of training.
+    """
+
+    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
+    bins: PositiveInt
+    seeds: PositiveInt
+    steps: PositiveInt
