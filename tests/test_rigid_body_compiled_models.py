@@ -8,7 +8,7 @@ from structlearn.ground.errors import InputError
 from structlearn.rigid_body.compiled_models import compiled_model
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import LearningParameters, learner
+from structlearn.rigid_body.model_learning import LearningParameters, Lesson, learner
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.tree import LinkInertias
@@ -30,8 +30,8 @@ def motion():
 
 @pytest.mark.parametrize("kind", ["mlp", "mlp_scaled", "delan", "cov", "nostr"])
 def test_every_seed_of_every_kind_has_the_errors_that_its_training_had(kind, tree, motion):
-    group = learner(kind, tree, motion, FRICTION, "raw", SEEDS, LEARNING)
-    group.step(torch.arange(100))
+    group = learner(kind, Lesson(tree, motion, FRICTION), "raw", SEEDS, LEARNING)
+    group.learn(torch.arange(100))
     networks = kind in ("mlp", "mlp_scaled", "delan")
     friction = () if kind in ("mlp", "mlp_scaled") else FRICTION
     hidden = LEARNING.hidden if networks else ()
@@ -46,7 +46,7 @@ def test_every_seed_of_every_kind_has_the_errors_that_its_training_had(kind, tre
 
 
 def test_inertias_and_friction_act_together(tree, motion):
-    group = learner("cov", tree, motion, FRICTION, "raw", SEEDS, LEARNING)
+    group = learner("cov", Lesson(tree, motion, FRICTION), "raw", SEEDS, LEARNING)
     models = DynamicsModels("cov", tree.names, FRICTION, (), group.state())
     state = (motion.q[0], motion.qd[0], motion.qdd[0])
     every = models.inertias()
@@ -57,7 +57,7 @@ def test_inertias_and_friction_act_together(tree, motion):
 
 
 def test_models_of_another_arm_are_refused(tree, motion):
-    group = learner("cov", tree, motion, (), "raw", SEEDS, LEARNING)
+    group = learner("cov", Lesson(tree, motion), "raw", SEEDS, LEARNING)
     models = DynamicsModels("cov", ("a", "b"), (), (), group.state())
     with pytest.raises(InputError, match="learned with the joints a, b; the arm has lbr_iiwa_joint_1"):
         compiled_model(models, 0, tree)

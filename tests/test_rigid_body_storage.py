@@ -8,7 +8,7 @@ from structlearn.ground.artefacts import write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models, write_dynamics_models
-from structlearn.rigid_body.model_learning import KINDS, LearningParameters, learner
+from structlearn.rigid_body.model_learning import KINDS, LearningParameters, Lesson, learner
 from structlearn.rigid_body.prediction import predicted_torques
 
 FRICTION = ("viscous", "offset")
@@ -16,10 +16,9 @@ PARAMETERS = committed(LearningParameters, "train_dynamics.learning", hidden=(8,
 
 
 def trained(kind):
-    """Two models after two steps: the models, and the errors that their training had."""
-    group = learner(kind, arm().tree, rubbing_motion(arm()), FRICTION, "raw", (0, 1), PARAMETERS)
-    for start in (0, 100):
-        group.step(torch.arange(start, start + 100))
+    """Two models after some steps: the models, and the errors that their training had."""
+    group = learner(kind, Lesson(arm().tree, rubbing_motion(arm()), FRICTION), "raw", (0, 1), PARAMETERS)
+    group.learn(torch.arange(300))
     perceptron = kind.startswith("mlp")
     hidden = PARAMETERS.hidden if perceptron or kind == "delan" else ()
     friction = () if perceptron else FRICTION

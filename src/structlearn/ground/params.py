@@ -1,7 +1,8 @@
 """Parameters: `params.yaml` holds one key per stage, a pydantic model per stage checks it.
 
-The model lives beside the code that it configures, and has no defaults: a value stands in the file, once.
-Here is only what all models share. The file is read by YAML's C loader, once per process, because
+The model lives beside the code that it configures (where that trains, in a module of its package without
+torch, so that pages start soon), and has no defaults: a value stands in the file, once. Here is only what all
+models share. The file is read by YAML's C loader, once per process:
 `dvc.api.params_show` costs 0.7 s a stage.
 """
 
