@@ -247,13 +247,15 @@ ROW = [1, 2, 3, 0, 0, 0, 1]
         {},
         {"use_chunking": False, "repeat_channels": False, "use_statistics": False},
         {"index_types": IndexType.NONE},
+        {"repeat_channels": False},
+        {"repeat_schemas": False},
         {"compression": CompressionType.LZ4, "chunk_size": 100},
         {"compression": CompressionType.NONE, "enable_crcs": False},
     ],
 )
 @pytest.mark.parametrize("order", ["<", ">", "mixed"])
 def test_bags_of_other_makers_give_the_same_values(tmp_path, options, order):
-    """Without index or chunks, compressed otherwise, big-endian, or of both byte orders."""
+    """Without index, chunks or a whole summary, compressed otherwise, big-endian, or of both byte orders."""
     little = b"\x00\x01\x00\x00" + np.array(ROW, dtype="<f8").tobytes()
     big = b"\x00\x00\x00\x00" + np.array(ROW, dtype=">f8").tobytes()
     rows = {"<": [little] * 4, ">": [big] * 4, "mixed": [little, big] * 2}[order]

@@ -123,6 +123,9 @@ def test_engines_that_disagree_are_an_error():
     runs["pybullet"] = (np.zeros((3, 2)), np.full((3, 2), 1.5))
     with pytest.raises(RuntimeError, match=r"PyBullet's differ by 0 rad and 0\.5 N m"):
         agreement(runs.__getitem__)
+    runs["pybullet"] = (np.zeros((2, 2)), np.ones((2, 2)))
+    with pytest.raises(RuntimeError, match="stopped at different ticks"):
+        agreement(runs.__getitem__)
 
 
 def test_too_few_periods_and_too_fast_sines_are_named(robot):

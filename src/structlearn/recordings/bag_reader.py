@@ -16,9 +16,10 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.reader import McapReader, make_reader
-from mcap.records import Chunk, Schema
+from mcap.reader import McapReader, NonSeekingReader, make_reader
+from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import get_chunk_data_stream
+from mcap.summary import Summary
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.lib.stride_tricks import sliding_window_view
@@ -76,7 +77,7 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
             _check_complete(path, file)
             with damage_named(path):
                 reader = make_reader(file, validate_crcs=True)
-                present = _topics(reader)
+                present = _topics(file, reader)
                 own = [record.metadata for record in reader.iter_metadata() if record.name == METADATA]
                 pieces: dict[str, list[RawMessages]] = {topic: [] for topic in topics if topic in present}
                 for topic, piece in _pieces(file, reader, topics):
@@ -107,13 +108,13 @@ def _check_complete(path: Path, file: BinaryIO) -> None:
     file.seek(0)
 
 
-def _topics(reader: McapReader) -> dict[str, list[str]]:
+def _topics(file: BinaryIO, reader: McapReader) -> dict[str, list[str]]:
     """Topics of a file with the types of their messages."""
-    summary = reader.get_summary()
-    if summary is not None and summary.channels:
+    summary = _index(reader)
+    if summary is not None:
         pairs = [(channel, summary.schemas.get(channel.schema_id)) for channel in summary.channels.values()]
-    else:  # the index at the end of the file is optional
-        pairs = [(channel, schema) for schema, channel, _ in reader.iter_messages(log_time_order=False)]
+    else:
+        pairs = [(channel, schema) for schema, channel, _ in _one_by_one(file)]
     present: dict[str, list[str]] = {}
     for channel, schema in pairs:
         name = schema.name if schema is not None else "unknown"
@@ -128,11 +129,28 @@ def _topics(reader: McapReader) -> dict[str, list[str]]:
     return present
 
 
+def _index(reader: McapReader) -> Summary | None:
+    """The summary at the end of the file; None unless it has chunks, channels and schemas, each optional."""
+    summary = reader.get_summary()
+    if summary is None or not (summary.chunk_indexes and summary.channels):
+        return None
+    needed = {channel.schema_id for channel in summary.channels.values()} - {0}  # 0: without a schema
+    return summary if needed <= summary.schemas.keys() else None
+
+
+def _one_by_one(file: BinaryIO) -> Iterator[tuple[Schema | None, Channel, Message]]:
+    """All messages in the order of the file, by the library."""
+    file.seek(0)
+    return NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False)
+
+
 def _pieces(file: BinaryIO, reader: McapReader, topics: Collection[str]) -> Iterator[tuple[str, RawMessages]]:
     """Messages of the topics as the file has them, chunk by chunk, each piece with its topic."""
-    summary = reader.get_summary()
-    if summary is None or not summary.chunk_indexes:
-        for schema, channel, message in reader.iter_messages(topics, log_time_order=False):
+    summary = _index(reader)
+    if summary is None:
+        for schema, channel, message in _one_by_one(file):
+            if channel.topic not in topics:
+                continue
             number, time = np.array([channel.id]), np.array([message.log_time], dtype=np.uint64)
             yield channel.topic, RawMessages({channel.id: schema}, number, time, [message.data])
         return

@@ -380,14 +380,6 @@ def _forward(numbers: np.ndarray, its: Network, work: Memory, rows: int) -> None
                 flat[place] = _tanh(flat[place])
 
 
-@numba.njit(cache=True, fastmath={"contract"})
-def _damped(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-    """What went through the slope 1 - x^2 of a layer's tanh."""
-    x, given, found = values.reshape(-1), before.reshape(-1), after.reshape(-1)
-    for place in range(len(x)):
-        found[place] = (np.float32(1.0) - x[place] * x[place]) * given[place]
-
-
 @numba.njit(cache=True)
 def _onwards(
     numbers: np.ndarray, its: Network, work: Memory, stream: int, plain: np.ndarray, rows: int

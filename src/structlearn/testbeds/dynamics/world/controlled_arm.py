@@ -112,9 +112,12 @@ def agreement(move: Callable[[Engine], tuple[np.ndarray, np.ndarray]]) -> dict[s
         move: runs the same with an engine; returns positions and torques (T, n).
 
     Raises:
-        RuntimeError: they are further apart than `LARGEST_DIFFERENCE_RAD` or `LARGEST_DIFFERENCE_N_M`.
+        RuntimeError: they are further apart than `LARGEST_DIFFERENCE_RAD` or `LARGEST_DIFFERENCE_N_M`, or
+            one was stopped at another tick than the other.
     """
     runs = [move(engine) for engine in get_args(Engine)]
+    if len({positions.shape for positions, _ in runs}) > 1:
+        raise RuntimeError("the compiled arm and PyBullet's were stopped at different ticks")
     joint, torque = (float(np.abs(one - other).max(initial=0.0)) for one, other in zip(*runs, strict=True))
     if not (joint <= LARGEST_DIFFERENCE_RAD and torque <= LARGEST_DIFFERENCE_N_M):
         raise RuntimeError(f"the compiled arm and PyBullet's differ by {joint:.3g} rad and {torque:.3g} N m")
