@@ -19,9 +19,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
-from structlearn.palette import BLACK
+from structlearn.palette import BLACK, LIGHT_GREY
 
 WIDTH = 9.4
 """Inches of a figure as wide as the page; all have it, so that letters have one size on a page."""
@@ -143,3 +144,25 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
     """One legend for a whole figure, in a line above it, of what is labelled in one of its axes."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
+
+
+def finish_space(space: Axes, above: Axes, points: np.ndarray) -> None:
+    """Labels, views and limits of both panels for points (N, 3) in mm.
+
+    In the 3-D panel a millimetre is the same on all axes; a flat axis is widened so that its labels fit.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = (high - low).max()
+    half = np.maximum(0.54 * (high - low), 0.25 * longest)
+    middle = 0.5 * (low + high)
+    low, high = middle - half, middle + half
+    space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    space.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+    space.set_box_aspect(half, zoom=1.02)
+    space.view_init(elev=20.0, azim=-38.0)
+    for axis in (space.xaxis, space.yaxis, space.zaxis):
+        axis.pane.set_facecolor("white")
+        axis.pane.set_edgecolor(LIGHT_GREY)
+        axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
+    above.set(title="From above (axes scaled separately)", xlabel="y (mm)", ylabel="x (mm)")
+    above.invert_yaxis()  # y to the right and z towards the reader: x points down
