@@ -4,7 +4,13 @@ Any episodic policy can be searched: draw parameters, roll each out, hand in the
 
     policies = sample(distribution, parameters.samples, rng)        # (K, D)
     costs = ...                                                     # (K, T), a row per rollout
-    distribution = update(distribution, policies, costs, parameters).distribution
+    distribution = update(distribution, policies, costs, parameters, activation).distribution
+
+Every time step weighs the samples by their cost-to-go. The text averages these weights over time, early steps
+counting most, and moves all parameters of a policy by the average. But the weight of a phase kernel acts only
+while its kernel is active, and what was paid before says nothing of it. As in PI2's original form (Theodorou,
+Buchli and Schaal, 2010) the average is then taken for each parameter over the time steps at which it acts:
+this is what a search gains by seeing the cost of every time step.
 
 A rollout without a finite cost-to-go (it diverged, returned NaN, or its process died) is left out: its weight
 is 0 at all time steps, as if its cost were infinite. With the worst cost of the others it would still have a
@@ -13,7 +19,7 @@ NaN or infinity, not a huge number: beside that, normalised by the range, all ot
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -32,6 +38,8 @@ class PI2Parameters(Parameters):
 
     Attributes:
         samples: rollouts per update, K.
+        averaging: of the time steps' weights of a sample: `per_weight`, for every parameter over the steps at
+            which it acts; `per_policy`, over all steps for all parameters, as in the text.
         kl_bound: nat, largest divergence of the samples' weights from uniform ones, at every time step.
         temperature: of the normalised costs, instead of the bound; None: by the bound.
         temperature_floor: smallest temperature that the bound may ask for.
@@ -39,6 +47,7 @@ class PI2Parameters(Parameters):
     """
 
     samples: int = Field(ge=FEWEST_ROLLOUTS)
+    averaging: Literal["per_weight", "per_policy"]
     kl_bound: float = Field(ge=1e-6)
     temperature: float | None = Field(ge=1e-9)
     temperature_floor: float = Field(ge=1e-9)
@@ -83,7 +92,7 @@ class Update:
         distribution: to draw the next policies from.
         temperatures: (T,) lambda of the normalised costs.
         effective_samples: (T,) 1 / sum_k P_k,t^2: between 1 (one sample has all the weight) and K.
-        weights: (K,) of the samples in the new mean, sum 1.
+        weights: (K, D) of the samples in the new mean, per parameter; sum over the samples 1.
         failed: (K,) whether a rollout was left out.
     """
 
@@ -138,7 +147,11 @@ def time_weights(steps: int) -> np.ndarray:
 
 
 def update(
-    distribution: SearchDistribution, samples: np.ndarray, costs: np.ndarray, parameters: PI2Parameters
+    distribution: SearchDistribution,
+    samples: np.ndarray,
+    costs: np.ndarray,
+    parameters: PI2Parameters,
+    activation: np.ndarray | None = None,
 ) -> Update:
     """One update of the search distribution (algorithm IV.4).
 
@@ -146,7 +159,9 @@ def update(
         distribution: which the samples were drawn from.
         samples: (K, D) parameters of the rolled-out policies.
         costs: (K, T) cost per rollout and time step, any unit; a rollout with a NaN or infinity is left out.
-        parameters: temperature and covariance.
+        parameters: averaging, temperature and covariance.
+        activation: (T, D) how much each parameter acts at every time step, not negative, somewhere positive,
+            any unit; for `per_weight` averaging. None: all act alike at all times.
 
     Returns:
         The new distribution and diagnostics.
@@ -155,7 +170,7 @@ def update(
         InputError: shapes do not fit, a sample is not finite, fewer than two rollouts have finite costs, or
             the covariance of the distribution is not positive definite.
     """
-    _check_shapes(distribution, samples, costs)
+    _check_shapes(distribution, samples, costs, activation)
     ahead = cost_to_go(costs)
     valid = np.isfinite(ahead[:, 0])
     if valid.sum() < FEWEST_ROLLOUTS:
@@ -170,15 +185,18 @@ def update(
     else:
         temperatures = np.full(costs.shape[1], parameters.temperature)
     probabilities = temperature.probabilities(relative, temperatures)  # (valid, T)
-    over_time = time_weights(costs.shape[1])
-    weights = np.zeros(len(costs))
-    weights[valid] = np.sum(probabilities * over_time, axis=1)
+    over_time = np.tile(time_weights(costs.shape[1])[:, None], len(distribution.mean))  # (T, D)
+    if activation is not None and parameters.averaging == "per_weight":
+        over_time = over_time * activation
+        over_time /= over_time.sum(axis=0)
+    weights = np.zeros(samples.shape)
+    # summed over time by numpy: the last bits of a long matrix product depend on the number of threads
+    weights[valid] = np.einsum("kt,td->kd", probabilities, over_time)
     deviations = samples[valid] - distribution.mean
-    pairs = covariance.moments(probabilities, over_time, parameters.covariance.centre)
     return Update(
         distribution=SearchDistribution(
-            distribution.mean + weights[valid] @ deviations,
-            covariance.adapted(distribution.covariance, deviations, pairs, parameters.covariance),
+            distribution.mean + np.sum(weights[valid] * deviations, axis=0),
+            covariance.adapted(distribution.covariance, deviations, weights[valid], parameters.covariance),
         ),
         temperatures=temperatures,
         effective_samples=1.0 / np.sum(probabilities**2, axis=0),
@@ -187,7 +205,9 @@ def update(
     )
 
 
-def _check_shapes(distribution: SearchDistribution, samples: np.ndarray, costs: np.ndarray) -> None:
+def _check_shapes(
+    distribution: SearchDistribution, samples: np.ndarray, costs: np.ndarray, activation: np.ndarray | None
+) -> None:
     if samples.ndim != 2 or costs.ndim != 2 or len(samples) != len(costs) or costs.shape[1] == 0:
         raise InputError(
             f"an update needs samples (K, D) and costs (K, T) of the same K, "
@@ -199,3 +219,6 @@ def _check_shapes(distribution: SearchDistribution, samples: np.ndarray, costs: 
         )
     if not np.isfinite(samples).all():
         raise InputError("a sample of the search distribution is not finite")
+    expected = (costs.shape[1], samples.shape[1])
+    if activation is not None and activation.shape != expected:
+        raise InputError(f"the activation must be (T, D), here {expected}, not {activation.shape}")

@@ -33,6 +33,7 @@ from structlearn.policy_search.rollouts import (
     Rollout,
     cost_matrix,
     history_rows,
+    kernel_activation,
     sample_rows,
     succeeded,
 )
@@ -168,7 +169,9 @@ def improve(
     policies = pi2.sample(distribution, parameters.search.samples, rng)
     tried = _execute(environment, [open_loop(policy) for policy in policies], iteration, SAMPLE)
     succeeded(tried, f"policies of iteration {iteration}", pi2.FEWEST_ROLLOUTS)
-    update = pi2.update(distribution, policies, cost_matrix(tried), parameters.search)
+    costs = cost_matrix(tried)
+    activation = kernel_activation(costs.shape[1], len(progress.compressed))
+    update = pi2.update(distribution, policies, costs, parameters.search, activation)
     mean = update.distribution.mean
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
     added = succeeded(improved, f"executions of the improved policy of iteration {iteration}")

@@ -14,6 +14,8 @@ import pandas as pd
 from structlearn.feedback.coupling_dataset import CouplingDataset, to_table
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.ground.errors import InputError
+from structlearn.primitives import canonical
+from structlearn.primitives.kernels import KERNEL_COUNT, features
 
 FEEDBACK, SAMPLE, IMPROVED = "feedback", "sample", "improved"
 """Kinds of rollouts: with the network, with a drawn policy, with the updated policy."""
@@ -67,6 +69,20 @@ def cost_matrix(runs: Sequence[Rollout]) -> np.ndarray:
     """(K, T) costs; failed runs have NaN."""
     length = min((len(run.cost) for run in runs if not run.fault), default=1)
     return np.stack([run.cost[:length] if not run.fault else np.full(length, np.nan) for run in runs])
+
+
+def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
+    """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|.
+
+    Args:
+        steps: ticks T from the primitive's start to its end.
+        kernel_count: number of weights N.
+
+    Returns:
+        (T, N).
+    """
+    p, u = canonical.phase(np.linspace(0.0, 1.0, steps), canonical.TAU_PER_DURATION)
+    return np.abs(features(p, u, kernel_count))
 
 
 def history_rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataFrame:

@@ -22,7 +22,7 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
-from structlearn.policy_search.rollouts import Environment, Rollout, cost_matrix, succeeded
+from structlearn.policy_search.rollouts import Environment, Rollout, cost_matrix, kernel_activation, succeeded
 
 if TYPE_CHECKING:
     import cma
@@ -96,8 +96,11 @@ class PathIntegralSearch:
 
     def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
         """Update by the costs per tick; failed rollouts are left out."""
-        updated = pi2.update(self.distribution, policies, cost_matrix(runs), self.parameters)
-        self.distribution = updated.distribution
+        costs = cost_matrix(runs)
+        activation = kernel_activation(costs.shape[1], len(self.mean))
+        self.distribution = pi2.update(
+            self.distribution, policies, costs, self.parameters, activation
+        ).distribution
 
 
 @dataclass
