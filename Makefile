@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench profile ablations view plot-page clean
+.PHONY: repro test lint recorded bench profile study studies other-processor view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -45,10 +45,14 @@ profile: $(INSTALLED)
 	mkdir -p $(dir $(PROFILE))
 	$(BIN)/py-spy record --subprocesses --output $(PROFILE) -- $(BIN)/python $(STAGE)
 
-# The refinement with one parameter changed at a time, as experiments of DVC (half an hour on 2 cores).
-ablations: $(INSTALLED)
-	$(IN_ENVIRONMENT) python benchmarks/ablations.py
-	@echo "reports/ablations/index.html is up to date"
+# Trials beside the pipeline as experiments of DVC, e.g. `make study NAME=scraping/people`; `make studies` runs all,
+# for hours, and goes on where it was stopped.
+study studies: $(INSTALLED)
+	$(IN_ENVIRONMENT) python benchmarks/study.py $(NAME)
+
+# The whole pipeline once more as on another processor: no verdict may depend on it.
+other-processor: $(INSTALLED)
+	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping

@@ -16,12 +16,15 @@ from structlearn.reporting.claims import (
     YES,
     Claim,
     Evidence,
+    by_case,
     claim_metrics,
     claims_table,
+    clustered_share,
     combined,
     counted,
     difference,
     exact,
+    geometric_mean,
     in_words,
     judge,
     mean,
@@ -138,3 +141,45 @@ def test_metrics_count_what_the_dissertation_states():
         "claims_not_tested": 0,
     }
     assert list(claims_table(judged)["verdict"]) == [YES, YES, NO]
+
+
+@given(st.lists(st.integers(0, 20), min_size=2, max_size=12))
+def test_trials_of_few_people_never_say_more_than_as_many_independent_ones(counts):
+    trials = np.full(len(counts), 20)
+    clustered, pooled = clustered_share(counts, trials), share(sum(counts), 20 * len(counts))
+    assert clustered.low <= pooled.low <= clustered.value <= pooled.high <= clustered.high
+    assert clustered.value == pooled.value
+
+
+def test_people_who_differ_widen_a_rate():
+    alike, unlike = clustered_share([5] * 8, [63] * 8), clustered_share([0] * 7 + [40], [63] * 8)
+    assert alike.value == unlike.value
+    assert unlike.high - unlike.low > 3 * (alike.high - alike.low)
+
+
+def test_intervals_of_many_cases_together_cover_with_95_percent():
+    rng = np.random.default_rng(0)
+    draws = rng.normal(size=(4000, 4, 5))  # draws, cases, people
+    covered = [
+        all(
+            one.low <= 0 <= one.high
+            for one in by_case(mean, {str(k): [case] for k, case in enumerate(cases)}).values()
+        )
+        for cases in draws
+    ]
+    assert 0.94 < np.mean(covered) < 0.965  # Bonferroni: 0.95, slightly more for independent cases
+
+
+def test_cases_of_every_maker_are_widened():
+    samples = np.array([0.5, 0.7, 0.9, 0.8])
+    for make, arguments in (
+        (mean, [samples]),
+        (geometric_mean, [samples]),
+        (difference, [samples, np.zeros(4)]),
+        (share, [3, 40]),
+        (clustered_share, [[3, 4, 5], [40, 40, 40]]),
+    ):
+        alone, among = make(*arguments), by_case(make, {"a": arguments, "b": arguments})["a"]
+        assert among.low < alone.low
+        assert among.high > alone.high
+        assert among.value == alone.value

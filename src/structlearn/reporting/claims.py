@@ -7,7 +7,8 @@ found for them is `Evidence` by name. Here is the one evaluator and its one voca
     undecided       it lies on both sides
     not tested      nothing was found that could decide
 
-A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is.
+A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is; their
+intervals are widened so that all of them together cover with 95 % (`comparisons`).
 """
 
 from collections import Counter
@@ -31,7 +32,7 @@ VERDICTS = (YES, NO, UNDECIDED, NOT_TESTED)
 
 @dataclass(frozen=True)
 class Evidence:
-    """A number that was found, with its 95 % interval.
+    """A number that was found, with its 95 % interval (wider where a claim makes many comparisons).
 
     Attributes:
         value: the number; NaN where nothing was found.
@@ -53,29 +54,60 @@ def exact(value: float, n: int) -> Evidence:
     return Evidence(float(value), float(value), float(value), n)
 
 
-def mean(samples: np.ndarray) -> Evidence:
+def mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
     """Mean of independent samples (N,); one sample alone has no interval, so nothing follows from it."""
-    value, half = mean_interval(np.asarray(samples, float))
+    value, half = mean_interval(np.asarray(samples, float), confidence(comparisons))
     return Evidence(value, value - half, value + half, len(samples))
 
 
-def difference(first: np.ndarray, second: np.ndarray) -> Evidence:
+def difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
     """Mean of first minus second, (N,) each, in pairs (same seed, person, scene)."""
-    return mean(np.asarray(first, float) - np.asarray(second, float))
+    return mean(np.asarray(first, float) - np.asarray(second, float), comparisons)
 
 
-def geometric_mean(samples: np.ndarray) -> Evidence:
+def geometric_mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
     """Geometric mean of independent positive samples (N,), e.g. ratios, with the interval of their logs."""
-    found = mean(np.log(samples))
+    found = mean(np.log(samples), comparisons)
     value, low, high = (float(np.exp(log)) for log in (found.value, found.low, found.high))
     return Evidence(value, low, high, found.n)
 
 
-def share(count: int, n: int) -> Evidence:
-    """A rate with Wilson's interval."""
-    low, high = wilson_interval(count, n)
+def share(count: int, n: int, comparisons: int = 1) -> Evidence:
+    """A rate over independent trials, with Wilson's interval."""
+    low, high = wilson_interval(count, n, confidence(comparisons))
     value = count / n
     return Evidence(value, min(float(low), value), max(float(high), value), n, int(count))
+
+
+def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1) -> Evidence:
+    """A rate over trials that are alike within a person (robot, seed), with the wider end of two intervals.
+
+    Trials of one person say less than as many of different people, so the interval is that of people's rates
+    by the t distribution; where these hardly differ, e.g. all are 0, it would be too narrow, so it is never
+    narrower than Wilson's over all trials.
+
+    Args:
+        counts: (P,) by person, of `trials`.
+        trials: (P,) by person.
+        comparisons: see `confidence`.
+
+    Returns:
+        Evidence whose n and count are of trials.
+    """
+    pooled = share(int(np.sum(counts)), int(np.sum(trials)), comparisons)
+    people = mean(np.divide(counts, trials), comparisons)
+    low, high = (np.fmin(pooled.low, people.low), np.fmax(pooled.high, people.high))
+    return Evidence(pooled.value, max(float(low), 0.0), min(float(high), 1.0), pooled.n, pooled.count)
+
+
+def by_case(make: Callable[..., Evidence], cases: Mapping[str, Sequence[Any]]) -> dict[str, Evidence]:
+    """Evidence for a claim with several cases: `make(*arguments, comparisons=number of cases)` of each."""
+    return {name: make(*arguments, comparisons=len(cases)) for name, arguments in cases.items()}
+
+
+def confidence(comparisons: int) -> float:
+    """Of one interval, so that all of so many together cover with 95 % (Bonferroni)."""
+    return 1.0 - 0.05 / comparisons
 
 
 def counted(count: int, n: int) -> Evidence:
