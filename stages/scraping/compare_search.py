@@ -32,7 +32,7 @@ def main() -> None:
     with publish(f"{DATA}/search") as folder:
         folder.mkdir()
         found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
-        if found is not None and refined.scales:
+        if found is not None and refined.exploration:
             board, _ = found
             before, after = (
                 read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER)
@@ -53,9 +53,9 @@ def searches(
     names = [primitive.name for primitive in board.primitives if primitive.name in before]
     tables = []
     for place, name in enumerate(names):
-        if name in refined.scales:
+        if name in refined.exploration:
             own = replace(board, name=name, preceding={one: after[one] for one in names[:place]})
-            exploration = refined.scales[name].exploration
+            exploration = refined.exploration[name]
             start = refinement.start(own, before[name], refined, exploration).compressed
             silent = replace(own, telling=False)
             table = compare(silent, start, exploration, refined.search, parameters)

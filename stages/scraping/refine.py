@@ -45,8 +45,7 @@ def tell(name: str, progress: Progress) -> None:
     costs = ", ".join(f"{kind} {rows['cost_rad'].mean():.1f}" for kind, rows in now.groupby("kind"))
     failed = int((now["fault"] != "").sum())
     print(
-        f"{name}, iteration {progress.iteration}: mean cost {costs} rad, {failed} of {len(now)} failed; "
-        f"norm with the network {progress.norm_rad:.2f} rad",
+        f"{name}, iteration {progress.iteration}: mean cost {costs} rad, {failed} of {len(now)} failed",
         flush=True,
     )
 

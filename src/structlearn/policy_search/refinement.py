@@ -1,6 +1,6 @@
 """Reinforcement learning of a feedback model in a new setting (dissertation IV.7, algorithm IV.3).
 
-    1. execute with the current network; while the norm of its cost is above the threshold:
+    1. execute with the current network; so many times:
     2. compress what it did into an open-loop policy, one weight per phase kernel
     3. draw policies around it, execute each, and update the policy by PI2-CMA
     4. execute the improved policy and add what was felt and done to the demonstrations
@@ -9,6 +9,10 @@
 The search runs in the 25 weights of the policy, not in the thousands of the network, and the network keeps
 the demonstrations of the old settings in its data, so it does not forget them. One primitive at a time; the
 primitives before it run with what they have learned.
+
+The text ends it by a threshold of the cost, whose value it does not give. Here the number of iterations is
+given, so that what later ones gain is seen: a threshold would decide when it seems to have converged. An
+iteration may make it worse, so the network of the cheapest one is kept, and the next begins from it.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,18 +46,23 @@ from structlearn.primitives.kernels import KERNEL_COUNT
 SMALLEST_SINGULAR_VALUE = 1e-4
 """Relative to the largest; what is smaller is a kernel that the vanishing phase velocity hides."""
 
+SHOWN = 5
+"""Second number of the seeds of `shown_again`; 0 to 4 are the kinds of rollouts and the searches."""
+
 
 class RefinementParameters(Parameters):
     """Parameters of the refinement.
 
     Attributes:
-        iterations: at most so many.
+        iterations: so many.
         search: of PI2-CMA.
         evaluation_runs: executions with the network per iteration.
         added_runs: executions of the improved policy that are added to the data; the text adds one, the
             author's public code eight. No two executions feel the same: the more there are, the less the
             network mistakes how the tool happened to be held for the setting.
-        training: of the network.
+        training: of the network before.
+        retraining_dropout: dropout when it is trained anew; the text has one for both. Without, the network
+            tells the settings better apart that it has felt executed.
     """
 
     iterations: int = Field(ge=1, le=100)
@@ -61,18 +70,12 @@ class RefinementParameters(Parameters):
     evaluation_runs: int = Field(ge=1)
     added_runs: int = Field(ge=1)
     training: TrainingParameters
+    retraining_dropout: float = Field(ge=0, lt=1)
 
-
-class ScaleParameters(Parameters):
-    """What depends on the size of a primitive's coupling terms and costs.
-
-    Attributes:
-        exploration: initial standard deviation of the policy's weights.
-        threshold_rad: norm of the cost vector over the primitive's ticks, mean over runs, that is enough.
-    """
-
-    exploration: float = Field(gt=0)
-    threshold_rad: float = Field(ge=0)
+    @property
+    def retraining(self) -> TrainingParameters:
+        """Of the network when it is trained anew."""
+        return self.training.model_copy(update={"dropout": self.retraining_dropout})
 
 
 @dataclass(frozen=True)
@@ -81,12 +84,12 @@ class Progress:
 
     Attributes:
         iteration: 0 before the first update.
-        network: the feedback model.
+        network: the feedback model of the iteration that cost least so far.
         covariance: (N, N) of the search.
         history: of all rollouts so far, see `rollouts.history_rows`.
         policies: (R, N) weights of the open-loop rollouts in the history's order, for inspection.
         samples: of all rollouts so far, see `rollouts.sample_rows`; for inspection.
-        compressed: what the last executions with the network amount to as a policy, (N,).
+        compressed: what the executions with this network amount to as a policy, (N,).
     """
 
     iteration: int
@@ -98,12 +101,10 @@ class Progress:
     compressed: np.ndarray
 
     @property
-    def norm_rad(self) -> float:
-        """Mean norm of the cost vector of the last executions with the network."""
-        last = self.history[
-            (self.history["kind"] == FEEDBACK) & (self.history["iteration"] == self.iteration)
-        ]
-        return float(last["norm_rad"].mean())
+    def kept(self) -> int:
+        """Iteration whose network is kept: fewest failures in its executions, then lowest mean cost."""
+        runs = self.history[self.history["kind"] == FEEDBACK].groupby("iteration")
+        return int(min(runs, key=lambda group: _standing(group[1]))[0])
 
 
 def start(
@@ -174,25 +175,23 @@ def improve(
     update = pi2.update(distribution, policies, costs, parameters.search, activation)
     mean = update.distribution.mean
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
-    added = succeeded(improved, f"executions of the improved policy of iteration {iteration}")
-    numbered = [
-        replace(run.samples, demonstration=np.full(len(run.samples.target), -1 - number))
-        for number, run in enumerate(added)
-    ]
-    network = train_final(concatenated([demonstrations, *numbered]), parameters.training, initial=initial)
+    added = learnable(improved, f"executions of the improved policy of iteration {iteration}")
+    network = train_final(concatenated([demonstrations, added]), parameters.retraining, initial=initial)
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
     groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
     rows = [history_rows(group, iteration, kind) for group, kind in groups]
     samples = [sample_rows(group, iteration, kind, environment.rate_hz) for group, kind in groups]
-    return Progress(
+    found = replace(
+        progress,
         iteration=iteration,
-        network=network,
         covariance=update.distribution.covariance,
         history=pd.concat([progress.history, *rows], ignore_index=True),
         policies=np.vstack([progress.policies, policies, np.tile(mean, (len(improved), 1))]),
         samples=pd.concat([progress.samples, *samples], ignore_index=True),
-        compressed=compress(runs, len(mean)),
     )
+    if found.kept < iteration:
+        return found
+    return replace(found, network=network, compressed=compress(runs, len(mean)))
 
 
 def refine(
@@ -200,19 +199,19 @@ def refine(
     initial: PhaseModulatedNetwork,
     demonstrations: CouplingDataset,
     parameters: RefinementParameters,
-    scale: ScaleParameters,
+    exploration: float,
     seed: int,
     resume: Progress | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
-    """Refine a feedback model until its cost is low enough or the iterations are used up.
+    """Refine a feedback model.
 
     Args:
         environment: the new setting.
         initial: trained on demonstrations of other settings.
         demonstrations: these demonstrations.
         parameters: see there.
-        scale: of this primitive.
+        exploration: standard deviation of the policy's weights at first.
         seed: of the exploration.
         resume: state to go on from, of a run that was cut off.
         report: called with the state after every iteration, the 0th included.
@@ -222,12 +221,47 @@ def refine(
     """
     progress = resume
     if progress is None:
-        progress = start(environment, initial, parameters, scale.exploration)
+        progress = start(environment, initial, parameters, exploration)
         report(progress)
-    while progress.iteration < parameters.iterations and progress.norm_rad > scale.threshold_rad:
+    while progress.iteration < parameters.iterations:
         progress = improve(environment, progress, initial, demonstrations, parameters, seed)
         report(progress)
     return progress
+
+
+def shown_again(environment: Environment, demonstrations: CouplingDataset, runs: int) -> CouplingDataset:
+    """How it feels to do in one setting what people did there on average.
+
+    People's demonstrations feel otherwise than executions: a hand guides the robot. The improved policy of a
+    new setting is executed, so the settings that were learned from are, too, lest the network takes the
+    difference between hand and no hand for one between settings.
+
+    Args:
+        environment: this setting.
+        demonstrations: of this setting.
+        runs: executions.
+
+    Returns:
+        Their samples, numbered as those of `learnable`.
+
+    Raises:
+        InputError: all executions failed.
+    """
+    policy = open_loop(open_loop_weights(demonstrations))
+    executed = environment.rollouts([policy] * runs, [(0, SHOWN, number) for number in range(runs)])
+    return learnable(executed, "executions of what was demonstrated")
+
+
+def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
+    """What was felt and done in those executions that did not fail, of which there must be one.
+
+    Numbered down from -1: numbers of demonstrations are not negative.
+    """
+    parts = [
+        replace(run.samples, demonstration=np.full(len(run.samples.target), -1 - number))
+        for number, run in enumerate(succeeded(runs, what))
+    ]
+    return concatenated(parts)
 
 
 def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.ndarray:
@@ -238,15 +272,23 @@ def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.nd
         kernel_count: number of phase kernels N.
 
     Returns:
-        (N,) weights theta of c = G(p, u) . theta, by least squares.
+        (N,) weights.
 
     Raises:
         InputError: all executions failed.
     """
-    done = succeeded(runs, "executions with the network")
-    features = np.vstack([run.samples.modulation(kernel_count) for run in done])
-    target = np.concatenate([run.samples.target for run in done])
-    return np.linalg.lstsq(features, target, rcond=SMALLEST_SINGULAR_VALUE)[0]
+    return open_loop_weights(learnable(runs, "executions with the network"), kernel_count)
+
+
+def open_loop_weights(samples: CouplingDataset, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
+    """Weights theta (N,) of the policy c = G(p, u) . theta nearest to what was done, by least squares."""
+    features = samples.modulation(kernel_count)
+    return np.linalg.lstsq(features, samples.target, rcond=SMALLEST_SINGULAR_VALUE)[0]
+
+
+def _standing(runs: pd.DataFrame) -> tuple[int, float]:
+    """By which networks compare, of the rows of their executions: the lower the better."""
+    return int((runs["fault"] != "").sum()), float(runs["cost_rad"].mean())
 
 
 def _execute(

@@ -3,17 +3,20 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
+import numpy as np
 import pandas as pd
 from pydantic import Field
 
 import structlearn
-from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.ground.compilation import sources_digest
 from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.checkpoint import Checkpoint, digest
-from structlearn.policy_search.refinement import Progress, RefinementParameters, ScaleParameters, refine
+from structlearn.policy_search.refinement import Progress, RefinementParameters, refine, shown_again
 from structlearn.policy_search.rollouts import FEEDBACK
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
@@ -27,14 +30,18 @@ class BoardRefinementParameters(RefinementParameters):
     Attributes:
         settings_deg: rolls of the board that the models before refinement are learned from.
         setting_deg: new roll of the board, on which they are refined.
-        scales: by primitive, of those that are refined.
+        exploration: by primitive, of those that are refined: standard deviation of the policy's weights at
+            first, which depends on the size of its coupling terms.
+        shown_runs: executions of the mean demonstration of each setting learned from that are added to the
+            data, see `refinement.shown_again`; the text has none.
         hidden: nodes of the regular hidden layers.
         seed: of the exploration.
     """
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     setting_deg: float
-    scales: dict[str, ScaleParameters]
+    exploration: dict[str, Annotated[float, Field(gt=0)]]
+    shown_runs: int = Field(ge=0)
     hidden: tuple[int, ...]
     seed: int = Field(ge=0)
 
@@ -80,16 +87,15 @@ def refine_on_board(
     Raises:
         InputError: a primitive to be refined has no demonstrations, or too many rollouts fail.
     """
-    from structlearn.feedback.supervised_training import train_final
-
-    unknown = sorted(set(parameters.scales) - set(datasets))
+    unknown = sorted(set(parameters.exploration) - set(datasets))
     if unknown:
-        raise InputError(f"refine.scales names {', '.join(unknown)}: no primitive with corrections")
+        raise InputError(f"refine.exploration names {', '.join(unknown)}: no primitive with corrections")
     names = [primitive.name for primitive in board.primitives if primitive.name in datasets]
-    before = {name: train_final(datasets[name], parameters.training, parameters.hidden) for name in names}
+    work = [(datasets[name], parameters) for name in names]
+    before = dict(zip(names, parallel_map(_learned, work, "models before refinement"), strict=True))
     after, states = dict(before), {}
     for place, name in enumerate(names):
-        if name in parameters.scales:
+        if name in parameters.exploration:
             own = replace(board, name=name, preceding={one: after[one] for one in names[:place]})
             checkpoint = _checkpoint(own, datasets[name], parameters, unfinished)
 
@@ -100,9 +106,9 @@ def refine_on_board(
             states[name] = refine(
                 own,
                 before[name],
-                datasets[name],
+                _with_executions(own, datasets[name], parameters.shown_runs),
                 parameters,
-                parameters.scales[name],
+                parameters.exploration[name],
                 parameters.seed,
                 resume=checkpoint.last(),
                 report=keep,
@@ -114,6 +120,28 @@ def refine_on_board(
         "policies": {name: _policies(state) for name, state in states.items()},
     }
     return Refined(before, after, **{name: _joined(parts) for name, parts in tables.items()})
+
+
+def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> PhaseModulatedNetwork:
+    from structlearn.feedback.supervised_training import train_final
+
+    dataset, parameters = work
+    return train_final(dataset, parameters.training, parameters.hidden)
+
+
+def _with_executions(board: Board, demonstrations: CouplingDataset, runs: int) -> CouplingDataset:
+    """Demonstrations, and executions of their mean in every setting."""
+    if runs == 0:
+        return demonstrations
+    executed = [
+        shown_again(
+            replace(board, setting_deg=float(setting)),
+            demonstrations.where(demonstrations.setting == setting),
+            runs,
+        )
+        for setting in np.unique(demonstrations.setting)
+    ]
+    return concatenated([demonstrations, *executed])
 
 
 def _checkpoint(
