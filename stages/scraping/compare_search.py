@@ -58,7 +58,8 @@ def searches(
             exploration = refined.exploration[name]
             start = refinement.start(own, before[name], refined, exploration).compressed
             silent = replace(own, telling=False)
-            table = compare(silent, start, exploration, refined.search, parameters)
+            first = refined.seed * parameters.seeds
+            table = compare(silent, start, exploration, refined.search, parameters, first)
             tables.append(table.assign(primitive=name))
     return pd.concat(tables, ignore_index=True)
 

@@ -1,9 +1,5 @@
 """The report of the scraping testbed: three pages with their figures and tables, metrics and details."""
 
-from pathlib import Path
-
-import pandas as pd
-
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
 from structlearn.feedback.training_parameters import FeedbackParameters, TrainingParameters
 from structlearn.ground.stage import run, stage_parameters
@@ -12,8 +8,10 @@ from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters, CorrectionSourceParameters, SourceParameters
 from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
+from structlearn.testbeds.scraping.page.refinement_studies import STUDIES
 from structlearn.testbeds.scraping.page.scraping_report import read_results, scraping_report
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
@@ -40,16 +38,14 @@ PARAMETERS = {
     "evaluate_refinement": EvaluationParameters,
     "compare_search": ComparisonParameters,
 }
-ABLATIONS = Path("reports/ablations/tables/refinement.csv")
-"""In git, written by `make ablations`; quoted where it is there."""
 
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     files = ScrapingFiles(parameters["clock"])
     results = read_results(files, parameters)
-    ablations = pd.read_csv(ABLATIONS) if ABLATIONS.exists() else pd.DataFrame()
-    report = scraping_report(*results, files.engine_differences(), ablations, parameters)
+    studies = {name: read_study(name) for name in STUDIES}
+    report = scraping_report(*results, files.engine_differences(), studies, parameters)
     publish_report(
         "reports/scraping", report.pages, report.drawings, report.tables, report.metrics, report.headlines
     )

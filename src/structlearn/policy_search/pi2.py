@@ -8,9 +8,10 @@ Any episodic policy can be searched: draw parameters, roll each out, hand in the
 
 Every time step weighs the samples by their cost-to-go. The text averages these weights over time, early steps
 counting most, and moves all parameters of a policy by the average. But the weight of a phase kernel acts only
-while its kernel is active, and what was paid before says nothing of it. As in PI2's original form (Theodorou,
-Buchli and Schaal, 2010) the average is then taken for each parameter over the time steps at which it acts:
-this is what a search gains by seeing the cost of every time step.
+while its kernel is active: what was paid before says nothing of it, and what is paid long after little, since
+a movement primitive forgets. As in PI2's original form (Theodorou, Buchli and Schaal, 2010) the average is
+then taken for each parameter over the time steps at which it acts, and the cost-to-go reaches no further than
+a horizon: this is what a search gains by seeing the cost of every time step.
 
 A rollout without a finite cost-to-go (it diverged, returned NaN, or its process died) is left out: its weight
 is 0 at all time steps, as if its cost were infinite. With the worst cost of the others it would still have a
@@ -40,6 +41,7 @@ class PI2Parameters(Parameters):
         samples: rollouts per update, K.
         averaging: of the time steps' weights of a sample: `per_weight`, for every parameter over the steps at
             which it acts; `per_policy`, over all steps for all parameters, as in the text.
+        horizon: share of the time steps, from each on, over which its cost-to-go is summed; 1 is the text.
         kl_bound: nat, largest divergence of the samples' weights from uniform ones, at every time step.
         temperature: of the normalised costs, instead of the bound; None: by the bound.
         temperature_floor: smallest temperature that the bound may ask for.
@@ -48,6 +50,7 @@ class PI2Parameters(Parameters):
 
     samples: int = Field(ge=FEWEST_ROLLOUTS)
     averaging: Literal["per_weight", "per_policy"]
+    horizon: float = Field(gt=0, le=1)
     kl_bound: float = Field(ge=1e-6)
     temperature: float | None = Field(ge=1e-9)
     temperature_floor: float = Field(ge=1e-9)
@@ -121,17 +124,22 @@ def sample(distribution: SearchDistribution, count: int, rng: np.random.Generato
     return distribution.mean + white @ covariance.factor(distribution.covariance).T
 
 
-def cost_to_go(costs: np.ndarray) -> np.ndarray:
+def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
     """S_k,t = sum of J_k,j over j from t to the end (algorithm IV.4, line 5, with j for its second t).
 
     Args:
         costs: (K, T) costs per time step.
+        horizon: share of the steps at which the sum ends already, at least one step.
 
     Returns:
-        (K, T); NaN or infinite up to and including a sample that is.
+        (K, T); NaN or infinite at the first step where any is.
     """
+    steps = costs.shape[1]
+    reach = max(1, round(horizon * steps))
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.cumsum(costs[:, ::-1], axis=1)[:, ::-1]
+        ahead = np.cumsum(costs[:, ::-1], axis=1)[:, ::-1]
+        beyond = np.pad(ahead[:, reach:], ((0, 0), (0, reach)))
+        return ahead - beyond
 
 
 def time_weights(steps: int) -> np.ndarray:
@@ -171,7 +179,7 @@ def update(
             the covariance of the distribution is not positive definite.
     """
     _check_shapes(distribution, samples, costs, activation)
-    ahead = cost_to_go(costs)
+    ahead = cost_to_go(costs, parameters.horizon)
     valid = np.isfinite(ahead[:, 0])
     if valid.sum() < FEWEST_ROLLOUTS:
         raise InputError(

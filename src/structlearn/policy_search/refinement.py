@@ -46,8 +46,8 @@ from structlearn.primitives.kernels import KERNEL_COUNT
 SMALLEST_SINGULAR_VALUE = 1e-4
 """Relative to the largest; what is smaller is a kernel that the vanishing phase velocity hides."""
 
-SHOWN = 5
-"""Second number of the seeds of `shown_again`; 0 to 4 are the kinds of rollouts and the searches."""
+KNOWN = 5
+"""Second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches."""
 
 
 class RefinementParameters(Parameters):
@@ -229,16 +229,16 @@ def refine(
     return progress
 
 
-def shown_again(environment: Environment, demonstrations: CouplingDataset, runs: int) -> CouplingDataset:
-    """How it feels to do in one setting what people did there on average.
+def executed(environment: Environment, policy: np.ndarray, runs: int) -> CouplingDataset:
+    """What is felt where an open-loop policy is executed in a setting that is known.
 
     People's demonstrations feel otherwise than executions: a hand guides the robot. The improved policy of a
-    new setting is executed, so the settings that were learned from are, too, lest the network takes the
-    difference between hand and no hand for one between settings.
+    new setting is executed, so what is right in the known ones is, too: else the network takes the difference
+    between hand and no hand for one between settings.
 
     Args:
-        environment: this setting.
-        demonstrations: of this setting.
+        environment: the known setting.
+        policy: (N,) weights of what is right there.
         runs: executions.
 
     Returns:
@@ -247,9 +247,8 @@ def shown_again(environment: Environment, demonstrations: CouplingDataset, runs:
     Raises:
         InputError: all executions failed.
     """
-    policy = open_loop(open_loop_weights(demonstrations))
-    executed = environment.rollouts([policy] * runs, [(0, SHOWN, number) for number in range(runs)])
-    return learnable(executed, "executions of what was demonstrated")
+    seeds = [(0, KNOWN, number) for number in range(runs)]
+    return learnable(environment.rollouts([open_loop(policy)] * runs, seeds), "executions in a known setting")
 
 
 def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:

@@ -178,6 +178,7 @@ def compare(
     exploration: float,
     search: PI2Parameters,
     parameters: ComparisonParameters,
+    first_seed: int = 0,
 ) -> pd.DataFrame:
     """Run all searches in lock-step and judge their mean policies.
 
@@ -187,6 +188,7 @@ def compare(
         exploration: initial standard deviation of its weights.
         search: of PI2-CMA.
         parameters: see there.
+        first_seed: of the searches, which have consecutive ones.
 
     Returns:
         One row per method, seed and update: `method`, `seed`, `update` (0 is the start), `rollouts` (used so
@@ -197,7 +199,7 @@ def compare(
     Raises:
         InputError: the budget is not enough for one update, or fewer than two rollouts of one succeeded.
     """
-    trials = _trials(start, exploration, search, parameters)
+    trials = _trials(start, exploration, search, parameters, first_seed)
     while going := [trial for trial in trials if _left(trial, parameters.budget) >= 0]:
         _advance(environment, going)
     policies = [start, *(mean for trial in trials for mean in trial.means)]
@@ -210,12 +212,16 @@ def compare(
 
 
 def _trials(
-    start: np.ndarray, exploration: float, search: PI2Parameters, parameters: ComparisonParameters
+    start: np.ndarray,
+    exploration: float,
+    search: PI2Parameters,
+    parameters: ComparisonParameters,
+    first_seed: int,
 ) -> list[Trial]:
     """All searches at their start; InputError where the budget does not reach for an update."""
     trials = []
     for method in (PI2, CMA_ES):
-        for seed in range(parameters.seeds):
+        for seed in range(first_seed, first_seed + parameters.seeds):
             rng = np.random.default_rng(seed)
             if method == PI2:
                 own = PathIntegralSearch(SearchDistribution.around(start, exploration), search, rng)

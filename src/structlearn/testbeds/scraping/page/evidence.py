@@ -6,15 +6,13 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.training_parameters import POINTWISE, UNROLLED
-from structlearn.ground.metrics import BETTER, mean_interval
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, counted, exact
+from structlearn.reporting.claims import UNKNOWN, Evidence, Found, exact
 from structlearn.segmentation.result import RESULT
 from structlearn.testbeds.scraping.names import CUT_METHODS
 from structlearn.testbeds.scraping.page.execution_results import ALL
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
-from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
 
 MODEL_PAIRS = {
     "best_structure": (("pmnn_100", "pmnn_0"), ("pmnn_100", "ffnn_phase"), ("pmnn_100", "ffnn")),
@@ -134,65 +132,3 @@ def _weakest_step(rows: pd.DataFrame, runs: int) -> Evidence:
 def _rise(lower: Evidence) -> Evidence:
     """By how much a cost is higher, of by how much it is lower."""
     return Evidence(-lower.value, -lower.high, -lower.low, lower.n)
-
-
-def refinement_evidence(results: RefinementResults) -> dict[str, Found]:
-    """Of the page on refinement by trial."""
-    found: dict[str, Found] = {"converged": {name: _later_gains(results, name) for name in results.refined}}
-    if results.evaluated:
-        tilt = results.example_deg
-        found["lower_after"] = {
-            name: results.lower(AFTER, BEFORE, name, [tilt])[0] for name in results.refined
-        }
-        if results.parameters.added_runs == 1:
-            found["text_form"] = found["lower_after"]
-        found["share_left"] = {
-            name: mean_ratio(*(results.run_costs(model, tilt, name) for model in (AFTER, BEFORE)))
-            for name in results.refined
-        }
-    if results.seen_deg:
-        found["seen_kept"] = {
-            name: _rise(weakest(results.lower(AFTER, BEFORE, name, results.seen_deg)))
-            for name in results.primitives
-        }
-    if len(results.between):
-        found["in_between"] = {
-            f"{row.primitive}, {row.model}": weakest(
-                results.margins(row.primitive, row.model, (row.below_deg, row.setting_deg, row.above_deg))
-            )
-            for row in results.between.itertuples()
-        }
-    if results.tilted_deg:
-        found["nominal_is_worst"] = {
-            name: weakest(
-                gain
-                for model in (BEFORE, AFTER)
-                for gain in results.lower(model, NOMINAL, name, results.tilted_deg)
-            )
-            for name in results.primitives
-        }
-    if 0.0 in results.settings_deg:
-        found["level_board_after"] = _rise(results.lower(AFTER, NOMINAL, ALL, [0.0])[0])
-    return found
-
-
-def mean_ratio(first: np.ndarray, second: np.ndarray) -> Evidence:
-    """Ratio of the means of samples (N,) in pairs, with its interval to first order."""
-    ratio = float(np.mean(first) / np.mean(second))
-    _, half = mean_interval(np.asarray(first) - ratio * np.asarray(second))
-    half = half / float(np.mean(second))
-    return Evidence(ratio, ratio - half, ratio + half, len(first))
-
-
-def _later_gains(results: RefinementResults, primitive: str) -> Evidence:
-    """How many of the iterations after the published number are significantly lower.
-
-    None where the threshold ended the refinement by then; not known where the last iteration did, or where a
-    difference has no interval.
-    """
-    later = results.later(primitive)
-    if later.empty:
-        return counted(0, 0) if results.met(primitive) else UNKNOWN
-    if later["since_half_width"].isna().any():
-        return UNKNOWN
-    return counted(int((later["since_verdict"] == BETTER).sum()), len(later))

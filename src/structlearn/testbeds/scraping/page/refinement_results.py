@@ -14,9 +14,10 @@ from structlearn.policy_search.rollouts import FEEDBACK
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence
+from structlearn.reporting.prose import level_name
 from structlearn.testbeds.scraping.page.execution_results import ALL, ExecutionResults, welch
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
 
 PUBLISHED_ITERATIONS = 2
 """After which both primitives had converged (IV.9.4.1); also in `published.yaml`, for sentences."""
@@ -66,9 +67,10 @@ class RefinementResults(ExecutionResults):
         return self.example_deg in self.settings_deg
 
     @cached_property
-    def iterations(self) -> dict[str, int]:
-        """By primitive, iterations until the threshold was met or the last was used up."""
-        return {name: int(self._rows(name)["iteration"].max()) for name in self.refined}
+    def kept(self) -> dict[str, int]:
+        """By primitive, the iteration whose network is kept: fewest failures, then lowest mean cost."""
+        curves = {name: self.curve(name)[["failed", "mean"]] for name in self.refined}
+        return {name: int(rows.sort_values(["failed", "mean"]).index[0]) for name, rows in curves.items()}
 
     @cached_property
     def curves(self) -> pd.DataFrame:
@@ -92,10 +94,14 @@ class RefinementResults(ExecutionResults):
         chosen = (self.curves["primitive"] == primitive) & (self.curves["kind"] == kind)
         return self.curves[chosen].set_index("iteration")
 
-    def met(self, primitive: str) -> bool:
-        """Whether the norm of the cost of the last executions met the threshold that ends a refinement."""
-        norm = self.curve(primitive)["norm_rad"].iloc[-1]
-        return bool(norm <= self.parameters.scales[primitive].threshold_rad)
+    def later_gain(self, primitive: str) -> float:
+        """By how much of the cost before the best iteration after `PUBLISHED_ITERATIONS` is below that one.
+
+        Negative where all later ones cost more; NaN where there is none.
+        """
+        cost = self.curve(primitive)["mean"]
+        later = cost[cost.index > PUBLISHED_ITERATIONS]
+        return float((cost[PUBLISHED_ITERATIONS] - later.min()) / cost[0]) if len(later) else np.nan
 
     @cached_property
     def progress(self) -> pd.DataFrame:
@@ -214,32 +220,53 @@ class RefinementResults(ExecutionResults):
         """Key figures; what was not executed is left out.
 
         `rl_cost_before_prim<number>` and `rl_cost_after_prim<number>` are the mean accumulated cost in rad at
-        the tilt refined on; `rl_iterations` counts until the end, the largest of all primitives;
-        `rl_rollouts` are all, `rl_failed_rollouts` those that failed. `seen_cost_ratio_after_over_before_max`
-        is the largest ratio of mean costs, summed over the primitives, over the settings learned from.
-        `search_cost_<method>_prim<number>` is the mean cost of what the searches ended with.
+        the tilt refined on, `rl_cost_ratio_prim<number>` is the latter over the former, and
+        `rl_cost_ratio_at_<tilt>` at any tilt, summed over the primitives;
+        `seen_cost_ratio_after_over_before_max` is the largest of these over the settings learned from.
+        `rl_over_nominal_max_prim<number>` is the largest ratio to the cost without feedback over all tilts,
+        before and after; `rl_over_nominal_0` that after, of all primitives, on the level board.
+        `rl_between_<model>_prim<number>` is by how many rad a tilt never seen costs more than the cheaper and
+        less than the dearer of its neighbours, whichever is less. `rl_later_gain_prim<number>`: see
+        `later_gain`; `rl_kept_iteration_prim<number>`: see `kept`. `rl_rollouts` are all,
+        `rl_failed_rollouts` those that failed. `search_cost_<method>_prim<number>` is the mean cost of what
+        the searches ended with.
 
         Args:
             number: of a primitive, from 1.
         """
         values: Metrics = {}
         for name in self.refined if self.evaluated else ():
-            for model in (BEFORE, AFTER):
-                cost = self.run_costs(model, self.example_deg, name).mean()
-                values[f"rl_cost_{model}_prim{number(name)}"] = float(cost)
-        values["rl_iterations"] = max(self.iterations.values())
-        values |= {f"rl_iterations_prim{number(name)}": count for name, count in self.iterations.items()}
+            before, after = (
+                float(self.run_costs(model, self.example_deg, name).mean()) for model in (BEFORE, AFTER)
+            )
+            values |= {f"rl_cost_before_prim{number(name)}": before}
+            values |= {f"rl_cost_after_prim{number(name)}": after}
+            values |= {f"rl_cost_ratio_prim{number(name)}": after / before}
+        ratios = self.ratio(AFTER, BEFORE, ALL)["ratio"]
+        values |= {f"rl_cost_ratio_at_{level_name(tilt)}": float(ratios[tilt]) for tilt in self.tilted_deg}
+        if self.seen_deg:
+            values["seen_cost_ratio_after_over_before_max"] = float(ratios[self.seen_deg].max())
+        for name in self.primitives if self.tilted_deg else ():
+            worst = [
+                self.ratio(one, NOMINAL, name)["ratio"][self.tilted_deg].max() for one in (BEFORE, AFTER)
+            ]
+            values[f"rl_over_nominal_max_prim{number(name)}"] = float(max(worst))
+        if 0.0 in self.settings_deg:
+            values["rl_over_nominal_0"] = float(self.ratio(AFTER).loc[0.0, "ratio"])
+        for row in self.between.itertuples():
+            low, high = sorted((row.mean_below, row.mean_above))
+            key = f"rl_between_{row.model}_prim{number(row.primitive)}"
+            values[key] = min(values.get(key, np.inf), row.mean - low, high - row.mean)
+        for name in self.refined:
+            values[f"rl_kept_iteration_prim{number(name)}"] = self.kept[name]
+            values[f"rl_later_gain_prim{number(name)}"] = self.later_gain(name)
         values["rl_rollouts"] = len(self.history)
         values["rl_failed_rollouts"] = int(self.faults["rollouts"].sum())
-        if self.seen_deg:
-            seen = self.ratio(AFTER, BEFORE, ALL).loc[self.seen_deg, "ratio"]
-            values["seen_cost_ratio_after_over_before_max"] = float(seen.max())
         for method in (PI2, CMA_ES) if len(self.search) else ():
             for name in self.searched_primitives:
                 cost = self.searched["mean"].get((name, method), np.nan)
-                if np.isfinite(cost):
-                    values[f"search_cost_{method}_prim{number(name)}"] = float(cost)
-        return values
+                values[f"search_cost_{method}_prim{number(name)}"] = float(cost)
+        return {name: value for name, value in values.items() if np.isfinite(value)}
 
     def _rows(self, primitive: str) -> pd.DataFrame:
         return self.history[self.history["primitive"] == primitive]

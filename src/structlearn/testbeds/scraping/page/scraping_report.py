@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import pandas as pd
 import yaml
 
 from structlearn.feedback.training_parameters import POINTWISE
@@ -16,6 +15,7 @@ from structlearn.reporting.claims import UNKNOWN, Found, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.prose import listing
+from structlearn.reporting.studies import Study
 from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.result import read_segmentation
 from structlearn.testbeds.scraping import files, names
@@ -24,6 +24,7 @@ from structlearn.testbeds.scraping.page import (
     evidence,
     feedback_figures,
     refinement_figures,
+    refinement_studies,
     tables,
 )
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
@@ -99,7 +100,7 @@ def scraping_report(
     feedback: FeedbackResults | None,
     refinement: RefinementResults | None,
     engines: Metrics,
-    ablations: pd.DataFrame,
+    studies: Mapping[str, Study | None],
     parameters: Mapping[str, Parameters],
 ) -> ScrapingReport:
     """The report.
@@ -109,7 +110,7 @@ def scraping_report(
         feedback: None where nothing was executed, as with nominal bags of your own alone.
         refinement: None where nothing was refined.
         engines: of `ScrapingFiles.engine_differences`.
-        ablations: table `refinement` of the ablations' report; empty where it is not there.
+        studies: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
         parameters: all of `PARAMETERS` by key.
     """
     report, printed = ScrapingReport(), published()
@@ -126,8 +127,8 @@ def scraping_report(
         "primitives": primitives,
         "names": names,
         "engines": engines,
-        "ablations": ablations.to_dict("records"),
         "kernel_count": KERNEL_COUNT,
+        "over_people": "n people, each with a sensor of their own, on whom nothing was tuned.",
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
     }
 
@@ -161,8 +162,13 @@ def scraping_report(
     if refinement is not None:
         report.drawings |= refinement_drawings(refinement, primitives)
         report.tables |= tables.refinement_tables(refinement, primitives, printed)
-        report.metrics |= refinement.metrics(lambda name: primitives.index(name) + 1)
-        add("refinement", evidence.refinement_evidence(refinement), True)
+        numbers = {name: primitives.index(name) + 1 for name in primitives}
+        refined = {name: numbers[name] for name in refinement.refined}
+        report.tables |= refinement_studies.study_tables(studies, refined)
+        report.metrics |= refinement.metrics(numbers.get)
+        report.metrics |= refinement_studies.population_metrics(studies, list(refined.values()))
+        found = refinement_studies.refinement_evidence(refinement, studies, numbers.get)
+        add("refinement", found, True)
     for name in set(PAGES) - set(shown):
         facts = {"pages": shown, "page": name, "title": PAGES[name]}
         report.pages[name] = Document("no_data.html.jinja", PACKAGE, STAGE, facts)

@@ -16,8 +16,15 @@ from structlearn.ground.compilation import sources_digest
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.checkpoint import Checkpoint, digest
-from structlearn.policy_search.refinement import Progress, RefinementParameters, refine, shown_again
+from structlearn.policy_search.refinement import (
+    Progress,
+    RefinementParameters,
+    executed,
+    open_loop_weights,
+    refine,
+)
 from structlearn.policy_search.rollouts import FEEDBACK
+from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
 EVERY_SOURCE = b""
@@ -33,7 +40,8 @@ class BoardRefinementParameters(RefinementParameters):
         exploration: by primitive, of those that are refined: standard deviation of the policy's weights at
             first, which depends on the size of its coupling terms.
         shown_runs: executions of the mean demonstration of each setting learned from that are added to the
-            data, see `refinement.shown_again`; the text has none.
+            data, see `refinement.executed`; the text has none.
+        level_runs: executions without correction on the level board, likewise.
         hidden: nodes of the regular hidden layers.
         seed: of the exploration.
     """
@@ -42,6 +50,7 @@ class BoardRefinementParameters(RefinementParameters):
     setting_deg: float
     exploration: dict[str, Annotated[float, Field(gt=0)]]
     shown_runs: int = Field(ge=0)
+    level_runs: int = Field(ge=0)
     hidden: tuple[int, ...]
     seed: int = Field(ge=0)
 
@@ -106,7 +115,7 @@ def refine_on_board(
             states[name] = refine(
                 own,
                 before[name],
-                _with_executions(own, datasets[name], parameters.shown_runs),
+                _with_executions(own, datasets[name], parameters),
                 parameters,
                 parameters.exploration[name],
                 parameters.seed,
@@ -129,19 +138,20 @@ def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> PhaseMo
     return train_final(dataset, parameters.training, parameters.hidden)
 
 
-def _with_executions(board: Board, demonstrations: CouplingDataset, runs: int) -> CouplingDataset:
-    """Demonstrations, and executions of their mean in every setting."""
-    if runs == 0:
-        return demonstrations
-    executed = [
-        shown_again(
-            replace(board, setting_deg=float(setting)),
-            demonstrations.where(demonstrations.setting == setting),
-            runs,
-        )
+def _with_executions(
+    board: Board, demonstrations: CouplingDataset, parameters: BoardRefinementParameters
+) -> CouplingDataset:
+    """Demonstrations, executions of their mean in every setting, and executions on the level board."""
+    known = [
+        (float(setting), open_loop_weights(demonstrations.where(demonstrations.setting == setting)))
         for setting in np.unique(demonstrations.setting)
     ]
-    return concatenated([demonstrations, *executed])
+    work = [(parameters.shown_runs, *one) for one in known]
+    work.append((parameters.level_runs, 0.0, np.zeros(KERNEL_COUNT)))
+    parts = [
+        executed(replace(board, setting_deg=setting), policy, runs) for runs, setting, policy in work if runs
+    ]
+    return concatenated([demonstrations, *parts])
 
 
 def _checkpoint(

@@ -1,0 +1,133 @@
+"""What studies found of the refinement: over people, for the claims, and of its parameters, for two tables.
+
+Of each person of the study `scraping/people` the whole branch was run anew, demonstrations, sensor, models
+and refinement, once with the parameters as they are (`ours`) and once as in the text (`text`). The numbers
+are those of `details.json` by the same keys. So a refinement is one number, judged over people.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from structlearn.ground.artefacts import Metrics
+from structlearn.reporting.claims import Found, by_case, geometric_mean, mean
+from structlearn.reporting.document import Table
+from structlearn.reporting.prose import interval, level_name, rounded
+from structlearn.reporting.studies import Study
+from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
+from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+
+PEOPLE, ADDED, EXPLORATION = "scraping/people", "scraping/added_executions", "scraping/exploration"
+STUDIES = (PEOPLE, ADDED, EXPLORATION)
+"""That the page rests on."""
+
+FORMS = ("text", "ours")
+"""Variants of the study over people."""
+
+Studies = Mapping[str, Study | None]
+
+
+def refinement_evidence(
+    results: RefinementResults, studies: Studies, number: Callable[[str], int]
+) -> dict[str, Found]:
+    """Of the page on refinement by trial; nothing where no people were studied, or a number is missing.
+
+    Args:
+        results: of the person shown, which say what was executed; their numbers decide nothing.
+        studies: by name.
+        number: of a primitive, from 1.
+    """
+    people = studies.get(PEOPLE)
+    found: dict[str, Found] = {}
+    for form in FORMS if people is not None else ():
+        try:
+            found |= _of_form(form, people, results, number)
+        except KeyError:
+            continue
+    return found
+
+
+def _of_form(
+    form: str, people: Study, results: RefinementResults, number: Callable[[str], int]
+) -> dict[str, Found]:
+    def of(key: str, name: str = "") -> np.ndarray:
+        return people.values(form, f"{key}_prim{number(name)}" if name else key)
+
+    refined, executed = results.refined, results.primitives
+    found: dict[str, Found] = {
+        "lower": by_case(geometric_mean, {name: (of("rl_cost_ratio", name),) for name in refined}),
+        "converged": by_case(mean, {name: (of("rl_later_gain", name),) for name in refined}),
+        "seen": by_case(
+            geometric_mean,
+            {f"{tilt:g}°": (of(f"rl_cost_ratio_at_{level_name(tilt)}"),) for tilt in results.seen_deg},
+        ),
+        "between": by_case(
+            mean,
+            {
+                f"{name}, {model}": (of(f"rl_between_{model}", name),)
+                for name in executed
+                for model in (BEFORE, AFTER)
+            },
+        ),
+        "nominal_is_worst": by_case(
+            geometric_mean, {name: (of("rl_over_nominal_max", name),) for name in executed}
+        ),
+        "level_board": geometric_mean(of("rl_over_nominal_0")),
+        "search": by_case(
+            geometric_mean,
+            {name: (of("search_cost_pi2", name) / of("search_cost_cma_es", name),) for name in refined},
+        ),
+    }
+    return {f"{name}_{form}": one for name, one in found.items()}
+
+
+def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
+    """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `rl_seen_cost_ratio_max_mean`, `rl_people`.
+
+    Those of the text's form end with `_text`. Means are geometric. Nothing where no people were studied.
+
+    Args:
+        studies: by name.
+        numbers: of the refined primitives, from 1.
+    """
+    people = studies.get(PEOPLE)
+    values: Metrics = {}
+    for form, ending in (("ours", ""), ("text", "_text")) if people is not None else ():
+        for number in numbers:
+            ratios = people.values(form, f"rl_cost_ratio_prim{number}")
+            values[f"rl_cost_ratio_prim{number}_mean{ending}"] = float(np.exp(np.log(ratios).mean()))
+            values[f"rl_cost_ratio_prim{number}_worst{ending}"] = float(ratios.max())
+        seen = people.values(form, "seen_cost_ratio_after_over_before_max")
+        values[f"seen_cost_ratio_mean{ending}"] = float(np.exp(np.log(seen).mean()))
+        values["rl_people"] = len(seen)
+    return values
+
+
+def study_tables(studies: Studies, numbers: Mapping[str, int]) -> dict[str, Table]:
+    """A row per variant of the two studies of parameters, mean and interval over the exploration's seeds.
+
+    Args:
+        studies: by name; tables of those that were not run are left out.
+        numbers: of the refined primitives, from 1, by name.
+    """
+    costs = {f"rl_cost_ratio_prim{number}": f"{name}: cost" for name, number in numbers.items()}
+    costs |= {"seen_cost_ratio_after_over_before_max": "seen: cost"}
+    searched = {f"search_cost_pi2_prim{number}": f"{name}: search (rad)" for name, number in numbers.items()}
+    shown = {"refinement_added": (ADDED, costs), "refinement_exploration": (EXPLORATION, costs | searched)}
+    return {
+        table: Table(_summary(studies[name], columns))
+        for table, (name, columns) in shown.items()
+        if studies.get(name) is not None
+    }
+
+
+def _summary(study: Study, columns: Mapping[str, str]) -> pd.DataFrame:
+    rows = []
+    for variant in study.table["variant"].unique():
+        row = {"variant": variant}
+        for key, heading in columns.items():
+            found = mean(study.values(variant, key))
+            row[heading] = f"{rounded(found.value, '.3g')} {interval(found.low, found.high, '.3g')}"
+        rows.append(row)
+    return pd.DataFrame(rows)
