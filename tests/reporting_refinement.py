@@ -39,7 +39,7 @@ def parameters(primitives: Sequence[str] = ADAPTED, **changes: object) -> BoardR
     values = {
         "settings_deg": LEARNED,
         "setting_deg": REFINED_DEG,
-        "scales": {name: {"exploration": 15.0, "threshold_rad": 0.5} for name in primitives},
+        "exploration": dict.fromkeys(primitives, 15.0),
         "iterations": 3,
         "evaluation_runs": RUNS,
     }

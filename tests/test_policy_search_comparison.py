@@ -13,7 +13,7 @@ from made_up_environment import KERNELS, MadeUp
 from structlearn.feedback.skill import open_loop
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
-from structlearn.policy_search.rollouts import Rollout
+from structlearn.policy_search.rollouts import Rollout, kernel_activation
 from structlearn.policy_search.sample_efficiency import (
     CMA_ES,
     JUDGED,
@@ -139,7 +139,8 @@ def test_the_mean_policies_are_those_of_the_searches(environment, table):
     own = search.propose()
     runs = MadeUp().rollouts([open_loop(policy) for policy in own], [(0,)] * len(own))
     costs = np.array([run.cost for run in runs])
-    new = update(search.distribution, own, costs, SEARCH).distribution
+    activation = kernel_activation(costs.shape[1], KERNELS)
+    new = update(search.distribution, own, costs, SEARCH, activation).distribution
     search.learn(own, runs)
     np.testing.assert_array_equal(search.mean, new.mean)
     np.testing.assert_array_equal(search.distribution.covariance, new.covariance)

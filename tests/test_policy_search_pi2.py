@@ -19,11 +19,13 @@ from structlearn.policy_search.pi2 import (
     time_weights,
     update,
 )
+from structlearn.policy_search.rollouts import kernel_activation
 from structlearn.primitives.vector import fit_vector
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 DEFAULT = committed(PI2Parameters, "refine.search")
-COLD = committed(PI2Parameters, "refine.search", temperature=1e-3)
+TEXT = {"samples": 38, "averaging": "per_policy", "horizon": 1.0}
+COLD = committed(PI2Parameters, "refine.search", temperature=1e-3, **TEXT)
 TWO_SIDES = np.array([[1.0], [-1.0]])
 
 
@@ -33,12 +35,12 @@ def random_rollouts(rng, samples=12, steps=6, dimensions=3):
     return distribution, policies, rng.random((samples, steps))
 
 
-def parameters_of(mode, centre="old_mean", **others):
-    covariance = {"mode": mode, "centre": centre, **others}
-    return committed(PI2Parameters, "refine.search", covariance=covariance)
+def parameters_of(mode, **others):
+    """The text's form, but for the covariance."""
+    return committed(PI2Parameters, "refine.search", **TEXT, covariance={"mode": mode, **others})
 
 
-def slow_update(mean, policies, costs, kl_bound, floor, centre):
+def slow_update(mean, policies, costs, kl_bound, floor):
     """Algorithm IV.4 line by line, the temperature by minimising the dual, time step by time step."""
     steps = costs.shape[1]
     new_mean, new_covariance = 0.0, 0.0
@@ -54,21 +56,47 @@ def slow_update(mean, policies, costs, kl_bound, floor, centre):
         step_mean = sum(p_k * policy for p_k, policy in zip(p, policies, strict=True))
         weight = (steps - t) / sum(range(1, steps + 1))  # t from 0
         new_mean = new_mean + weight * step_mean
-        around = mean if centre == "old_mean" else step_mean
         for p_k, policy in zip(p, policies, strict=True):
-            new_covariance = new_covariance + weight * p_k * np.outer(policy - around, policy - around)
+            new_covariance = new_covariance + weight * p_k * np.outer(policy - mean, policy - mean)
     return new_mean, new_covariance
 
 
-@pytest.mark.parametrize("centre", ["old_mean", "new_mean"])
 @given(rng=rngs)
-def test_equals_the_algorithm_of_the_text(centre, rng):
+def test_equals_the_algorithm_of_the_text(rng):
+    """Whatever acts when."""
     distribution, policies, costs = random_rollouts(rng)
-    parameters = parameters_of("full", centre, eigenvalue_floor=1e-9)
-    new = update(distribution, policies, costs, parameters).distribution
-    mean, covariance = slow_update(distribution.mean, policies, costs, 1.0, 1e-3, centre)
+    parameters = parameters_of("full", eigenvalue_floor=1e-9)
+    new = update(distribution, policies, costs, parameters, rng.random((6, 3))).distribution
+    mean, covariance = slow_update(distribution.mean, policies, costs, 1.0, 1e-3)
     np.testing.assert_allclose(new.mean, mean, atol=1e-5)
     np.testing.assert_allclose(new.covariance, covariance, atol=1e-4)
+
+
+def test_a_parameter_follows_the_samples_that_were_good_while_it_acts():
+    """Two samples, each better at one of two steps: the first parameter acts at the first, and so on."""
+    costs, apart = np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(2)
+    parameters = COLD.model_copy(update={"averaging": "per_weight", "horizon": 0.5})
+    policies = np.array([[1.0, 1.0], [-1.0, -1.0]])
+    found = update(SearchDistribution.around(np.zeros(2), 1.0), policies, costs, parameters, apart)
+    np.testing.assert_allclose(found.weights, [[1, 0], [0, 1]], atol=1e-9)
+    np.testing.assert_allclose(found.distribution.mean, [1.0, -1.0])
+
+
+@given(rng=rngs)
+def test_parameters_that_act_alike_have_the_text_s_weights(rng):
+    distribution, policies, costs = random_rollouts(rng)
+    shared = DEFAULT.model_copy(update={"averaging": "per_policy"})
+    per_weight = DEFAULT.model_copy(update={"averaging": "per_weight"})
+    expected = update(distribution, policies, costs, shared).weights
+    for activation in (None, np.full((6, 3), 0.7)):
+        found = update(distribution, policies, costs, per_weight, activation).weights
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_a_cost_beyond_the_horizon_does_not_count():
+    costs = np.array([[1.0, 2.0, 4.0, 8.0]])
+    np.testing.assert_array_equal(cost_to_go(costs, 0.5), [[3, 6, 12, 8]])
+    np.testing.assert_array_equal(cost_to_go(costs, 1e-3), costs)  # one step at least
 
 
 def test_time_weights_by_hand():
@@ -84,7 +112,7 @@ def test_time_weights_by_hand():
     costs = np.array([[0.0, 0.0, 1.0], [0.0, 2.0, 0.0]])
     found = update(distribution, TWO_SIDES, costs, COLD)
     assert found.distribution.mean == pytest.approx(5 / 6 - 1 / 6)
-    np.testing.assert_allclose(found.weights, [5 / 6, 1 / 6])
+    np.testing.assert_allclose(found.weights[:, 0], [5 / 6, 1 / 6])
 
 
 def test_costs_that_were_paid_before_do_not_count():
@@ -92,7 +120,7 @@ def test_costs_that_were_paid_before_do_not_count():
     costs = np.zeros((2, 4))
     costs[1, 0] = 1.0
     found = update(SearchDistribution.around(np.zeros(1), 1.0), TWO_SIDES, costs, COLD)
-    np.testing.assert_allclose(found.weights, [0.4 + 0.6 / 2, 0.6 / 2])
+    np.testing.assert_allclose(found.weights[:, 0], [0.4 + 0.6 / 2, 0.6 / 2])
     np.testing.assert_allclose(found.effective_samples, [1, 2, 2, 2])
 
 
@@ -132,7 +160,7 @@ def test_scale_and_shift_of_the_costs_do_not_matter(rng, scale, shift):
     np.testing.assert_allclose(other.covariance, plain.covariance, atol=1e-7)
 
 
-@pytest.mark.parametrize("mode", ["rescaled", "full", "kept"])
+@pytest.mark.parametrize("mode", ["per_weight", "rescaled", "full", "kept"])
 @given(rng=rngs)
 def test_the_order_of_the_rollouts_does_not_matter(mode, rng):
     distribution, policies, costs = random_rollouts(rng)
@@ -147,7 +175,8 @@ def test_the_order_of_the_rollouts_does_not_matter(mode, rng):
 def test_the_divergence_of_every_time_step_is_the_bound():
     distribution, policies, costs = random_rollouts(np.random.default_rng(4), samples=38, steps=50)
     found = update(distribution, policies, costs, DEFAULT)
-    relative = cost_to_go(costs) - cost_to_go(costs).min(axis=0)
+    ahead = cost_to_go(costs, DEFAULT.horizon)
+    relative = ahead - ahead.min(axis=0)
     p = np.exp(-relative / np.ptp(relative, axis=0) / found.temperatures)
     p /= p.sum(axis=0)
     np.testing.assert_allclose(np.sum(p * np.log(38 * p), axis=0), 1.0, atol=1e-6)
@@ -200,6 +229,11 @@ def test_arrays_that_do_not_fit_are_named(change, message):
         update(*change(*random_rollouts(np.random.default_rng(0))), DEFAULT)
 
 
+def test_an_activation_of_another_shape_is_named():
+    with pytest.raises(InputError, match=r"must be \(T, D\), here \(6, 3\), not \(3, 6\)"):
+        update(*random_rollouts(np.random.default_rng(0)), DEFAULT, np.ones((3, 6)))
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -207,6 +241,8 @@ def test_arrays_that_do_not_fit_are_named(change, message):
         {"kl_bound": 0.0},
         {"temperature": 0.0},
         {"temperature_floor": 0.0},
+        {"horizon": 0.0},
+        {"averaging": "per_step"},
         {"covariance": {"mode": "diagonal"}},
         {"covariance": {"damping": 0.5}},
         {"covariance": {"eigenvalue_floor": 0.0}},
@@ -276,9 +312,9 @@ def medians(function, start, std, updates, parameters):
 
 @pytest.mark.parametrize("updates", [4, 10])
 def test_few_updates_of_25_parameters_get_lower_than_cma_es(updates):
-    """The case it is used for; `rescaled` needs no time to learn a covariance."""
+    """With costs of one time step; `rescaled` needs no time to learn a covariance."""
     function = shifted_quadratic(25, 10.0)
-    ours, peer = medians(function, np.zeros(25), 1.0, updates, DEFAULT)
+    ours, peer = medians(function, np.zeros(25), 1.0, updates, parameters_of("rescaled"))
     assert ours < peer
     assert ours < (0.3 if updates == 4 else 0.15) * function(np.zeros((1, 25)))[0]
 
@@ -287,7 +323,9 @@ def test_a_full_covariance_learns_an_ill_conditioned_quadratic_as_fast_as_cma_es
     """6 parameters; by the 40th update both are far below what a covariance of fixed shape reaches."""
     function = shifted_quadratic(6, 1000.0)
     ours, peer = medians(function, np.zeros(6), 1.0, 40, parameters_of("full"))
-    of_fixed_shape = np.median([search(function, np.zeros(6), 1.0, 40, seed, DEFAULT) for seed in range(5)])
+    of_fixed_shape = np.median(
+        [search(function, np.zeros(6), 1.0, 40, seed, parameters_of("rescaled")) for seed in range(5)]
+    )
     assert ours < 10.0 * peer
     assert ours < 1e-3 * of_fixed_shape
 
@@ -307,7 +345,8 @@ def test_failing_rollouts_do_not_end_a_search():
         costs = function(policies)
         return np.where(policies[:, 0] < np.quantile(policies[:, 0], 0.25), np.nan, costs)
 
-    whole, faulty = (search(each, np.zeros(5), 1.0, 30, 0, DEFAULT) for each in (function, with_faults))
+    parameters = parameters_of("rescaled")
+    whole, faulty = (search(each, np.zeros(5), 1.0, 30, 0, parameters) for each in (function, with_faults))
     assert whole < 1e-3
     assert faulty < 1e-2
 
@@ -326,19 +365,43 @@ def tracking():
     return primitive.weights.ravel(), costs
 
 
-@pytest.mark.parametrize("mode", ["rescaled", "kept"])
-def test_a_movement_primitive_learns_to_follow_a_path(tracking, mode):
-    """38 rollouts an update: the accumulated cost, mean over searches, falls with every update."""
+@pytest.mark.parametrize(
+    "parameters",
+    [DEFAULT, parameters_of("rescaled"), parameters_of("kept")],
+    ids=["ours", "rescaled", "kept"],
+)
+def test_a_movement_primitive_learns_to_follow_a_path(tracking, parameters):
+    """The accumulated cost, mean over searches, falls with every update."""
+    curve = np.mean(learning_curves(*tracking, parameters, updates=8), axis=0)
+    assert np.all(np.diff(curve) < 0), curve
+    assert curve[3] < 0.5 * curve[0], curve
+
+
+def test_with_equal_rollouts_ours_follows_a_path_closer_than_the_text_s_form_and_cma_es(tracking):
+    """152 rollouts each; what it is for: costs of every step, weights that act at different times."""
+    ours = np.mean(learning_curves(*tracking, DEFAULT, updates=152 // DEFAULT.samples), axis=0)
+    text = np.mean(learning_curves(*tracking, parameters_of("full"), updates=4), axis=0)
     start, costs = tracking
-    parameters = parameters_of(mode)
+    peer = np.mean(
+        [
+            evolution_strategy(lambda one: costs(one).sum(axis=1), start, 1.0, 11, seed, 13)
+            for seed in range(4)
+        ]
+    )
+    assert ours[-1] < text[-1]
+    assert ours[-1] < peer
+
+
+def learning_curves(start, costs, parameters, updates):
+    """Cost of the mean before and after every update, by search."""
     curves = []
     for seed in range(4):
         distribution = SearchDistribution.around(start, 1.0)
         curves.append([costs(distribution.mean[None]).sum()])
-        for number in range(8):
+        for number in range(updates):
             policies = sample(distribution, parameters.samples, np.random.default_rng([seed, number]))
-            distribution = update(distribution, policies, costs(policies), parameters).distribution
+            found = costs(policies)
+            activation = kernel_activation(found.shape[1], len(start))
+            distribution = update(distribution, policies, found, parameters, activation).distribution
             curves[-1].append(costs(distribution.mean[None]).sum())
-    curve = np.mean(curves, axis=0)
-    assert np.all(np.diff(curve) < 0), curve
-    assert curve[3] < 0.5 * curve[0], curve
+    return curves

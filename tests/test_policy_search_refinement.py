@@ -32,11 +32,17 @@ from structlearn.policy_search import refinement
 from structlearn.policy_search.checkpoint import Checkpoint
 from structlearn.policy_search.covariance import factor
 from structlearn.policy_search.pi2 import PI2Parameters
-from structlearn.policy_search.refinement import RefinementParameters, ScaleParameters, compress, refine
+from structlearn.policy_search.refinement import (
+    RefinementParameters,
+    compress,
+    executed,
+    open_loop_weights,
+    refine,
+)
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE, Rollout
 from structlearn.primitives import kernels
 
-SCALE = committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=4.0)
+EXPLORATION = 4.0
 KINDS = (FEEDBACK, SAMPLE, IMPROVED)
 TRAINING = {"steps": 200, "batch_size": 32, "evaluate_every": 50, "dropout": 0.0, "learning_rate": 3e-3}
 PARAMETERS = RefinementParameters(
@@ -45,6 +51,7 @@ PARAMETERS = RefinementParameters(
     evaluation_runs=3,
     added_runs=2,
     training=committed(TrainingParameters, "compare_models", **TRAINING),
+    retraining_dropout=0.0,
 )
 ONCE = PARAMETERS.model_copy(update={"iterations": 1})
 
@@ -67,8 +74,8 @@ def initial(demonstrations):
 def refined(initial, demonstrations):
     """Refinement in an environment, by default with the parameters and the seed of the whole run."""
 
-    def run(environment, parameters=PARAMETERS, scale=SCALE, seed=3, **others):
-        return refine(environment, initial, demonstrations, parameters, scale, seed, **others)
+    def run(environment, parameters=PARAMETERS, seed=3, **others):
+        return refine(environment, initial, demonstrations, parameters, EXPLORATION, seed, **others)
 
     return run
 
@@ -102,8 +109,8 @@ def test_an_open_loop_policy_is_compressed_into_itself():
     policy = np.random.default_rng(1).normal(0.0, 20.0, KERNELS)
     runs = MadeUp().rollouts([open_loop(policy)] * 2, [(0,), (1,)])
     short = replace(runs[0], samples=runs[0].samples.where(np.arange(TICKS - 1)))
-    for executed in (runs, [short, runs[1]]):
-        np.testing.assert_allclose(compress(executed, KERNELS), policy, rtol=1e-10)
+    for done in (runs, [short, runs[1]]):
+        np.testing.assert_allclose(compress(done, KERNELS), policy, rtol=1e-10)
 
 
 def test_a_policy_has_as_many_kernels_as_the_forcing_term():
@@ -122,7 +129,8 @@ def test_several_runs_are_compressed_into_their_mean_and_failed_ones_left_out():
 
 def test_the_cost_falls_and_what_was_learned_before_stays(uninterrupted, initial, demonstrations):
     _, states, result = uninterrupted
-    norms = [state.norm_rad for state in states]
+    with_network = result.history[result.history["kind"] == FEEDBACK]
+    norms = with_network.groupby("iteration")["norm_rad"].mean().to_list()
     assert [state.iteration for state in states] == [0, 1, 2]
     assert norms[0] > norms[1] > norms[2]
     assert norms[2] < 0.6 * norms[0]
@@ -158,8 +166,8 @@ def test_policies_are_drawn_around_what_the_network_did(uninterrupted):
     _, states, result = uninterrupted
     first = result.policies[: PARAMETERS.search.samples]
     spread = first - states[0].compressed
-    assert spread.std() == pytest.approx(SCALE.exploration, rel=0.15)
-    np.testing.assert_array_equal(states[0].covariance, SCALE.exploration**2 * np.eye(KERNELS))
+    assert spread.std() == pytest.approx(EXPLORATION, rel=0.15)
+    np.testing.assert_array_equal(states[0].covariance, EXPLORATION**2 * np.eye(KERNELS))
     assert not np.array_equal(states[1].covariance, states[0].covariance)
 
 
@@ -225,12 +233,45 @@ def test_a_finished_run_has_nothing_left_to_do(uninterrupted, refined):
     assert idle.calls == []
 
 
-def test_the_threshold_ends_it(uninterrupted, refined):
-    norms = [state.norm_rad for state in uninterrupted[1]]
-    more = PARAMETERS.model_copy(update={"iterations": 5})
-    for stop, threshold in enumerate((1.01 * norms[0], 0.5 * (norms[0] + norms[1]))):
-        result = refined(MadeUp(), more, SCALE.model_copy(update={"threshold_rad": threshold}))
-        assert_same(result, uninterrupted[1][stop])
+def test_the_cheapest_network_is_kept_and_gone_on_from(refined, monkeypatch):
+    """The second training spoils the network: the first one's is returned, and the third begins from it."""
+    states, calls = [], []
+
+    def spoil_the_second(data, parameters, initial):
+        network = train_final(data, parameters, initial=initial)
+        calls.append(network)
+        return replace(network, output_weights=-network.output_weights) if len(calls) == 2 else network
+
+    monkeypatch.setattr(supervised_training, "train_final", spoil_the_second)
+    refined(MadeUp(), PARAMETERS.model_copy(update={"iterations": 3}), report=states.append)
+    assert [state.iteration for state in states] == [0, 1, 2, 3]
+    assert [state.kept for state in states[:3]] == [0, 1, 1]
+    first, second = states[1:3]
+    assert second.network is first.network
+    np.testing.assert_array_equal(second.compressed, first.compressed)
+    np.testing.assert_array_equal(arrays(states[3].network)[0], arrays(calls[states[3].kept - 1])[0])
+
+
+def test_a_network_that_fails_is_not_kept_however_cheap_the_rest(refined):
+    """One of its executions fails."""
+    environment = MadeUp()
+    state = refined(environment, PARAMETERS.model_copy(update={"iterations": 1}))
+    history = state.history
+    own = (history["kind"] == FEEDBACK) & (history["iteration"] == 1)
+    worse = history.assign(fault=history["fault"].mask(own & (history["number"] == 0), "diverged"))
+    assert state.kept == 1
+    assert replace(state, history=worse).kept == 0
+
+
+def test_executions_in_a_known_setting_are_data_of_it():
+    policy = np.random.default_rng(3).normal(0.0, 20.0, KERNELS)
+    environment = MadeUp()
+    found = executed(environment, policy, 2)
+    assert sorted(np.unique(found.demonstration)) == [-2, -1]
+    np.testing.assert_allclose(open_loop_weights(found, KERNELS), policy, rtol=1e-10)
+    seeds = [seed for _, seed in environment.calls]
+    assert len(set(seeds)) == 2
+    assert {seed[1] for seed in seeds} == {refinement.KNOWN}
 
 
 def test_failed_rollouts_are_left_out_and_recorded(refined):
@@ -244,8 +285,6 @@ def test_failed_rollouts_are_left_out_and_recorded(refined):
     assert len(result.policies) == (result.history["kind"] != FEEDBACK).sum()
     for array in (result.covariance, result.policies, result.compressed, *arrays(result.network)):
         assert np.isfinite(array).all()
-    last = result.history[(result.history["kind"] == FEEDBACK) & (result.history["iteration"] == 1)]
-    assert result.norm_rad == pytest.approx(np.mean([last["norm_rad"].iloc[0], last["norm_rad"].iloc[2]]))
 
 
 def test_a_failed_sample_has_no_say_in_the_update(refined, monkeypatch):
@@ -253,8 +292,8 @@ def test_a_failed_sample_has_no_say_in_the_update(refined, monkeypatch):
     seen = []
     original = refinement.pi2.update
 
-    def update(distribution, policies, costs, parameters):
-        found = original(distribution, policies, costs, parameters)
+    def update(distribution, policies, costs, parameters, activation):
+        found = original(distribution, policies, costs, parameters, activation)
         seen.append((costs, found.failed))
         return found
 

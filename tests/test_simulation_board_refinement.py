@@ -11,10 +11,12 @@ from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
+from structlearn.feedback import supervised_training
+from structlearn.feedback.supervised_training import train_final
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters
-from structlearn.policy_search.refinement import ScaleParameters
+from structlearn.policy_search.refinement import open_loop_weights
 from structlearn.policy_search.rollouts import FEEDBACK, Rollout
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
@@ -26,10 +28,9 @@ PARAMETERS = committed(
     "refine",
     settings_deg=(0.0, 5.0, 10.0),
     setting_deg=20.0,
-    scales={
-        name: committed(ScaleParameters, "refine.scales.turn", threshold_rad=0.0, exploration=exploration)
-        for name, exploration in ((TURN, 5.0), (SCRAPE, 3.0))
-    },
+    exploration={TURN: 5.0, SCRAPE: 3.0},
+    shown_runs=2,
+    level_runs=1,
     hidden=(5,),
     iterations=2,
     search=committed(PI2Parameters, "refine.search", samples=3),
@@ -39,7 +40,7 @@ PARAMETERS = committed(
 )
 PER_ITERATION = 3 + 2 + 2
 ASKED = []
-"""Name, setting and preceding networks of every call of a board."""
+"""Name, setting, preceding networks and executed networks of every call of a board."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class MadeUpBoard(Board):
         return 100.0
 
     def rollouts(self, networks, seeds):
-        ASKED.append((self.name, self.setting_deg, dict(self.preceding)))
+        ASKED.append((self.name, self.setting_deg, dict(self.preceding), list(networks)))
         return [self._rollout(network, seed) for network, seed in zip(networks, seeds, strict=True)]
 
     def _rollout(self, network, seed):
@@ -96,13 +97,47 @@ def assert_same(one, other):
 def test_a_primitive_is_refined_while_those_before_it_run_refined(board, tmp_path):
     ASKED.clear()
     refined = refine_on_board(board, DATASETS, PARAMETERS, tmp_path)
-    assert list(dict.fromkeys(name for name, _, _ in ASKED)) == [TURN, SCRAPE]
-    for name, setting, preceding in ASKED:
-        assert setting == PARAMETERS.setting_deg
+    assert list(dict.fromkeys(name for name, *_ in ASKED)) == [TURN, SCRAPE]
+    for name, _, preceding, _ in ASKED:
         assert list(preceding) == ([] if name == TURN else [TURN])
         if name == SCRAPE:
             assert same_network(preceding[TURN], refined.after[TURN])
     assert not same_network(refined.after[TURN], refined.before[TURN])
+
+
+def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(board, tmp_path, monkeypatch):
+    """People's mean correction in each setting they showed; none on the level board."""
+    learned = []
+
+    def remember(data, *arguments, **others):
+        learned.append(data)
+        return train_final(data, *arguments, **others)
+
+    monkeypatch.setattr(supervised_training, "train_final", remember)
+    ASKED.clear()
+    refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"iterations": 1}), tmp_path)
+    data = DATASETS[TURN]
+    own = [(setting, networks) for name, setting, _, networks in ASKED if name == TURN]
+    known = [one for one in own if one[0] != PARAMETERS.setting_deg]
+    assert [(setting, len(networks)) for setting, networks in known] == [
+        *((setting, PARAMETERS.shown_runs) for setting in np.unique(data.setting)),
+        (0.0, PARAMETERS.level_runs),
+    ]
+    for setting, networks in known[:-1]:
+        mean = open_loop_weights(data.where(data.setting == setting))
+        np.testing.assert_array_equal(networks[0].phase_biases, mean)
+    np.testing.assert_array_equal(known[-1][1][0].phase_biases, 0.0)
+    retrained = next(one for one in learned if len(one.target) > len(data.target))
+    executions = len(known[:-1]) * PARAMETERS.shown_runs + PARAMETERS.level_runs + PARAMETERS.added_runs
+    new = retrained.where(np.arange(len(data.target), len(retrained.target)))
+    assert np.sum(new.time == 0.0) == executions
+
+
+def test_in_the_text_s_form_only_what_was_tried_is_added(board, tmp_path):
+    ASKED.clear()
+    text = PARAMETERS.model_copy(update={"shown_runs": 0, "level_runs": 0})
+    refine_on_board(board, DATASETS, text, tmp_path)
+    assert {setting for _, setting, _, _ in ASKED} == {PARAMETERS.setting_deg}
 
 
 def test_every_rollout_is_in_the_tables(refined):
@@ -123,13 +158,13 @@ def test_every_rollout_is_in_the_tables(refined):
     assert np.isfinite(weights.to_numpy()).all()
 
 
-@pytest.mark.parametrize("scaled", [{SCRAPE}, set()])
-def test_a_primitive_without_a_scale_keeps_its_model(scaled, board, tmp_path):
-    scales = {name: PARAMETERS.scales[name] for name in scaled}
-    refined = refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"scales": scales}), tmp_path)
-    for name in {TURN, SCRAPE} - scaled:
+@pytest.mark.parametrize("explored", [{SCRAPE}, set()])
+def test_a_primitive_without_exploration_keeps_its_model(explored, board, tmp_path):
+    parameters = PARAMETERS.model_copy(update={"exploration": dict.fromkeys(explored, 5.0)})
+    refined = refine_on_board(board, DATASETS, parameters, tmp_path)
+    for name in {TURN, SCRAPE} - explored:
         assert same_network(refined.after[name], refined.before[name])
-    assert set(refined.history.get("primitive", ())) == scaled
+    assert set(refined.history.get("primitive", ())) == explored
 
 
 @pytest.mark.parametrize("last", [(TURN, 1), (SCRAPE, 0)])
@@ -165,6 +200,6 @@ def test_other_parameters_data_or_boards_do_not_go_on_with_these_iterations(boar
 
 
 def test_a_primitive_without_corrections_is_named(board, tmp_path):
-    unknown = PARAMETERS.model_copy(update={"scales": {"slide": PARAMETERS.scales[TURN]}})
-    with pytest.raises(InputError, match=r"refine\.scales names slide: no primitive with corrections"):
+    unknown = PARAMETERS.model_copy(update={"exploration": {"slide": 5.0}})
+    with pytest.raises(InputError, match=r"refine\.exploration names slide: no primitive with corrections"):
         refine_on_board(board, DATASETS, unknown, tmp_path)
