@@ -6,14 +6,17 @@ import pandas as pd
 
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
 from structlearn.feedback.training_parameters import FeedbackParameters, TrainingParameters
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters, CorrectionSourceParameters, SourceParameters
 from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
+from structlearn.testbeds.scraping.page.people import STUDY
 from structlearn.testbeds.scraping.page.scraping_report import read_results, scraping_report
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
@@ -29,6 +32,7 @@ PARAMETERS = {
     "segment_sweep": SweepParameters,
     "fit_primitives": FitParameters,
     "generalise": GeneraliseParameters,
+    "scraping_people": Population,
     "testbed": TestbedParameters,
     "expected_traces": ExpectedTracesParameters,
     "record_corrections": CorrectionSourceParameters,
@@ -49,7 +53,7 @@ def main() -> None:
     files = ScrapingFiles(parameters["clock"])
     results = read_results(files, parameters)
     ablations = pd.read_csv(ABLATIONS) if ABLATIONS.exists() else pd.DataFrame()
-    report = scraping_report(*results, files.engine_differences(), ablations, parameters)
+    report = scraping_report(*results, files.engine_differences(), ablations, read_study(STUDY), parameters)
     publish_report(
         "reports/scraping", report.pages, report.drawings, report.tables, report.metrics, report.headlines
     )
