@@ -85,7 +85,7 @@ class People:
 def least_clear(found: Iterable[Evidence]) -> Evidence:
     """`evidence.weakest`; of numbers without interval, as of one person, the smallest."""
     found = list(found)
-    bounds = np.array([(one.value, one.low, one.high) for one in found])
+    bounds = np.array([(one.value, one.low, one.high) for one in found]).reshape(-1, 3)
     if np.isfinite(bounds[:, 0]).all() and not np.isfinite(bounds).all():
         return min(found, key=lambda one: one.value)
     return weakest(found)
@@ -138,9 +138,13 @@ def feedback_evidence(
     Args:
         people: see there.
         adapted: primitives with feedback.
-        settings_deg: rolls of the board on which models were executed.
+        settings_deg: rolls of the board on which models were executed; none where nothing was.
     """
-    tilted = [setting for setting in settings_deg if setting != 0.0]
+    found = _models(people, adapted)
+    return found | _executions(people, adapted, settings_deg) if settings_deg else found
+
+
+def _models(people: People, adapted: Sequence[str]) -> dict[str, Found]:
     found: dict[str, Found] = {}
     for name, pairs in MODEL_PAIRS.items():
         found[name] = {
@@ -155,13 +159,16 @@ def feedback_evidence(
             for primitive in adapted
         }
     found["level_of_error"] = by_case(mean, {one: (people.nmse("pmnn_100", one),) for one in adapted})
-    for name, key in (
-        ("phase_dependent", "shared_nodes"),
-        ("tells_tilts_apart", "coupling_smallest_step"),
-        ("torque_monotone", "roll_torque_smallest_step"),
-    ):
-        values = {one: (people.numbers(f"{key}_{people.number(one)}"),) for one in adapted}
-        found[name] = by_case(mean, values)
+    return found | {"phase_dependent": _by_primitive(people, "shared_nodes", adapted)}
+
+
+def _executions(people: People, adapted: Sequence[str], settings_deg: Sequence[float]) -> dict[str, Found]:
+    tilted = [setting for setting in settings_deg if setting != 0.0]
+    found: dict[str, Found] = {
+        "tells_tilts_apart": _by_primitive(people, "coupling_smallest_step", adapted),
+        "torque_monotone": _by_primitive(people, "roll_torque_smallest_step", adapted),
+        "force_held": mean(people.numbers("force_largest_error_percent")),
+    }
     found["lower_cost"] = {
         one: share_left(
             [people.cost("pointwise", one, tilt) / people.cost("nominal", one, tilt) for tilt in tilted],
@@ -175,8 +182,11 @@ def feedback_evidence(
     if 0.0 in settings_deg:
         found["level_board"] = share_left([people.ratio("pointwise", 0.0)])
         found["level_board_ours"] = share_left([people.ratio("level", 0.0)])
-    found["force_held"] = mean(people.numbers("force_largest_error_percent"))
     return found
+
+
+def _by_primitive(people: People, key: str, adapted: Sequence[str]) -> Found:
+    return by_case(mean, {one: (people.numbers(f"{key}_{people.number(one)}"),) for one in adapted})
 
 
 def known(
@@ -199,7 +209,7 @@ def beside(claims: Sequence[Claim], shown: Mapping[str, Found], seed: int) -> li
     """
     return [
         claim.model_copy(update={"note": f"{claim.note} Person {seed}: {_of_one(claim, shown)}.".strip()})
-        if claim.evidence in shown
+        if shown.get(claim.evidence)
         else claim
         for claim in claims
     ]

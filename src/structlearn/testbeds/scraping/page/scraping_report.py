@@ -177,7 +177,7 @@ def scraping_report(
         settings = feedback.board.settings_deg if feedback.board is not None else []
         found, of_one = (
             people.known(people.feedback_evidence, one, feedback.adapted, settings)
-            for one in (studied, shown_one)
+            for one in (studied, shown_one if feedback.simulated else None)
         )
         add("feedback", found, feedback.simulated, of_one)
     if refinement is not None:
