@@ -16,7 +16,7 @@ REDUCED = {
     "simulate": {"count": 4},
     "segment_sweep": {"noise_mm": [0.0, 0.5], "seeds": 2, "downsampling": [1, 8]},
     "fit_primitives": {"kernel_count": 15},
-    "expected_traces": {"runs": 2},
+    "expected_traces": {"runs": 2, "level_runs": 1},
     "record_corrections": {"settings_deg": [2.5, 5, 10], "runs": 3},
     "coupling_dataset": {"settings_deg": [2.5, 10]},
     "train_feedback": {"pointwise": {"steps": 200}, "unrolled": {"steps": 20}},

@@ -14,8 +14,10 @@ from structlearn.feedback.supervision import learn_expected
 from structlearn.ground import quaternion
 from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.reporting.studies import Study
 from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
+from structlearn.testbeds.scraping.page.people import VARIANT
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION
 
 PRIMITIVES = ("down", "turn", "scrape")
@@ -31,7 +33,7 @@ NMSE = {"pmnn_100": 0.2, "pmnn_6": 0.26, "pmnn_0": 0.3, "ffnn_phase": 0.4, "ffnn
     "pca": 0.35,
     "autoencoder": 0.36,
 }
-COST_RAD = {"nominal": 10.0, "pointwise": 4.0, "unrolled": 5.0}
+COST_RAD = {"nominal": 10.0, "pointwise": 4.0, "level": 3.5, "unrolled": 5.0}
 
 
 def execution(seed: int, setting: float = 0.0, corrected: float = 0.0) -> Demonstration:
@@ -140,6 +142,14 @@ def path_errors() -> pd.DataFrame:
     rows = [(*key, level[key[0]] + 0.01 * rng.normal()) for key in keys]
     columns = ["model", "primitive", "setting_deg", "demonstration", "error_deg"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def people(metrics: dict[str, float], count: int = 5, spread: float = 0.01, **changes: float) -> Study:
+    """A study of people who differ by a little from given numbers; `changes` replace some of these."""
+    rng = np.random.default_rng(5)
+    numbers = {key: float(value) for key, value in metrics.items()} | changes
+    columns = {key: value * (1.0 + spread * rng.normal(size=count)) for key, value in numbers.items()}
+    return Study(pd.DataFrame({"variant": VARIANT, "repeat": range(count)} | columns))
 
 
 def board_results() -> BoardResults:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from committed import committed
@@ -28,8 +30,18 @@ def datasets():
 
 
 @pytest.fixture(scope="module")
-def trained(datasets):
-    return train_models(datasets, FEW)
+def level():
+    """Nothing is to be corrected, whatever is felt."""
+    sets = {
+        "turn": toy_dataset(seed=2, settings=(0.0,)),
+        "scrape": toy_dataset(seed=3, settings=(0.0,), channels=4),
+    }
+    return {name: replace(one, target=np.zeros(len(one.target))) for name, one in sets.items()}
+
+
+@pytest.fixture(scope="module")
+def trained(datasets, level):
+    return train_models(datasets, level, FEW)
 
 
 def arrays(network):
@@ -49,8 +61,8 @@ def test_every_model_has_a_network_for_every_primitive(trained, datasets):
             assert all(np.isfinite(array).all() for array in arrays(network))
 
 
-def test_the_same_data_and_seed_give_the_same_networks(trained, datasets):
-    for model, networks in train_models(datasets, FEW).items():
+def test_the_same_data_and_seed_give_the_same_networks(trained, datasets, level):
+    for model, networks in train_models(datasets, level, FEW).items():
         for (_, again), (_, network) in zip(networks, trained[model], strict=True):
             for one, other in zip(arrays(again), arrays(network), strict=True):
                 np.testing.assert_array_equal(one, other)
@@ -60,6 +72,14 @@ def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
     alone = train_final(datasets["turn"], FEW.pointwise, FEW.hidden)
     for one, other in zip(arrays(alone), arrays(dict(trained["pointwise"])["turn"]), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_what_has_seen_the_level_board_asks_for_less_there(trained, level):
+    for name, dataset in level.items():
+        text, ours = (dict(trained[model])[name] for model in ("pointwise", "level"))
+        coupling = (one.coupling(dataset.deviation, dataset.modulation()) for one in (text, ours))
+        before, after = (np.mean(one**2) for one in coupling)
+        assert after < 0.5 * before
 
 
 def test_what_stops_training_in_the_unroll_was_not_seen_before(trained, datasets):
@@ -79,7 +99,7 @@ def test_what_stops_training_in_the_unroll_was_not_seen_before(trained, datasets
 def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained, datasets):
     table = path_errors(datasets, {model: dict(networks) for model, networks in trained.items()})
     keys = table[["model", "primitive", "setting_deg", "demonstration"]]
-    assert len(keys.drop_duplicates()) == len(table) == 2 * 2 * 3 * 4
+    assert len(keys.drop_duplicates()) == len(table) == 3 * 2 * 3 * 4
     paths = corrected_paths(datasets["turn"], SAMPLES)
     exact = np.degrees(unrolled_error(dict(trained["unrolled"])["turn"], paths))
     rows = table[(table["model"] == "unrolled") & (table["primitive"] == "turn")]
@@ -89,9 +109,10 @@ def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained
 
 def test_without_data_there_are_no_networks():
     """A task without corrections goes through the pipeline."""
-    assert train_models({}, FEW) == {model: [] for model in MODELS}
+    assert train_models({}, {}, FEW) == {model: [] for model in MODELS}
 
 
 def test_one_demonstration_is_too_few():
+    one = toy_dataset(demonstrations=1, settings=(0.0, 5.0, 10.0))
     with pytest.raises(InputError, match="at least two demonstration numbers"):
-        train_models({"turn": toy_dataset(demonstrations=1, settings=(0.0, 5.0, 10.0))}, FEW)
+        train_models({"turn": one}, {"turn": one}, FEW)

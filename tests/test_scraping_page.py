@@ -13,9 +13,11 @@ from committed import committed
 from reporting_feedback import (
     ADAPTED,
     NMSE,
+    PRIMITIVES,
     comparison,
     feedback_results,
     orderings,
+    people,
     scores,
     traces,
     with_board,
@@ -31,14 +33,15 @@ from reporting_verdicts import AnyFigure
 from structlearn.ground.artefacts import write_metrics
 from structlearn.reporting.claims import NO, NOT_TESTED, UNDECIDED, UNKNOWN, YES, Evidence, combined
 from structlearn.reporting.document import render, words_in_view
+from structlearn.testbeds.scraping.page import people as people_module
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.evidence import (
-    feedback_evidence,
     mean_ratio,
     refinement_evidence,
     segmentation_evidence,
     weakest,
 )
+from structlearn.testbeds.scraping.page.people import People, known, share_left
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
 
@@ -68,10 +71,27 @@ def made(monkeypatch, settings, segmentation):
     for name in ("segmentation_drawings", "feedback_drawings", "refinement_drawings"):
         monkeypatch.setattr(module, name, lambda *results: {})
 
-    def make(feedback=None, refinement=None, segmentation=segmentation, ablations=NO_ABLATIONS, engines=None):
-        return scraping_report(segmentation, feedback, refinement, engines or {}, ablations, settings)
+    def make(
+        feedback=None,
+        refinement=None,
+        segmentation=segmentation,
+        ablations=NO_ABLATIONS,
+        engines=None,
+        study=None,
+    ):
+        results = (segmentation, feedback, refinement)
+        return scraping_report(*results, engines or {}, ablations, study, settings)
 
     return make
+
+
+def feedback_evidence(results, count=5, **changes):
+    """What a study of people like that of the results finds."""
+    study = people(results.metrics(), count, **changes)
+    settings = results.board.settings_deg if results.board is not None else []
+    found = known(people_module.feedback_evidence, People.of_study(study, PRIMITIVES), ADAPTED, settings)
+    assert found
+    return found
 
 
 PAGES = {
@@ -133,7 +153,7 @@ def test_positions_alone_give_a_page_that_is_not_called_simulated(made, seeds):
 
 def test_every_claim_holds_where_the_data_say_so(feedback, segmentation):
     assert set(verdicts("feedback", feedback).values()) == {YES, NO}
-    refuted = {"level_board", "in_the_unroll", "level_board_after"}
+    refuted = {"level_board", "level_board_ours", "in_the_unroll", "level_board_after"}
     for page, results in (("feedback", feedback), ("refinement", refinement_results())):
         for evidence, verdict in verdicts(page, results).items():
             expected = NO if evidence in refuted else NOT_TESTED if evidence == "text_form" else YES
@@ -170,20 +190,53 @@ def test_a_model_that_is_worse_refutes_its_claims(feedback):
 
 
 def test_a_claim_about_one_primitive_is_not_one_about_both(feedback):
-    table = feedback.orderings.copy()
-    pair = (table["better"] == "ffnn_phase") & (table["worse"] == "ffnn") & (table["primitive"] == "turn")
-    table.loc[pair, "half_width"] = 1.0
-    one = replace(feedback, orderings=table)
-    assert judged("feedback", one)["phase_helps"] == {"turn": UNDECIDED, "scrape": YES}
-    assert verdicts("feedback", one)["phase_helps"] == UNDECIDED
-    missing = replace(feedback, orderings=feedback.orderings[feedback.orderings["worse"] != "ffnn"])
-    assert verdicts("feedback", missing)["phase_helps"] == NOT_TESTED
+    numbers = feedback.metrics()
+    same = {"ffnn_phase_prim2_generalization_nmse": numbers["ffnn_prim2_generalization_nmse"]}
+    study = people(numbers, **same)
+    evidence = people_module.feedback_evidence(People.of_study(study, PRIMITIVES), ADAPTED, [])
+    found = reporting_verdicts.cases(
+        module.PACKAGE, defaultdict(lambda: UNKNOWN, evidence), "feedback_claims.yaml"
+    )["phase_helps"]
+    assert found == {"turn": UNDECIDED, "scrape": YES}
+
+
+def test_one_person_decides_nothing_and_stands_beside_the_claims(made, feedback):
+    report = made(feedback)
+    assert {one.verdict for one in report.pages["feedback"].judged} == {NOT_TESTED}
+    notes = [one.claim.note for one in report.pages["feedback"].judged]
+    assert all(re.search(r"Person 1: [a-z 0-9.,\N{MINUS SIGN}]+$", note) for note in notes)
+
+
+def test_people_are_drawn_and_judged_where_they_were_studied(made, feedback, segmentation):
+    numbers = feedback.metrics() | segmentation.metrics()
+    report = made(feedback, study=people(numbers))
+    assert NOT_TESTED not in {one.verdict for one in report.pages["feedback"].judged}
+    assert "over 5 others" in render(report.pages["feedback"], AnyFigure())
+    for page in report.pages.values():
+        assert words_in_view(render(page, AnyFigure())) <= 1500
+
+
+def test_a_number_that_was_not_studied_leaves_the_page_untested(feedback):
+    study = people({"force_largest_error_percent": 1.0})
+    assert known(people_module.feedback_evidence, People.of_study(study, PRIMITIVES), ADAPTED, [0.0]) == {}
+    assert known(people_module.feedback_evidence, None, ADAPTED, [0.0]) == {}
+
+
+def test_the_share_left_is_the_geometric_mean_of_the_least_clear_tilt():
+    rng = np.random.default_rng(0)
+    clear, less = np.exp(rng.normal(np.log(0.3), 0.1, 400)), np.exp(rng.normal(np.log(0.8), 0.1, 400))
+    found = share_left([clear, less])
+    assert found.low < 0.8 < found.high
+    assert found.n == 400
+    np.testing.assert_allclose(found.value, np.exp(np.log(less).mean()))
+    wider = share_left([clear, less], comparisons=12)
+    assert wider.low < found.low < found.high < wider.high
 
 
 def test_executions_decide_on_cost_force_torque_and_coupling(feedback):
-    dear = scores({"nominal": 4.0, "pointwise": 10.0, "unrolled": 5.0})
+    dear = scores({"nominal": 4.0, "pointwise": 10.0, "level": 11.0, "unrolled": 5.0})
     found = verdicts("feedback", with_board(feedback, scores=dear))
-    assert (found["lower_cost"], found["in_the_unroll"]) == (NO, YES)
+    assert (found["lower_cost"], found["in_the_unroll"], found["kept_at_tilts"]) == (NO, YES, NO)
     weak = verdicts("feedback", with_board(feedback, scores=scores(force_n=1.1)))
     assert weak["force_held"] == NO
     flat = scores()
@@ -199,8 +252,9 @@ def test_the_level_board_has_a_row_of_its_own(feedback):
     table = feedback.board.scores.copy()
     level = (table["setting_deg"] == 0.0) & (table["model"] != "nominal")
     table.loc[level, "cost_rad"] = 1.0
-    assert verdicts("feedback", feedback)["level_board"] == NO
-    assert verdicts("feedback", with_board(feedback, scores=table))["level_board"] == YES
+    for evidence in ("level_board", "level_board_ours"):
+        assert verdicts("feedback", feedback)[evidence] == NO
+        assert verdicts("feedback", with_board(feedback, scores=table))[evidence] == YES
 
 
 def changed(setting, **costs):

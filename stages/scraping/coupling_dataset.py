@@ -1,14 +1,19 @@
 """Sensor deviations and the coupling terms that people asked for, as supervised data (IV.6.2, IV.9.1.3)."""
 
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.supervision import SupervisionParameters, coupling_dataset, require_parts
+from structlearn.feedback.supervision import (
+    SupervisionParameters,
+    coupling_dataset,
+    level_dataset,
+    require_parts,
+)
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.scraping.files import read_expected, read_sets
+from structlearn.testbeds.scraping.files import ScrapingFiles, read_expected, read_sets
 
 
 def main() -> None:
@@ -31,6 +36,14 @@ def main() -> None:
             dataset, checks = coupling_dataset(corrections, own, primitive, expected[name], parameters)
             write_table(to_table(dataset), folder / f"{name}.parquet")
             write_table(checks, folder / f"checks_{name}.parquet")
+
+    with publish("data/feedback/scraping/level") as folder:
+        folder.mkdir()
+        level = ScrapingFiles(clock).level_runs() if corrections else []
+        level_cuts = execution_cuts(level, names, cutting) if level else {}
+        for name in parameters.primitives if level else ():
+            dataset = level_dataset(level, level_cuts[name], expected[name], parameters.rate_hz)
+            write_table(to_table(dataset), folder / f"{name}.parquet")
 
 
 if __name__ == "__main__":

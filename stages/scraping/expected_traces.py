@@ -24,15 +24,18 @@ def main() -> None:
     testbed = stage_parameters("testbed", TestbedParameters)
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
 
-    recordings, differences = [], {}
+    recordings, further, differences = [], [], {}
     if parameters.source is not None:
         recordings = read_recordings(parameters.source, record.topics)
     elif record.simulated:
-        runs, skill = nominal_runs(parameters.runs), ReactiveSkill(primitives)
-        recordings = executions(skill, runs, testbed)
+        runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
+        executed = executions(skill, runs, testbed)
+        recordings, further = executed[: parameters.runs], executed[parameters.runs :]
         differences = engine_differences(partial(executions, skill, runs[:1]), testbed)
     with publish("data/raw/scraping/unrolls") as folder:
         write_recordings(recordings, folder)
+    with publish("data/raw/scraping/level") as folder:
+        write_recordings(further, folder)
 
     with publish("data/feedback/scraping/expected") as folder:
         folder.mkdir()

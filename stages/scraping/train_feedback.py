@@ -1,4 +1,4 @@
-"""Train the feedback models: sample by sample as in the text, and inside the unroll (IV.6.2.4, V.2)."""
+"""Train feedback models: as in the text, on the level board too, and in the unroll (IV.6.2.4, V.2)."""
 
 from structlearn.feedback.feedback_models import train_models
 from structlearn.feedback.pmnn import write_networks
@@ -13,9 +13,10 @@ def main() -> None:
     parameters = stage_parameters("train_feedback", FeedbackParameters)
     settings = stage_parameters("coupling_dataset", SupervisionParameters).settings_deg
     datasets = read_datasets("data/feedback/scraping/dataset", settings)
+    level = read_datasets("data/feedback/scraping/level")
     with publish("data/feedback/scraping/models") as folder:
         folder.mkdir()
-        for model, networks in train_models(datasets, parameters).items():
+        for model, networks in train_models(datasets, level, parameters).items():
             write_networks(networks, folder / f"{model}.safetensors")
 
 

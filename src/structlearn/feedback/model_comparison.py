@@ -110,20 +110,24 @@ def _evaluated(work: tuple[CouplingDataset, TrainingParameters, str]) -> pd.Data
 def _inputs(
     name: str, dataset: CouplingDataset, folds: Sequence[Fold], parameters: TrainingParameters
 ) -> tuple[torch.Tensor, np.ndarray]:
-    """Standardised inputs (M, S, D) of a representation and the dimensions (M,) of its code, NaN without."""
-    deviation = dataset.deviation
+    """Standardised inputs (M, S, D) of a representation and the dimensions (M,) of its code, NaN without.
+
+    The columns of a block share one scale; phase and phase velocity have their own.
+    """
+    blocks = [np.broadcast_to(dataset.deviation, (len(folds), *dataset.deviation.shape))]
     dimensions = np.full(len(folds), np.nan)
-    values = np.broadcast_to(deviation, (len(folds), *deviation.shape))
     if name == "ffnn_phase":
-        phase = np.column_stack([deviation, dataset.phase, dataset.phase_velocity])
-        values = np.broadcast_to(phase, (len(folds), *phase.shape))
+        for column in (dataset.phase, dataset.phase_velocity):
+            blocks.append(np.broadcast_to(column[:, None], (len(folds), len(column), 1)))
     elif name in ("pca", "autoencoder"):
-        codes = representations.principal_components(deviation, folds)
+        codes = representations.principal_components(dataset.deviation, folds)
         if name == "autoencoder":
-            codes = representations.autoencoder(deviation, folds, codes.dimensions, parameters)
-        values, dimensions = codes.features, codes.dimensions.astype(float)
-    inputs = np.empty(values.shape, dtype=np.float32)
-    for index, fold in enumerate(folds):
-        mean, spread = standardisation(values[index], fold)
-        inputs[index] = (values[index] - mean) / spread
-    return torch.from_numpy(inputs), dimensions
+            codes = representations.autoencoder(dataset.deviation, folds, codes.dimensions, parameters)
+        blocks, dimensions = [codes.features], codes.dimensions.astype(float)
+    inputs = [[_standardised(block[model], fold) for block in blocks] for model, fold in enumerate(folds)]
+    return torch.from_numpy(np.stack([np.hstack(one) for one in inputs])), dimensions
+
+
+def _standardised(values: np.ndarray, fold: Fold) -> np.ndarray:
+    mean, spread = standardisation(values, fold)
+    return ((values - mean) / spread).astype(np.float32)

@@ -36,9 +36,12 @@ class ExpectedTracesParameters(RunSourceParameters):
     """Nominal executions in the default setting, and the expected traces learned from them.
 
     Attributes:
+        level_runs: further simulated ones; nothing is expected from them, but feedback may learn from them
+            that on the level board nothing is to be corrected.
         smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
     """
 
+    level_runs: int = Field(ge=0, le=1000)
     smoothing_hz: float = Field(gt=0)
 
 
@@ -247,15 +250,43 @@ def coupling_samples(
         axis: (3,) unit vector about which feedback corrects.
         rate_hz: samples per second that are kept.
     """
-    path = corrected.path
-    kept = slice(None, None, max(1, round(1.0 / (rate_hz * path.dt))))
-    time = path.time[kept]
-    p, u = canonical.phase(time, canonical.time_constant(path.duration))
+    return _samples(
+        corrected.path.time, corrected.deviation, corrected.target @ axis, (setting, number), rate_hz
+    )
+
+
+def level_dataset(
+    runs: Sequence[Demonstration], cuts: pd.DataFrame, expected: VectorPrimitive, rate_hz: float
+) -> CouplingDataset:
+    """What executions on the level board add to the data: nothing is to be corrected, c_target = 0.
+
+    Args:
+        runs: nominal executions in the default setting.
+        cuts: the primitive's segments in them; executions that are not in it are left out.
+        expected: the primitive's expected traces.
+        rate_hz: samples per second that are kept.
+    """
+    parts = []
+    for number, run in enumerate(runs):
+        if run.name in cuts.index:
+            time, deviation = executed_primitive(run, cuts.loc[run.name], expected)
+            parts.append(_samples(time, deviation, np.zeros(len(time)), (0.0, number), rate_hz))
+    return concatenated(parts)
+
+
+def _samples(
+    time: np.ndarray, deviation: np.ndarray, target: np.ndarray, key: tuple[float, int], rate_hz: float
+) -> CouplingDataset:
+    """Samples of one primitive in one execution; `key` is its setting in degrees and its number there."""
+    kept = slice(None, None, max(1, round(1.0 / (rate_hz * (time[1] - time[0])))))
+    duration, time = time[-1], time[kept]
+    p, u = canonical.phase(time, canonical.time_constant(duration))
+    setting, number = key
     return CouplingDataset(
-        deviation=corrected.deviation[kept],
+        deviation=deviation[kept],
         phase=p,
         phase_velocity=u,
-        target=corrected.target[kept] @ axis,
+        target=target[kept],
         setting=np.full(len(time), setting),
         demonstration=np.full(len(time), number),
         time=time,

@@ -4,8 +4,8 @@ from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
 
-POINTWISE, UNROLLED = "pointwise", "unrolled"
-MODELS = (POINTWISE, UNROLLED)
+POINTWISE, LEVEL, UNROLLED = "pointwise", "level", "unrolled"
+MODELS = (POINTWISE, LEVEL, UNROLLED)
 
 
 class TrainingParameters(Parameters):

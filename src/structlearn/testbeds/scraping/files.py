@@ -90,6 +90,11 @@ class ScrapingFiles:
         """Executions of the nominal primitives on the level board."""
         return self._runs(self.data / "raw/scraping/unrolls")
 
+    def level_runs(self) -> list[Demonstration]:
+        """All of them: those that the expected traces are of, and further ones."""
+        further = self.data / "raw/scraping/level"
+        return [*self.unrolls(), *(self._runs(further) if any(further.glob("*.mcap")) else [])]
+
     def runs(
         self, kind: str, setting_deg: float, model: str = "", count: int | None = None
     ) -> list[Demonstration]:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from structlearn.feedback.training_parameters import POINTWISE, UNROLLED
+from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
 from structlearn.palette import (
     BLUE,
     GREEN,
@@ -40,6 +40,7 @@ RUNS = {
     NOMINAL: Look("no feedback", GREEN),
     CORRECTED: Look("corrected by a person", BLUE),
     POINTWISE: Look("feedback, trained pointwise", VERMILION),
+    LEVEL: Look("feedback, also learned on the level board", PURPLE),
     UNROLLED: Look("feedback, trained in the unroll", ORANGE),
     BEFORE: Look("before refinement", SKY),
     AFTER: Look("after refinement", PURPLE),

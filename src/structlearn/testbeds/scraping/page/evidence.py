@@ -1,30 +1,17 @@
-"""What was found for the claims of the three pages, by the names that their `*_claims.yaml` use."""
+"""What was found for claims in one run, by the names that `*_claims.yaml` use.
+
+What was found over people is in `people`.
+"""
 
 from collections.abc import Iterable
 
 import numpy as np
-import pandas as pd
 
-from structlearn.feedback.training_parameters import POINTWISE, UNROLLED
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, exact
-from structlearn.segmentation.result import RESULT
+from structlearn.reporting.claims import UNKNOWN, Evidence, Found, difference, exact
+from structlearn.segmentation.method_comparison import errors_by_seed
+from structlearn.segmentation.result import METHODS, RESULT
 from structlearn.testbeds.scraping.names import CUT_METHODS
-from structlearn.testbeds.scraping.page.execution_results import ALL
-from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
-
-MODEL_PAIRS = {
-    "best_structure": (("pmnn_100", "pmnn_0"), ("pmnn_100", "ffnn_phase"), ("pmnn_100", "ffnn")),
-    "order_of_structures": (("pmnn_100", "pmnn_0"), ("pmnn_0", "ffnn_phase"), ("ffnn_phase", "ffnn")),
-    "phase_helps": (("ffnn_phase", "ffnn"),),
-    "features_inside": (
-        *(("pmnn_100", other) for other in ("pca", "autoencoder")),
-        *(("pmnn_6", other) for other in ("pca", "autoencoder")),
-    ),
-    "more_nodes": (("pmnn_100", "pmnn_6"),),
-}
-"""Pairs (better, worse) of representations that a claim is made of."""
 
 
 def weakest(found: Iterable[Evidence]) -> Evidence:
@@ -42,7 +29,7 @@ def weakest(found: Iterable[Evidence]) -> Evidence:
 
 
 def segmentation_evidence(results: SegmentationResults) -> dict[str, Found]:
-    """Of the page on segmentation and primitives."""
+    """Of the page on segmentation and primitives, where demonstrations are your own; and of the sweep."""
     found: dict[str, Found] = {}
     if results.alignment is not None:
         for name, method in (("aligned_as_printed", "wls_text"), ("aligned_with_crossings", RESULT)):
@@ -50,83 +37,36 @@ def segmentation_evidence(results: SegmentationResults) -> dict[str, Found]:
                 row.primitive: Evidence(row.gain_mm, row.low_mm, row.high_mm, len(results.guesses))
                 for row in results.alignment[results.alignment["method"] == method].itertuples()
             }
-    first, rest = results.downsampling.iloc[0], results.downsampling.iloc[1:]
-    if len(rest):
-        shift = rest["max_shift_ms"] / (1e3 * results.reference.dt * rest["factor"])
-        saved = rest["work"] / first["work"] * (rest["factor"] / first["factor"]) ** 2
-        worst = saved.loc[(saved - 1.0).abs().idxmax()]
+    if results.downsampling_worst is not None:
+        shift, work = results.downsampling_worst
         found["downsampling"] = {
-            "shift in coarse samples": exact(shift.max(), len(results.was_cut)),
-            "work times g²": exact(worst, len(results.was_cut)),
+            "shift in coarse samples": exact(shift, len(results.was_cut)),
+            "work times g²": exact(work, len(results.was_cut)),
         }
     if results.acceleration_jumps:
         switches = len(results.primitives) - 1
         found["smooth"] = {
             name: exact(100.0 * jump, switches) for name, jump in results.acceleration_jumps.items()
         }
-    noisy = results.sweep_comparison[results.sweep_comparison["noise_mm"] > 0]
-    if len(noisy):
-        found["least_cut_error"] = {
-            CUT_METHODS[method].name: weakest(
-                Evidence(row.difference_ms, row.low_ms, row.high_ms, row.seeds) for row in rows.itertuples()
-            )
-            for method, rows in noisy.groupby("method", sort=False)
-        }
-    return found
+    return found | sweep_evidence(results)
 
 
-def feedback_evidence(results: FeedbackResults) -> dict[str, Found]:
-    """Of the page on feedback models."""
-    found: dict[str, Found] = {}
-    if len(results.comparison):
-        for name, pairs in MODEL_PAIRS.items():
-            found[name] = {
-                primitive: weakest(model_gain(results, primitive, *pair) for pair in pairs)
-                for primitive in results.adapted
-            }
-        shared = {name: results.dominant(name) for name in results.adapted}
-        found["phase_dependent"] = {name: exact(one[2], len(one[0])) for name, one in shared.items()}
-    return found | (_board_evidence(results.board) if results.board is not None else {})
-
-
-def model_gain(results: FeedbackResults, primitive: str, better: str, worse: str) -> Evidence:
-    """By how much the generalisation NMSE of one representation is below another's, in pairs over folds."""
-    table = results.orderings[results.orderings["stopping"] == "validation"]
-    keys = (table["primitive"] == primitive) & (table["better"] == better) & (table["worse"] == worse)
-    rows = table[keys]
-    if rows.empty:
-        return UNKNOWN
-    value, half = rows.iloc[0][["difference", "half_width"]]
-    folds = results.comparison.loc[results.comparison["primitive"] == primitive, "fold"].nunique()
-    return Evidence(value, value - half, value + half, folds)
-
-
-def _board_evidence(board: BoardResults) -> dict[str, Found]:
-    executions = len(board.scores) // len(board.primitives)
-    found: dict[str, Found] = {
-        "lower_cost": {
-            name: weakest(board.lower(POINTWISE, NOMINAL, name, board.tilted_deg))
-            for name in board.primitives
-        },
-        "in_the_unroll": weakest(board.lower(UNROLLED, POINTWISE, ALL, board.tilted_deg)),
-        "tells_tilts_apart": {
-            name: _weakest_step(rows, board.runs)
-            for name, rows in board.coupling.groupby("primitive", sort=False)
-        },
-        "force_held": exact(board.force_error_percent, executions),
-        "torque_monotone": {name: exact(step, board.runs) for name, step in board.torque_steps.items()},
+def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:
+    """How much better the result's cut points are than each other method's, at the least clear level."""
+    wide = errors_by_seed(results.noise).pivot_table(
+        index=["noise_mm", "seed"], columns="method", values="error_ms"
+    )
+    wide = wide[wide.index.get_level_values("noise_mm") > 0]
+    levels = wide.index.unique("noise_mm")
+    others = [method for method in METHODS if method in wide and method != RESULT]
+    found = {
+        CUT_METHODS[other].name: weakest(
+            difference(rows[other], rows[RESULT], comparisons=len(others) * len(levels))
+            for _, rows in wide[[other, RESULT]].dropna().groupby(level="noise_mm")
+        )
+        for other in others
     }
-    if 0.0 in board.settings_deg:
-        found["level_board"] = _rise(board.lower(POINTWISE, NOMINAL, ALL, [0.0])[0])
-    return found
-
-
-def _weakest_step(rows: pd.DataFrame, runs: int) -> Evidence:
-    """Of the coupling term's steps from tilt to tilt, counted positive in the direction of their sum."""
-    steps = rows.dropna(subset="step")
-    if np.sign(steps["step"].sum()) < 0:
-        steps = steps.assign(step=-steps["step"], low=-steps["high"], high=-steps["low"])
-    return weakest(Evidence(row.step, row.low, row.high, runs) for row in steps.itertuples())
+    return {"least_cut_error": found} if len(wide) else {}
 
 
 def _rise(lower: Evidence) -> Evidence:

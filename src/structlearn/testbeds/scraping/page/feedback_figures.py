@@ -33,6 +33,7 @@ from structlearn.testbeds.scraping.page.feedback_results import (
     FeedbackResults,
     unroll_traces,
 )
+from structlearn.testbeds.scraping.page.people import People
 from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
 
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
@@ -106,8 +107,11 @@ def targets_figure(results: FeedbackResults) -> list[Figure]:
 
 
 @styled
-def models_figure(results: FeedbackResults) -> list[Figure]:
-    """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds."""
+def models_figure(results: FeedbackResults, people: People | None) -> list[Figure]:
+    """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds.
+
+    A dot is the mean of one of the people on whom it is judged.
+    """
     errors = results.model_errors.set_index(["primitive", "representation", "stopping"])
     figures = []
     for what, chosen in (("structures", STRUCTURES), ("features inside or apart", EMBEDDINGS)):
@@ -121,6 +125,8 @@ def models_figure(results: FeedbackResults) -> list[Figure]:
                 axes.errorbar(mean, place, xerr=std, color=BLACK, linewidth=1.0, capsize=4.0)
                 best = errors.loc[(name, one, "generalization"), "generalization_mean"]
                 axes.plot(best, place, "D", color=BLACK, markerfacecolor="white", markersize=5)
+                if people is not None:
+                    _dots(axes, values := people.nmse(one, name), np.full(len(values), place - 0.22))
             names = [REPRESENTATIONS[one].name.replace(", then ", ",\nthen ") for one in reversed(shown)]
             axes.set_yticks(range(len(names)), names)
             axes.grid(axis="y", visible=False)
@@ -210,6 +216,12 @@ def closed_loop_figure(results: FeedbackResults, primitive: str) -> list[Figure]
     return figures
 
 
+def _dots(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+    """One dot per person."""
+    look = {"markerfacecolor": "white", "markeredgecolor": BLACK, "markeredgewidth": 0.6, "zorder": 5}
+    axes.plot(x, y, linestyle="none", marker="o", markersize=2.8, **look)
+
+
 def _over_time(curve: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.linspace(0.0, 1.0, len(curve)), curve
 
@@ -249,7 +261,10 @@ def roll_figure(results: FeedbackResults) -> list[Figure]:
 
 @styled
 def cost_figure(
-    executed: ExecutionResults, names: Sequence[str], note: Callable[[float], str]
+    executed: ExecutionResults,
+    names: Sequence[str],
+    note: Callable[[float], str],
+    people: People | None = None,
 ) -> list[Figure]:
     """Figure IV.20: accumulated cost per setting and model, mean and std over the executions.
 
@@ -257,6 +272,7 @@ def cost_figure(
         executed: the executions.
         names: of all primitives, in order.
         note: what is written below a setting.
+        people: whose mean costs are drawn as dots.
     """
     figures = []
     width = 0.8 / len(executed.models)
@@ -269,6 +285,9 @@ def cost_figure(
             axes.bar(x, rows["mean"], 0.92 * width, color=RUNS[model].colour, label=RUNS[model].name)
             look = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
             axes.errorbar(x, rows["mean"], np.nan_to_num(rows["std"]), **look)
+            for at, setting in zip(x, rows["setting_deg"], strict=True) if people is not None else ():
+                costs_of_people = people.cost(model, primitive, setting)
+                _dots(axes, np.full(len(costs_of_people), at), costs_of_people)
         ticks = [f"{setting:g}\n{note(setting)}" for setting in executed.settings_deg]
         axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)
         axes.grid(axis="x", visible=False)

@@ -1,6 +1,6 @@
 """Feedback models (IV.6, IV.9.3): what the stages wrote, and the numbers that follow."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from structlearn.feedback.folds import PARTS
 from structlearn.feedback.pmnn import PhaseModulatedNetwork, dominant_features
 from structlearn.feedback.representation_orderings import REPRESENTATIONS, STOPPINGS
 from structlearn.feedback.supervision import Cuts
-from structlearn.feedback.training_parameters import POINTWISE, UNROLLED
+from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
 from structlearn.ground import signals
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.metrics import mean_interval, verdict
@@ -30,6 +30,12 @@ from structlearn.testbeds.scraping.world.recorder import FINGERS
 
 SAMPLES = 101
 """Points over normalised time on which curves are compared."""
+
+MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLED: "unrolled"}
+"""What executions are called in the keys of numbers."""
+
+REPRESENTATION_KEYS = {name: name for name in REPRESENTATIONS} | {"pmnn_100": "pmnn"}
+"""What representations are called in the keys of numbers."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +66,17 @@ class BoardResults(ExecutionResults):
         return float(100.0 * (self.scores["force_n"] / self.force_n - 1.0).abs().max())
 
     @cached_property
-    def torque_steps(self) -> dict[str, float]:
-        """By primitive, smallest step of the roll torque without feedback from tilt to tilt, mN m.
+    def smallest_steps(self) -> dict[str, tuple[float, float]]:
+        """By primitive, smallest step from tilt to tilt of the mean roll torque and the mean coupling term.
 
-        Positive where the torque changes one way with the tilt.
+        The torque in mN m is without feedback, the coupling term in rad of the pointwise model; positive
+        where they change one way with the tilt.
         """
         steps = {}
         for name in self.primitives:
-            own = np.diff(self.nominal.xs(name, level="primitive")["roll_torque_mn_m"])
-            steps[name] = float((np.sign(own.sum()) * own).min())
+            torque = self.nominal.xs(name, level="primitive")["roll_torque_mn_m"]
+            coupling = self.coupling.loc[self.coupling["primitive"] == name, "mean"]
+            steps[name] = _smallest_step(torque.to_numpy()), _smallest_step(coupling.to_numpy())
         return steps
 
     @cached_property
@@ -118,14 +126,21 @@ class BoardResults(ExecutionResults):
                     rows.append(row | {"verdict": str(verdict(lower - half_width, lower + half_width))})
         return pd.DataFrame(rows)
 
-    def metrics(self) -> Metrics:
-        """Cost ratios by setting, force and torque."""
+    def metrics(self, number: Callable[[str], int]) -> Metrics:
+        """Costs and their ratios by setting, force, torque and coupling terms; `number` is a primitive's."""
         values: Metrics = {}
-        for model, name in ((POINTWISE, "feedback"), (UNROLLED, "unrolled")):
-            for setting, ratio in self.ratio(model)["ratio"].items():
-                values[f"cost_ratio_{name}_over_nominal_{level_name(setting)}"] = float(ratio)
+        for model in self.models:
+            if model != NOMINAL:
+                for setting, ratio in self.ratio(model)["ratio"].items():
+                    key = f"cost_ratio_{MODEL_KEYS[model]}_over_nominal_{level_name(setting)}"
+                    values[key] = float(ratio)
+        for row in self.costs.itertuples():
+            key = f"cost_{MODEL_KEYS[row.model]}_prim{number(row.primitive)}_{level_name(row.setting_deg)}"
+            values[key] = float(row.mean)
         values["force_largest_error_percent"] = self.force_error_percent
-        values["roll_torque_monotone"] = all(step > 0.0 for step in self.torque_steps.values())
+        for name, (torque, coupling) in self.smallest_steps.items():
+            values[f"roll_torque_smallest_step_prim{number(name)}"] = torque
+            values[f"coupling_smallest_step_prim{number(name)}"] = coupling
         return values
 
 
@@ -263,17 +278,31 @@ class FeedbackResults:
         `<model>_prim<number>_generalization_nmse` is the mean over folds at the step that validation chose,
         with the suffix `_best_step` at the best step for the demonstration that was left out, as in the
         dissertation. `cost_ratio_<model>_over_nominal_<degrees>` is the accumulated cost of both primitives
-        with feedback relative to without, `feedback` being the pointwise model. `force_largest_error_percent`
-        is of the mean force of any execution; `roll_torque_monotone` is of executions without feedback.
+        with feedback relative to without, `feedback` being the pointwise model of the text and `level` ours;
+        `cost_<model>_prim<number>_<degrees>` is in rad, the mean over executions.
+        `force_largest_error_percent` is of the mean force of any execution;
+        `roll_torque_smallest_step_*` is of executions without feedback, `coupling_smallest_step_*` of the
+        pointwise model, from tilt to tilt. `shared_nodes_*` is how many of the ten dominant nodes any two
+        phase kernels share.
         """
+
+        def number(name: str) -> int:
+            return list(self.primitives).index(name) + 1
+
         values: Metrics = {}
-        for name in self.adapted if len(self.comparison) else ():
-            number = list(self.primitives).index(name) + 1
-            for representation, key in (("pmnn_100", "pmnn"), ("ffnn_phase", "ffnn_phase"), ("ffnn", "ffnn")):
-                for stopping, suffix in (("validation", ""), ("generalization", "_best_step")):
-                    error = self.model_error(name, representation, stopping)["generalization_mean"]
-                    values[f"{key}_prim{number}_generalization_nmse{suffix}"] = float(error)
-        return values | (self.board.metrics() if self.board is not None else {})
+        for row in self.model_errors.itertuples() if len(self.comparison) else ():
+            suffix = "" if row.stopping == "validation" else "_best_step"
+            key = f"{REPRESENTATION_KEYS[row.representation]}_prim{number(row.primitive)}"
+            values[f"{key}_generalization_nmse{suffix}"] = float(row.generalization_mean)
+        for name in self.networks:
+            values[f"shared_nodes_prim{number(name)}"] = self.dominant(name)[2]
+        return values | (self.board.metrics(number) if self.board is not None else {})
+
+
+def _smallest_step(values: np.ndarray) -> float:
+    """Of values (N,) that should all rise or all fall; negative where one goes the other way."""
+    steps = np.diff(values)
+    return float((np.sign(steps.sum()) * steps).min()) if len(steps) else 0.0
 
 
 def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:

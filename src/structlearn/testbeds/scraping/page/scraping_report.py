@@ -23,6 +23,7 @@ from structlearn.testbeds.scraping.page import (
     demonstration_figures,
     evidence,
     feedback_figures,
+    people,
     refinement_figures,
     refinement_studies,
     tables,
@@ -42,7 +43,7 @@ PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refine
 PARAMETERS = {
     "index": ("clock", "record", "simulate", "segment", "segment_sweep", "fit_primitives", "generalise"),
     "feedback": (
-        *("testbed", "expected_traces", "record_corrections", "coupling_dataset"),
+        *("scraping_people", "testbed", "expected_traces", "record_corrections", "coupling_dataset"),
         *("train_feedback", "compare_models", "evaluate_feedback"),
     ),
     "refinement": ("refine", "evaluate_refinement", "compare_search"),
@@ -117,6 +118,9 @@ def scraping_report(
     results = {"index": segmentation, "feedback": feedback, "refinement": refinement}
     shown = {name: title for name, title in PAGES.items() if results[name] is not None}
     primitives = [primitive.name for primitive in segmentation.primitives]
+    people_study = studies.get(people.STUDY) if segmentation.simulated else None
+    studied = people.People.of_study(people_study, primitives) if people_study is not None else None
+    shown_one = people.People.of_one(report.metrics, primitives)
     shared = {
         "pages": shown,
         "published": printed,
@@ -127,13 +131,17 @@ def scraping_report(
         "primitives": primitives,
         "names": names,
         "engines": engines,
+        "people": studied,
         "kernel_count": KERNEL_COUNT,
         "over_people": "n people, each with a sensor of their own, on whom nothing was tuned.",
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
     }
 
-    def add(page: str, found: Mapping[str, Found], simulated: bool) -> None:
+    def add(
+        page: str, found: Mapping[str, Found], simulated: bool, shown: Mapping[str, Found] | None = None
+    ) -> None:
         claims = read_claims(Path(__file__).with_name(f"{page.replace('index', 'segmentation')}_claims.yaml"))
+        claims = people.beside(claims, shown or {}, parameters["scraping_people"].shown)
         whole = {claim.evidence: UNKNOWN for claim in claims} | found
         facts = shared | {"page": page, "evidence": whole}
         report.pages[page] = Document(
@@ -153,12 +161,23 @@ def scraping_report(
     report.tables |= tables.segmentation_tables(segmentation)
     report.metrics |= segmentation.metrics()
     report.metrics |= {f"engines_differ_{name}": value for name, value in engines.items()}
-    add("index", evidence.segmentation_evidence(segmentation), segmentation.simulated)
+    if segmentation.simulated:
+        aligned = [primitive.name for primitive in segmentation.found_primitives]
+        found = people.known(people.segmentation_evidence, studied, aligned)
+        of_one = people.known(people.segmentation_evidence, shown_one, aligned)
+        add("index", found | evidence.sweep_evidence(segmentation), True, of_one)
+    else:
+        add("index", evidence.segmentation_evidence(segmentation), False)
     if feedback is not None:
-        report.drawings |= feedback_drawings(feedback)
+        report.drawings |= feedback_drawings(feedback, studied)
         report.tables |= tables.feedback_tables(feedback, printed)
         report.metrics |= feedback.metrics()
-        add("feedback", evidence.feedback_evidence(feedback), feedback.simulated)
+        settings = feedback.board.settings_deg if feedback.board is not None else []
+        found, of_one = (
+            people.known(people.feedback_evidence, one, feedback.adapted, settings)
+            for one in (studied, shown_one if feedback.simulated else None)
+        )
+        add("feedback", found, feedback.simulated, of_one)
     if refinement is not None:
         report.drawings |= refinement_drawings(refinement, primitives)
         report.tables |= tables.refinement_tables(refinement, primitives, printed)
@@ -205,13 +224,13 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
     return made
 
 
-def feedback_drawings(results: FeedbackResults) -> Drawings:
-    """Figures of the page on feedback models, as far as the data go."""
+def feedback_drawings(results: FeedbackResults, studied: people.People | None) -> Drawings:
+    """Figures of the page on feedback models, as far as the data go; two of them show the people studied."""
     made: Drawings = {"expected_traces": feedback_figures.expected_figure(results)}
     if results.datasets:
         made["coupling_targets"] = feedback_figures.targets_figure(results)
     if len(results.comparison):
-        made["models"] = feedback_figures.models_figure(results)
+        made["models"] = feedback_figures.models_figure(results, studied)
         made["weights"] = feedback_figures.weights_figure(results)
     board = results.board
     if board is not None:
@@ -224,7 +243,7 @@ def feedback_drawings(results: FeedbackResults) -> Drawings:
         made["board_roll"] = feedback_figures.roll_figure(results)
         known = (*results.seen_deg, 0.0)
         made["board_cost"] = feedback_figures.cost_figure(
-            board, results.primitives, lambda setting: "" if setting in known else "unseen"
+            board, results.primitives, lambda setting: "" if setting in known else "unseen", studied
         )
     return made
 

@@ -106,6 +106,19 @@ class SegmentationResults:
         return method_comparison.alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
 
     @cached_property
+    def downsampling_worst(self) -> tuple[float, float] | None:
+        """Largest shift of a cut point in coarse samples, and work times g² where it is furthest from 1.
+
+        Work is relative to that of the smallest g; None of one factor g.
+        """
+        first, rest = self.downsampling.iloc[0], self.downsampling.iloc[1:]
+        if rest.empty:
+            return None
+        shift = rest["max_shift_ms"] / (1e3 * self.reference.dt * rest["factor"])
+        work = rest["work"] / first["work"] * (rest["factor"] / first["factor"]) ** 2
+        return float(shift.max()), float(work.loc[(work - 1.0).abs().idxmax()])
+
+    @cached_property
     def sweep(self) -> pd.DataFrame:
         """See `method_comparison.errors_by_level`."""
         return method_comparison.errors_by_level(method_comparison.errors_by_seed(self.noise))
@@ -172,6 +185,10 @@ class SegmentationResults:
         if self.alignment is not None:
             for row in self.alignment.itertuples():
                 values[f"spread_mm_{row.method}_{row.primitive}"] = row.spread_mm
+                values[f"alignment_gain_mm_{row.method}_{row.primitive}"] = row.gain_mm
+        if self.downsampling_worst is not None:
+            shift, work = self.downsampling_worst
+            values |= {"downsampling_shift_samples": shift, "downsampling_work_g2": work}
         parts = ((False, "fit", FIT_METRICS), (True, "left_one_out", LEFT_OUT_METRICS))
         for left_out, prefix, names in parts:
             for row in self.fitted(left_out).to_dict("records"):

@@ -1,0 +1,221 @@
+"""What was found over people, for the claims of the pages on segmentation and feedback.
+
+One number per person: of each, the whole branch was run anew, demonstrations, sensor, corrections, models and
+executions. So people are independent, which folds and executions of one person are not. The numbers are
+those of `details.json` and `metrics.json` by the same keys, of the study `scraping/people`; what the person
+of this run shows is put beside them and decides nothing.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.ground.artefacts import Metrics
+from structlearn.reporting.claims import Claim, Evidence, Found, by_case, difference, mean
+from structlearn.reporting.prose import level_name, rounded
+from structlearn.reporting.studies import Study
+from structlearn.segmentation.result import RESULT
+from structlearn.testbeds.scraping.page.evidence import weakest
+from structlearn.testbeds.scraping.page.feedback_results import MODEL_KEYS, REPRESENTATION_KEYS
+
+STUDY, VARIANT = "scraping/people", "ours"
+"""The study whose numbers these are, and its variant with the parameters as they are."""
+
+MODEL_PAIRS = {
+    "best_structure": (("pmnn_100", "pmnn_0"), ("pmnn_100", "ffnn_phase"), ("pmnn_100", "ffnn")),
+    "order_of_structures": (("pmnn_100", "pmnn_0"), ("pmnn_0", "ffnn_phase"), ("ffnn_phase", "ffnn")),
+    "phase_helps": (("ffnn_phase", "ffnn"),),
+    "features_inside": (
+        *(("pmnn_100", other) for other in ("pca", "autoencoder")),
+        *(("pmnn_6", other) for other in ("pca", "autoencoder")),
+    ),
+    "more_nodes": (("pmnn_100", "pmnn_6"),),
+}
+"""Pairs (better, worse) of representations that a claim is made of."""
+
+
+@dataclass(frozen=True)
+class People:
+    """One number per person, by key.
+
+    Attributes:
+        numbers: (P,) by key; raises KeyError where there is none of this key.
+        primitives: names of all primitives in order of time.
+    """
+
+    numbers: Callable[[str], np.ndarray]
+    primitives: Sequence[str]
+
+    @classmethod
+    def of_study(cls, study: Study, primitives: Sequence[str]) -> "People":
+        """All people of a study."""
+        return cls(lambda key: study.values(VARIANT, key), primitives)
+
+    @classmethod
+    def of_one(cls, metrics: Metrics, primitives: Sequence[str]) -> "People":
+        """The person of a report."""
+        return cls(lambda key: np.array([metrics[key]], float), primitives)
+
+    def nmse(self, representation: str, primitive: str) -> np.ndarray:
+        """(P,) generalisation NMSE, mean over folds, at the step that validation chose."""
+        key = REPRESENTATION_KEYS[representation]
+        return self.numbers(f"{key}_{self.number(primitive)}_generalization_nmse")
+
+    def cost(self, model: str, primitive: str, setting_deg: float) -> np.ndarray:
+        """(P,) accumulated cost in rad, mean over executions."""
+        key = f"cost_{MODEL_KEYS[model]}_{self.number(primitive)}_{level_name(setting_deg)}"
+        return self.numbers(key)
+
+    def ratio(self, model: str, setting_deg: float, baseline: str = "nominal") -> np.ndarray:
+        """(P,) accumulated cost of all primitives relative to that of another model, or of none."""
+        over, under = (
+            self.numbers(f"cost_ratio_{MODEL_KEYS[one]}_over_nominal_{level_name(setting_deg)}")
+            if one != "nominal"
+            else 1.0
+            for one in (model, baseline)
+        )
+        return over / under
+
+    def number(self, primitive: str) -> str:
+        """`prim2`, counted as in the dissertation."""
+        return f"prim{list(self.primitives).index(primitive) + 1}"
+
+
+def least_clear(found: Iterable[Evidence]) -> Evidence:
+    """`evidence.weakest`; of numbers without interval, as of one person, the smallest."""
+    found = list(found)
+    bounds = np.array([(one.value, one.low, one.high) for one in found]).reshape(-1, 3)
+    if np.isfinite(bounds[:, 0]).all() and not np.isfinite(bounds).all():
+        return min(found, key=lambda one: one.value)
+    return weakest(found)
+
+
+def share_left(ratios: Sequence[np.ndarray], comparisons: int = 1) -> Evidence:
+    """Geometric mean over people of the ratio of costs, of several the one that is least clearly below 1.
+
+    Args:
+        ratios: (P,) each.
+        comparisons: of the claim, `claims.confidence`.
+    """
+    saved = least_clear(mean(-np.log(one), comparisons) for one in ratios)
+    value, low, high = (float(np.exp(-one)) for one in (saved.value, saved.high, saved.low))
+    return Evidence(value, low, high, saved.n)
+
+
+def segmentation_evidence(people: People, aligned: Sequence[str]) -> dict[str, Found]:
+    """Of the page on segmentation and primitives; `aligned` are the primitives that have an axis."""
+    numbers = people.numbers
+    return {
+        "aligned_as_printed": by_case(
+            mean, {name: (numbers(f"alignment_gain_mm_wls_text_{name}"),) for name in aligned}
+        ),
+        "aligned_with_crossings": by_case(
+            mean, {name: (numbers(f"alignment_gain_mm_{RESULT}_{name}"),) for name in aligned}
+        ),
+        "downsampling": by_case(
+            mean,
+            {
+                "shift in coarse samples": (numbers("downsampling_shift_samples"),),
+                "work times g²": (numbers("downsampling_work_g2"),),
+            },
+        ),
+        "smooth": by_case(
+            mean,
+            {
+                "as demonstrated": (100.0 * numbers("acceleration_jump_nominal"),),
+                "new situation": (100.0 * numbers("acceleration_jump_generalised"),),
+            },
+        ),
+    }
+
+
+def feedback_evidence(
+    people: People, adapted: Sequence[str], settings_deg: Sequence[float]
+) -> dict[str, Found]:
+    """Of the page on feedback models.
+
+    Args:
+        people: see there.
+        adapted: primitives with feedback.
+        settings_deg: rolls of the board on which models were executed; none where nothing was.
+    """
+    found = _models(people, adapted)
+    return found | _executions(people, adapted, settings_deg) if settings_deg else found
+
+
+def _models(people: People, adapted: Sequence[str]) -> dict[str, Found]:
+    found: dict[str, Found] = {}
+    for name, pairs in MODEL_PAIRS.items():
+        found[name] = {
+            primitive: least_clear(
+                difference(
+                    people.nmse(worse, primitive),
+                    people.nmse(better, primitive),
+                    comparisons=len(pairs) * len(adapted),
+                )
+                for better, worse in pairs
+            )
+            for primitive in adapted
+        }
+    found["level_of_error"] = by_case(mean, {one: (people.nmse("pmnn_100", one),) for one in adapted})
+    return found | {"phase_dependent": _by_primitive(people, "shared_nodes", adapted)}
+
+
+def _executions(people: People, adapted: Sequence[str], settings_deg: Sequence[float]) -> dict[str, Found]:
+    tilted = [setting for setting in settings_deg if setting != 0.0]
+    found: dict[str, Found] = {
+        "tells_tilts_apart": _by_primitive(people, "coupling_smallest_step", adapted),
+        "torque_monotone": _by_primitive(people, "roll_torque_smallest_step", adapted),
+        "force_held": mean(people.numbers("force_largest_error_percent")),
+    }
+    found["lower_cost"] = {
+        one: share_left(
+            [people.cost("pointwise", one, tilt) / people.cost("nominal", one, tilt) for tilt in tilted],
+            len(tilted) * len(adapted),
+        )
+        for one in adapted
+    }
+    for name, model in (("kept_at_tilts", "level"), ("in_the_unroll", "unrolled")):
+        ratios = [people.ratio(model, tilt, "pointwise") for tilt in tilted]
+        found[name] = share_left(ratios, len(tilted))
+    if 0.0 in settings_deg:
+        found["level_board"] = share_left([people.ratio("pointwise", 0.0)])
+        found["level_board_ours"] = share_left([people.ratio("level", 0.0)])
+    return found
+
+
+def _by_primitive(people: People, key: str, adapted: Sequence[str]) -> Found:
+    return by_case(mean, {one: (people.numbers(f"{key}_{people.number(one)}"),) for one in adapted})
+
+
+def known(
+    make: Callable[..., dict[str, Found]], people: People | None, *arguments: object
+) -> dict[str, Found]:
+    """What `make` finds; nothing where no people were studied, or a number is missing."""
+    try:
+        return make(people, *arguments) if people is not None else {}
+    except KeyError:
+        return {}
+
+
+def beside(claims: Sequence[Claim], shown: Mapping[str, Found], seed: int) -> list[Claim]:
+    """The claims, with what the person of the report shows in their notes.
+
+    Args:
+        claims: of `read_claims`.
+        shown: numbers of that person, by evidence.
+        seed: the person's.
+    """
+    return [
+        claim.model_copy(update={"note": f"{claim.note} Person {seed}: {_of_one(claim, shown)}.".strip()})
+        if shown.get(claim.evidence)
+        else claim
+        for claim in claims
+    ]
+
+
+def _of_one(claim: Claim, shown: Mapping[str, Found]) -> str:
+    found = shown[claim.evidence]
+    cases = {"": found} if isinstance(found, Evidence) else found
+    return ", ".join(f"{case} {rounded(one.value, claim.format)}".strip() for case, one in cases.items())
