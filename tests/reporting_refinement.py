@@ -11,6 +11,7 @@ from reporting_feedback import ADAPTED, AXIS, execution
 
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
+from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
@@ -116,3 +117,20 @@ def refinement_results(**changes: object) -> RefinementResults:
         "parameters": parameters(),
     }
     return RefinementResults(**(values | changes))
+
+
+def forms(ours: Mapping[str, float], text: Mapping[str, float], people: int = 5) -> Study:
+    """A study of people who differ by a little from given numbers, in both forms."""
+    rng = np.random.default_rng(8)
+    rows = []
+    for variant, values in (("ours", ours), ("text", text)):
+        for number in range(people):
+            varied = {key: value * (1.0 + 0.01 * rng.standard_normal()) for key, value in values.items()}
+            rows.append({"variant": variant, "repeat": number, **varied})
+    return Study(pd.DataFrame(rows))
+
+
+def variants(values: Mapping[str, float], names: Sequence[str]) -> Study:
+    """A study whose variants are alike."""
+    rows = [{"variant": name, "repeat": number, **values} for name in names for number in range(3)]
+    return Study(pd.DataFrame(rows))

@@ -31,28 +31,33 @@ Studies = Mapping[str, Study | None]
 def refinement_evidence(
     results: RefinementResults, studies: Studies, number: Callable[[str], int]
 ) -> dict[str, Found]:
-    """Of the page on refinement by trial; nothing where no people were studied, or a number is missing.
+    """Of the page on refinement by trial; nothing where no people were studied.
 
     Args:
         results: of the person shown, which say what was executed; their numbers decide nothing.
         studies: by name.
         number: of a primitive, from 1.
     """
-    people = studies.get(PEOPLE)
     found: dict[str, Found] = {}
-    for form in FORMS if people is not None else ():
-        try:
-            found |= _of_form(form, people, results, number)
-        except KeyError:
-            continue
+    for form, people in _by_form(studies, number(results.refined[0])).items():
+        found |= _of_form(form, people, results, number)
     return found
+
+
+def _by_form(studies: Studies, number: int) -> dict[str, Study]:
+    """The study over people, once per form of which it says what became of a primitive."""
+    people = studies.get(PEOPLE)
+    if people is None or f"rl_cost_ratio_prim{number}" not in people.table:
+        return {}
+    return {form: people for form in FORMS if (people.table["variant"] == form).any()}
 
 
 def _of_form(
     form: str, people: Study, results: RefinementResults, number: Callable[[str], int]
 ) -> dict[str, Found]:
     def of(key: str, name: str = "") -> np.ndarray:
-        return people.values(form, f"{key}_prim{number(name)}" if name else key)
+        key = f"{key}_prim{number(name)}" if name else key
+        return people.values(form, key) if key in people.table else np.array([np.nan])
 
     refined, executed = results.refined, results.primitives
     found: dict[str, Found] = {
@@ -83,23 +88,24 @@ def _of_form(
 
 
 def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
-    """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `rl_seen_cost_ratio_max_mean`, `rl_people`.
+    """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `seen_cost_ratio_mean`, `rl_people`.
 
-    Those of the text's form end with `_text`. Means are geometric. Nothing where no people were studied.
+    Means are geometric; `seen_cost_ratio_mean` is that of `seen_cost_ratio_after_over_before_max`. Numbers of
+    the text's form end with `_text`. Nothing where no people were studied.
 
     Args:
         studies: by name.
         numbers: of the refined primitives, from 1.
     """
-    people = studies.get(PEOPLE)
     values: Metrics = {}
-    for form, ending in (("ours", ""), ("text", "_text")) if people is not None else ():
+    for form, people in _by_form(studies, numbers[0]).items():
+        ending = "" if form == "ours" else f"_{form}"
         for number in numbers:
             ratios = people.values(form, f"rl_cost_ratio_prim{number}")
-            values[f"rl_cost_ratio_prim{number}_mean{ending}"] = float(np.exp(np.log(ratios).mean()))
+            values[f"rl_cost_ratio_prim{number}_mean{ending}"] = geometric_mean(ratios).value
             values[f"rl_cost_ratio_prim{number}_worst{ending}"] = float(ratios.max())
         seen = people.values(form, "seen_cost_ratio_after_over_before_max")
-        values[f"seen_cost_ratio_mean{ending}"] = float(np.exp(np.log(seen).mean()))
+        values[f"seen_cost_ratio_mean{ending}"] = geometric_mean(seen).value
         values["rl_people"] = len(seen)
     return values
 
