@@ -29,6 +29,8 @@ REDUCED = {
         "iterations": 1,
         "evaluation_runs": 1,
         "added_runs": 2,
+        "shown_runs": 1,
+        "level_runs": 1,
         "search": {"samples": 3},
     },
     "evaluate_refinement": {"settings_deg": [0, 5, 10], "runs": 1},
