@@ -16,6 +16,7 @@ from structlearn.feedback.supervision import (
     coupling_dataset,
     executed_primitive,
     learn_expected,
+    level_dataset,
     require_parts,
 )
 from structlearn.ground import quaternion
@@ -150,6 +151,19 @@ def test_the_dataset_is_thinned_to_the_rate_of_the_sensors(supervised):
         assert np.mean((rows.target - exact) ** 2) < 1e-3 * np.var(exact)
         np.testing.assert_allclose(rows.deviation, known_deviation(rows.time), atol=1e-9)
     assert len(dataset.target) == 201 + 241 + 221
+
+
+def test_on_the_level_board_nothing_is_to_be_corrected(supervised, primitive, expected):
+    """Whatever the fingers feel there; an execution that could not be cut is left out."""
+    runs, cuts, (corrected, _) = supervised
+    level = level_dataset(runs[5.0], cuts[5.0], expected, PARAMETERS.rate_hz)
+    same = corrected.where(corrected.setting == 5.0)
+    for name in ("deviation", "phase", "phase_velocity", "demonstration", "time"):
+        np.testing.assert_array_equal(getattr(level, name), getattr(same, name))
+    assert not level.target.any()
+    assert not level.setting.any()
+    one = level_dataset(runs[5.0], cuts[5.0].iloc[1:], expected, PARAMETERS.rate_hz)
+    np.testing.assert_array_equal(np.unique(one.demonstration), [1])
 
 
 def test_the_checks_hold_on_what_was_made_without_fault(supervised):

@@ -174,8 +174,20 @@ def test_a_silent_channel_does_no_harm():
     data = toy_dataset()
     data.deviation[:, 3] = 7.0
     network = train_final(data, QUICK)
-    assert network.input_scale[3] == 1.0
     assert np.isfinite(network.coupling(data.deviation, data.modulation())).all()
+
+
+def test_all_channels_share_one_scale_and_its_unit_does_not_matter():
+    """So that the noise of a channel that feels little is not made as large as what others feel."""
+    data = toy_dataset()
+    (fold, *_) = leave_one_out(data, FRACTIONS, 1, 0)
+    mean, spread = standardisation(data.deviation, fold)
+    scaled = ((data.deviation - mean) / spread)[fold.train]
+    assert np.unique(spread).size == 1
+    np.testing.assert_allclose([scaled.mean(), (scaled**2).sum(axis=1).mean()], [0.0, 6.0], atol=1e-9)
+    again, finer = standardisation(1000.0 * data.deviation, fold)
+    np.testing.assert_allclose((again, finer), (1000.0 * mean, 1000.0 * spread))
+    np.testing.assert_array_equal(standardisation(np.full((len(data.target), 2), 7.0), fold)[1], 1.0)
 
 
 def test_bad_input_is_named():
