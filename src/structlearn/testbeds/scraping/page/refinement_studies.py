@@ -88,7 +88,7 @@ def _of_form(
 
 
 def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
-    """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `seen_cost_ratio_mean`, `rl_people`.
+    """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `seen_cost_ratio_mean`.
 
     Means are geometric; `seen_cost_ratio_mean` is that of `seen_cost_ratio_after_over_before_max`. Numbers of
     the text's form end with `_text`. Nothing where no people were studied.
@@ -106,7 +106,6 @@ def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
             values[f"rl_cost_ratio_prim{number}_worst{ending}"] = float(ratios.max())
         seen = people.values(form, "seen_cost_ratio_after_over_before_max")
         values[f"seen_cost_ratio_mean{ending}"] = geometric_mean(seen).value
-        values["rl_people"] = len(seen)
     return values
 
 
