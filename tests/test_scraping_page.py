@@ -212,6 +212,12 @@ def test_people_are_drawn_and_judged_where_they_were_studied(made, feedback, seg
     report = made(feedback, study=people(numbers))
     assert NOT_TESTED not in {one.verdict for one in report.pages["feedback"].judged}
     assert "over 5 others" in render(report.pages["feedback"], AnyFigure())
+    assert report.metrics["people"] == 5
+    nmse, low, high = (
+        report.metrics[f"people_pmnn_prim2_generalization_nmse{end}"] for end in ("", "_low", "_high")
+    )
+    assert low < nmse < high
+    assert nmse == pytest.approx(NMSE["pmnn_100"], rel=0.03)
     for page in report.pages.values():
         assert words_in_view(render(page, AnyFigure())) <= 1500
 
