@@ -32,7 +32,6 @@ PARAMETERS = committed(
         batch=32,
         second_moment_decay=0.99,
         decay=0.1,
-        mass_step=10.0,
     ),
 )
 FRICTION = ("viscous", "coulomb")
@@ -52,7 +51,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
     """Also after many steps: the compiled descent is that of torch's Adam on the recursion."""
     motion = rubbing_motion(arm())
     group = start(structure, motion, friction=FRICTION, loss="normalised")
-    free = torch.from_numpy(group.scaled.copy()).requires_grad_()
+    free = torch.from_numpy(group.free.copy()).requires_grad_()
     rubbing = torch.from_numpy(group.rubbing.copy()).requires_grad_()
     weights = torch.from_numpy(loss_weights("normalised", motion))
     parameters = PARAMETERS.structures
@@ -62,7 +61,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
         q, qd, qdd, torque = (
             torch.from_numpy(values[batch]) for values in (motion.q, motion.qd, motion.qdd, motion.torque)
         )
-        inertias = link_inertias(structure, free * torch.from_numpy(group.sizes))
+        inertias = link_inertias(structure, free * torch.from_numpy(1.0))
         torques = inverse_dynamics(arm().tree, inertias, q, qd, qdd)
         columns = torch.from_numpy(friction_columns(motion.qd[batch], FRICTION))
         torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(rubbing, FRICTION))
@@ -73,7 +72,7 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
         adam.step()
 
     group.learn(order)
-    np.testing.assert_allclose(group.scaled, free.detach(), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(group.free, free.detach(), rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(group.rubbing, rubbing.detach(), rtol=1e-6, atol=1e-8)
 
 
