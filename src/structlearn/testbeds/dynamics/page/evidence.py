@@ -51,11 +51,10 @@ def _in_simulation(results: DynamicsResults, form: Form) -> dict[str, Found]:
         return results.velocity(IDEAL, model, form)
 
     strict = results.strict
-    least = sum(map(epochs, strict)) / max(len(strict), 1)
     tracked_rivals = NETWORKS if form == TEXT else RIVALS[form]
     return {
-        "epochs": _cases(mean, {model: epochs(model) for model in strict}),
-        "epochs_more": _cases(mean, {model: epochs(model) - least for model in RIVALS[form]}),
+        "epochs": _cases(geometric_mean, {model: epochs(model) for model in strict}),
+        "epochs_more": _ratios(epochs, RIVALS[form], strict),
         "above_truth": _cases(_largest, {model: _excess(results, model, form) for model in strict}),
         "over_strict": _ratios(velocity, tracked_rivals, strict),
         "oscillate": _ratios(velocity, NETWORKS, [GROUND_TRUTH]),
@@ -83,7 +82,7 @@ def _of_robots(results: DynamicsResults, form: Form) -> dict[str, Found]:
 
 
 def _online(results: DynamicsResults) -> dict[str, Found]:
-    """NMSE on the whole motion of the others over that of SPD, Tri and Cov, and of these alone."""
+    """NMSE on the whole motion of the others over that of SPD, Tri and Cov."""
     scores = results.online_scores()
 
     def course(model: str) -> pd.Series:
@@ -99,7 +98,6 @@ def _online(results: DynamicsResults) -> dict[str, Found]:
     return {
         "online_course": _ratios(course, RIVALS[TEXT], results.strict),
         "online_final": _ratios(final, RIVALS[TEXT], results.strict),
-        "online_absolute": _cases(geometric_mean, {model: final(model) for model in results.strict}),
         "online_scaled": scaled,
     }
 
@@ -117,7 +115,7 @@ def _cases(
 
 
 def _ratios(score: Scores, models: Iterable[str], references: Sequence[str]) -> dict[str, Evidence]:
-    """Error of models over the geometric mean of others; a seed that only one of both has is left out."""
+    """Error (epochs) of models over the geometric mean of others; a seed that only one of both has is left out."""
     reference = 1.0
     for model in references:
         reference = reference * score(model) ** (1.0 / len(references))
