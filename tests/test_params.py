@@ -148,7 +148,7 @@ def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
             pairs = [*zip(node.keys, node.values, strict=True)]
         for key, model in pairs:
             module, _, name = ast.unparse(model).rpartition(".")
-            if isinstance(key, ast.Constant) and name.endswith("Parameters"):
+            if isinstance(key, ast.Constant) and name.endswith(("Parameters", "Population")):
                 home = f"{origins[module]}.{module}" if module else origins[name]
                 yield key.value, getattr(importlib.import_module(home), name)
 
