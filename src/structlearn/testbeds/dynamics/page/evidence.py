@@ -115,7 +115,7 @@ def _cases(
 
 
 def _ratios(score: Scores, models: Iterable[str], references: Sequence[str]) -> dict[str, Evidence]:
-    """Error (epochs) of models over the geometric mean of others; a seed that only one of both has is left out."""
+    """Scores of models over the geometric mean of others; a seed that only one of both has is left out."""
     reference = 1.0
     for model in references:
         reference = reference * score(model) ** (1.0 / len(references))
