@@ -112,11 +112,6 @@ def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.
     return mask
 
 
-def by_scenario(dataset: AvoidanceDataset) -> list[AvoidanceDataset]:
-    """The samples of each scenario, in the order of their numbers."""
-    return [dataset.where(dataset.scenario == scenario) for scenario in np.unique(dataset.scenario)]
-
-
 def fit_networks(
     datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters, description: str
 ) -> AvoidanceNetworks:

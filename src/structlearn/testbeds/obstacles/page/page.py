@@ -23,14 +23,13 @@ from structlearn.reporting.studies import read_study
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.evidence import evidence
 from structlearn.testbeds.obstacles.page.results import FEW_HITS, ObstacleResults, metrics, shown_setting
-from structlearn.testbeds.obstacles.page.tables import FITS, tables
+from structlearn.testbeds.obstacles.page.tables import tables
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import GOAL_CHANGE, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.world.reaching_person import DETOURS_M
 from structlearn.testbeds.obstacles.world.scenarios import END_CLEARANCE_M
 
 PACKAGE = "structlearn.testbeds.obstacles.page"
 FOLDER = Path(__file__).parent
-NOTHING = pd.Series(dtype=float)
 
 HEADLINES = (
     *("people", "hits_per_setting", "hits_unseen_baseline", "detour_pair_all_mean_m"),
@@ -39,12 +38,8 @@ HEADLINES = (
 )
 """Metrics that `dvc metrics show` lists."""
 
-STUDIES = {
-    "members": "obstacles/members",
-    "displaced": "obstacles/displaced",
-    "clearance": "obstacles/clearance",
-}
-"""Studies that the page quotes, by the names that it has for them."""
+STUDIES = ("members", "displaced", "clearance")
+"""That the page quotes."""
 
 SOURCES = {
     "recorded": Source(files.RAW, "obstacle_demonstrate"),
@@ -85,15 +80,6 @@ def facts(
     results: ObstacleResults, published: Mapping[str, Any], frames: Mapping[str, pd.DataFrame]
 ) -> dict[str, Any]:
     """What sentences name: the metrics, parameters, tables, and numbers that follow from them."""
-    low = {
-        column: {
-            part: int(
-                (results.setting_fits(column, part).get(NETWORK, NOTHING) <= published["largest_nmse"]).sum()
-            )
-            for part in ("train", "test")
-        }
-        for column in FITS
-    }
     held_out = results.fits[results.fits["person"].isin(results.people) & (results.fits["part"] == "test")]
     held_out = held_out[(held_out["learned_from"] == SETTING) & (held_out["model"] == NETWORK)]
     spheres = results.situations[UNSEEN].obstacles[0]
@@ -111,12 +97,12 @@ def facts(
         "shapes": SHAPES,
         "few_hits": FEW_HITS,
         "shown": results.population.shown,
+        "tuning": results.population.tuning,
         "setting": shown_setting(results),
         "length": length,
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,
         **{key.removeprefix("obstacle_"): its for key, its in results.parameters.items()},
-        "low": low,
         "dominant_error": held_out["nmse_dominant"].mean(),
         "other_error": held_out.loc[held_out["dominant"] == "", "nmse_across"].mean(),
         "x_error": held_out["nmse_x"].mean(),
@@ -136,5 +122,15 @@ def facts(
         ),
         "rai_hits": lambda protocol: [results.hits(protocol, HUMAN_INSPIRED, shape) for shape in SHAPES],
         "short_mm": 1e3 * results.rows(GOAL_CHANGE)["goal_distance_m"].max(),
-        **{name: read_study(its) for name, its in STUDIES.items()},
+        "studies": {name: worst_hits(f"obstacles/{name}") for name in STUDIES},
     }
+
+
+def worst_hits(study: str) -> str:
+    """What a study found, in words: by variant the most unseen spheres that anyone hits, a mean."""
+    found = read_study(study)
+    if found is None:
+        return ""
+    columns = [f"hits_unseen_{shape}_worst_person" for shape in SHAPES]
+    means = found.table.groupby("variant", sort=False)[columns].mean().mean(axis=1)
+    return "; ".join(f"{variant}: {value:.1f}" for variant, value in means.items())

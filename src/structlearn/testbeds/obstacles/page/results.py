@@ -106,11 +106,11 @@ class ObstacleResults:
     ) -> pd.DataFrame:
         """Scores of one protocol and model, in their order."""
         sources = [learned_from] if isinstance(learned_from, str) else list(learned_from)
-        scores = self.found.scores
-        mask = scores["person"].isin(self.people if person is None else [person])
-        mask &= (scores["protocol"] == protocol) & (scores["rules"] == rules)
-        mask &= (scores["model"] == model) & scores["learned_from"].isin(sources)
-        return scores[mask if obstacle is None else mask & (scores["obstacle"] == obstacle)]
+        keys = [(protocol, rules, model, source) for source in sources]
+        none = self.found.scores.iloc[:0]
+        found = pd.concat([self._by_model.get(key, none) for key in keys]).sort_index(kind="stable")
+        mask = found["person"].isin(self.people if person is None else [person])
+        return found[mask if obstacle is None else mask & (found["obstacle"] == obstacle)]
 
     def shown_rows(self, protocol: str, model: str = NO_MODEL, learned_from: str = "") -> pd.DataFrame:
         """The same with limits at the goal of the person that is shown."""
@@ -185,6 +185,12 @@ class ObstacleResults:
         """Kind of every model that meets the spheres of the grid, with what it learned from."""
         pairs = [(kind, source) for kind in KINDS for source in ("", *SHAPES, ALL)]
         return [pair for pair in pairs if len(self.rows(UNSEEN, *pair))]
+
+    @cached_property
+    def _by_model(self) -> dict[tuple[str, ...], pd.DataFrame]:
+        """Scores of everybody by protocol, rules, model and what it learned from."""
+        groups = self.found.scores.groupby(["protocol", "rules", "model", "learned_from"], sort=False)
+        return dict(iter(groups))
 
     def _of_people(self, table: pd.DataFrame) -> pd.DataFrame:
         return table[table["person"].isin(self.people)]

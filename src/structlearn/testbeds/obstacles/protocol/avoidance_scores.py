@@ -134,7 +134,7 @@ def summary(rows: pd.DataFrame, nmse_train: float | None = None, nmse_test: floa
 
     Returns:
         `goal_max`, `goal_mean` (m), `obstacle_min`, `obstacle_mean` (unitless), `hits`, `clearance_min_m`,
-        with `late_goal_max`, `detour_mean` and `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where
+        with `late_goal_max`, `detour_mean`, `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where
         given.
 
     Raises:

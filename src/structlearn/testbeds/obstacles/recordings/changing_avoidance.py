@@ -27,7 +27,7 @@ from structlearn.testbeds.obstacles.recordings.avoidance_scene import (
     send_sphere,
     send_trail,
 )
-from structlearn.testbeds.obstacles.recordings.unseen_avoidance import hits_table, ensemble_legend
+from structlearn.testbeds.obstacles.recordings.unseen_avoidance import ensemble_legend, hits_table
 from structlearn.viewer.notes import notes_view, send_notes
 from structlearn.viewer.rrd import entity, layout, plot, recording, rgba, scene_view, send_curve, time_column
 

@@ -95,7 +95,7 @@ def hits_table(groups: Sequence[Group]) -> str:
 def ensemble_legend(groups: Sequence[Group]) -> str:
     """Colours of ensembles and spheres, in Markdown."""
     ensembles = {model_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
-    return legend(networks | {look.name: look.colour for look in (BARE, HIT, FREE)})
+    return legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
 
 
 def _send_spheres(
@@ -159,6 +159,7 @@ def _blueprint(ensembles: dict[str, list[Reach]], centres: np.ndarray) -> rrb.Bl
 def _notes(title: str, groups: Sequence[Group]) -> str:
     return (
         f"# {title}\n\n{len(groups)} spheres close round the reach, which nobody has shown. One is there at "
-        "a time; the balls are the centres of all. Everything is simulated: networks that learned from "
-        f"simulated people are unrolled, without a robot.\n\n{ensemble_legend(groups)}\n\n{hits_table(groups)}"
+        "a time; the balls are the centres of all. Everything is simulated: ensembles of networks that "
+        "learned from a simulated person are unrolled, without a robot.\n\n"
+        f"{ensemble_legend(groups)}\n\n{hits_table(groups)}"
     )
