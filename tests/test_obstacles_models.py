@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -6,6 +7,7 @@ from committed import committed
 
 from structlearn.avoidance import network_training
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
+from structlearn.avoidance.features import displaced
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
 from structlearn.avoidance.phase_modulated import read_phase_modulated, write_phase_modulated
 from structlearn.avoidance.phase_modulated_training import train_phase_modulated
@@ -115,15 +117,16 @@ def test_a_member_sees_whole_demonstrations_from_elsewhere_across_the_reach():
     np.testing.assert_array_equal(seen.target, dataset.target[rows])  # what was done stays
     off = dataset.features[rows] - seen.features
     assert off[:, 1:3].std() == pytest.approx(0.1, rel=0.15)
-    np.testing.assert_allclose(off[:, 4], off[:, 1])  # the closest point is off as the centre is
-    np.testing.assert_allclose(off[:, [0, 3, 12]], 0.0, atol=1e-12)  # nothing along the reach
+    np.testing.assert_allclose(off[:, 6], off[:, 1])  # the closest point is off as the centre is
+    np.testing.assert_allclose(off[:, [0, 3, 4, 5, 12]], 0.0, atol=1e-12)  # nothing along the reach
     assert off[:, 13:15].std() == pytest.approx(ensemble().displaced_velocity_m, rel=0.15)
     other = network_training.lesson(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 2))
     assert not np.array_equal(seen.features, other.features)
 
 
 def test_an_ensemble_of_one_that_sees_all_as_it_was_is_the_network():
-    sets = by_scenario(toy_dataset(scenarios=1))
+    dataset = toy_dataset(scenarios=1)
+    sets = [replace(dataset, features=displaced(dataset.features, np.zeros(3), np.zeros(3)))]
     common = {"hidden": (6, 4), "members": 1, "training": QUICK}
     still = ensemble(**common, demonstrations=99, displaced_m=0.0, displaced_velocity_m=0.0)
     single = committed(NetworkParameters, "obstacle_training.across_settings", **common)

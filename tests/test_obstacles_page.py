@@ -19,7 +19,7 @@ from structlearn.testbeds.obstacles.page import figures as drawn
 from structlearn.testbeds.obstacles.page import page
 from structlearn.testbeds.obstacles.page.evidence import evidence
 from structlearn.testbeds.obstacles.page.page import HEADLINES, PACKAGE, document, read_published
-from structlearn.testbeds.obstacles.page.results import ObstacleResults, metrics, shown_setting
+from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
 from structlearn.testbeds.obstacles.page.tables import limits, per_setting, per_shape, tables
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
 from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
@@ -217,7 +217,7 @@ def test_studies_are_quoted_where_they_were_run(results, tmp_path, monkeypatch):
 
 
 def test_what_is_shown_is_in_the_way(results):
-    assert shown_setting(results) == 1
+    assert example_setting(results.found.scores, 1) == 1
     number, speed = drawn.worst(results, "pair")
     length = np.linalg.norm(PRIMITIVE.goal - PRIMITIVE.start)
     for one in results.situations["pair"].obstacles:

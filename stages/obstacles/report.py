@@ -26,17 +26,17 @@ def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     places = scenarios(parameters["obstacle_scene"])
     found = files.read_evaluation()
-    baselines = files.read_baselines()
-    setting = example_setting(found, places, list(baselines))
+    population = stage_parameters("obstacle_people", Population)
+    setting = example_setting(found.scores, population.shown)
     shown = [scenario for scenario in places if scenario.setting == setting]
     demonstrations = files.read_scenarios(shown)
     results = ObstacleResults(
         found=found,
         errors=files.read_errors(),
-        baselines=baselines,
+        baselines=files.read_baselines(),
         scenarios=places,
         demonstrations={scenario.shape: its for scenario, its in zip(shown, demonstrations, strict=True)},
-        population=stage_parameters("obstacle_people", Population),
+        population=population,
         parameters=parameters,
     )
     page = document(results)

@@ -26,7 +26,7 @@ from structlearn.testbeds.obstacles.names import (
     SOURCES,
     model_name,
 )
-from structlearn.testbeds.obstacles.page.results import FEW_HITS, OURS, TEXT, ObstacleResults, shown_setting
+from structlearn.testbeds.obstacles.page.results import FEW_HITS, OURS, TEXT, ObstacleResults, example_setting
 from structlearn.testbeds.obstacles.page.tables import FITS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
@@ -78,7 +78,7 @@ class Outline:
 
 def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures of the page by name; `largest_nmse` is the published one."""
-    setting = shown_setting(results)
+    setting = example_setting(results.found.scores, results.population.shown)
     kinds = (NETWORK, HUMAN_INSPIRED)
     contenders = ((NO_MODEL, "", [""]), (HUMAN_INSPIRED, "per setting", [SETTING]))
     contenders += ((NETWORK, "per setting", [SETTING]), (ENSEMBLE, "per shape", SHAPES))
@@ -224,8 +224,9 @@ def closest_panel(results: ObstacleResults, setting: int) -> Figure:
         (ENSEMBLE, SHAPES, ", per shape", "D"),
     ):
         scored = results.rows(TRAINED, kind, sources, person=results.population.shown)
-        look = (f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker)
-        rows.append((*look, scored[scored["scenario"] == setting]))
+        its = scored[scored["scenario"] == setting]
+        if len(its):  # there are models per setting of some settings only
+            rows.append((f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker, its))
     figure = canvas(3.3, PANEL_WIDTH)
     panel = figure.subplots()
     for words, colour, marker, its in rows:

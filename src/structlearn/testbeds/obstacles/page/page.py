@@ -22,7 +22,7 @@ from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.studies import read_study
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.evidence import evidence
-from structlearn.testbeds.obstacles.page.results import FEW_HITS, ObstacleResults, metrics, shown_setting
+from structlearn.testbeds.obstacles.page.results import FEW_HITS, ObstacleResults, example_setting, metrics
 from structlearn.testbeds.obstacles.page.tables import tables
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import GOAL_CHANGE, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.world.reaching_person import DETOURS_M
@@ -98,7 +98,7 @@ def facts(
         "few_hits": FEW_HITS,
         "shown": results.population.shown,
         "tuning": results.population.tuning,
-        "setting": shown_setting(results),
+        "setting": example_setting(results.found.scores, results.population.shown),
         "length": length,
         "longest_detour_m": DETOURS_M[-1],
         "end_clearance_m": END_CLEARANCE_M,

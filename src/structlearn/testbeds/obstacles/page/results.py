@@ -30,7 +30,7 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     situations,
 )
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, reaches_by_situation
-from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
+from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
 """Kind of model and rules of what avoids: as the text has it, and as this project does."""
@@ -196,25 +196,11 @@ class ObstacleResults:
         return table[table["person"].isin(self.people)]
 
 
-def example_setting(found: Evaluation, scenarios: Sequence[Scenario], people: Sequence[int]) -> int:
-    """The setting that the first person's reach comes closest to without avoidance, averaged over the shapes.
-
-    Of those that this person has models per setting of.
-
-    Args:
-        found: of the stages.
-        scenarios: by their numbers.
-        people: who has models, in their order.
-    """
-    own = {scenarios[place].setting for place in own_scenarios(scenarios, people)[people[0]]}
-    scores = found.scores[(found.scores["person"] == people[0]) & found.scores["scenario"].isin(own)]
-    bare = scores[(scores["protocol"] == TRAINED) & (scores["model"] == NO_MODEL)]
+def example_setting(scores: pd.DataFrame, person: int) -> int:
+    """The setting that a person's reach comes closest to without avoidance, averaged over the shapes."""
+    own = scores[(scores["protocol"] == TRAINED) & (scores["person"] == person)]
+    bare = own[own["model"] == NO_MODEL]
     return int(bare.groupby("scenario")["obstacle_distance"].mean().idxmin())
-
-
-def shown_setting(results: ObstacleResults) -> int:
-    """The same of what the stages of the testbed wrote."""
-    return example_setting(results.found, results.scenarios, list(results.baselines))
 
 
 def metrics(results: ObstacleResults) -> Metrics:
