@@ -40,7 +40,7 @@ REDUCED = {
         "per_setting": {"training": {"iterations": 3}},
         "across_settings": {"training": {"iterations": 3}},
         "ensemble": {"members": 2, "training": {"iterations": 3}},
-        "phase_modulated": {"steps": 40, "evaluate_every": 20, "chunk_samples": 20},
+        "phase_modulated": {"steps": 40, "evaluate_every": 20, "chunk_samples": 8},
         "phase_modulated_hidden": [8],
     },
     "obstacle_evaluation": {"speeds_m_s": [0.1], "pairs": 4},

@@ -277,7 +277,9 @@ def evaluate(
         its = situation if contender.rows.all() else situation.where(contender.rows)
         keys = situation_keys(its).assign(model=contender.model, learned_from=contender.learned_from)
         for name, postprocessing in rules.items():
-            found = unrolled(its, contender.coupling, learner.baseline, parameters, postprocessing)
+            found = bare  # whatever the rules
+            if contender.model != NO_MODEL:
+                found = unrolled(its, contender.coupling, learner.baseline, parameters, postprocessing)
             scored = avoidance_scores.scores(found, its.obstacles, bare.path.position[contender.rows])
             scores.append(pd.concat([keys.assign(person=learner.person, rules=name), scored], axis=1))
             if name == LIMITED and learner.person == with_paths_of:
