@@ -36,10 +36,12 @@ class ControllerScores:
         """Targets reached per seed (S,), in %."""
         return 100 * rows_of(self.trials, variant).groupby("seed")["success"].mean().to_numpy()
 
-    def lost(self, variant: Variant) -> int:
-        """In how many trials the finger was in the air, or the contact beyond the ends of the skin."""
+    def counts(self, variant: Variant) -> pd.DataFrame:
+        """Numbers by seed: `trials`, `success`, and `lost`, in the air or beyond the ends of the skin at times."""
         rows = rows_of(self.trials, variant)
-        return int((rows["lifted"] | rows["off_skin"]).sum())
+        lost = rows["lifted"] | rows["off_skin"]
+        groups = rows.assign(lost=lost, trials=1).groupby("seed")
+        return groups[["trials", "success", "lost"]].sum()
 
     def only_pressed_wrong(self, variant: Variant, position_mm: float) -> int:
         """How many of the missed targets the contact is within a distance of: only its pressure is off."""

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters
 
 
 class OtherSkin(Parameters):
@@ -36,3 +37,7 @@ class OtherSkinsParameters(Parameters):
     bins: PositiveInt
     seeds: PositiveInt
     steps: PositiveInt
+
+    def person_with(self, skin: str, person: ToucherParameters) -> ToucherParameters:
+        """A person who demonstrates on another skin."""
+        return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())
