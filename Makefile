@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench profile study studies view plot-page clean
+.PHONY: repro test lint recorded bench profile study studies other-processor view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -49,6 +49,10 @@ profile: $(INSTALLED)
 # for hours, and goes on where it was stopped.
 study studies: $(INSTALLED)
 	$(IN_ENVIRONMENT) python benchmarks/study.py $(NAME)
+
+# The whole pipeline once more as on another processor: no verdict may depend on it.
+other-processor: $(INSTALLED)
+	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping

@@ -78,7 +78,15 @@ def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, tes
             r"\bnan\b", re.sub(r"<(style|script)>.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
         )
         targets = {link.split("#")[0] for link in re.findall(r'(?:src|href)="([^"]*)"', text)}
-        elsewhere = ("../recorded", "recorded", "calibration", "ablations", "times")
+        elsewhere = (
+            "../recorded",
+            "recorded",
+            "calibration",
+            "../studies",
+            "studies",
+            "other_processor",
+            "times",
+        )
         linked |= {target for target in targets if target and not target.startswith(elsewhere)}
     assert {target for target in linked if not (folder / target).exists()} == set()
     for still in folder.glob("figures/*still*.png"):

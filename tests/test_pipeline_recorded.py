@@ -98,8 +98,13 @@ def test_scraping_execution_is_reproduced_as_a_sequence(tables):
 
 def test_slides_deviate_more_on_another_material(tables):
     by_group = tables["slide_deviations"].groupby("group")["rms"]
-    assert by_group.count().to_dict() == {"learned": 10, "left out": 2, "other material": 12}
+    assert by_group.count().to_dict() == {"learned": 11, "left out": 1, "other material": 12}
     assert by_group.mean()["other material"] > by_group.mean()["learned"]
+    alone = tables["slide_left_one_out"].groupby("material")
+    assert alone.size().to_dict() == {"mat15": 12, "mat9": 11}
+    learned = tables["slide_deviations"].query("group == 'learned'").set_index("demonstration")["rms"]
+    left_out = tables["slide_left_one_out"].set_index("demonstration")["rms"]
+    assert (left_out[learned.index] > learned).all()  # what is learned from is always foretold better
     assert set(tables["slide_statistics"]["electrode"]) == set(range(1, 20))
     clock = tables["clock_errors"].set_index("kind")
     assert clock.loc["pose", "rms_error"] < 2e-4  # m, with every second sample held out

@@ -133,6 +133,13 @@ def movement_tables(good):
             [(kind, 100, 6.6, 150.0, 1e-4, 3e-3) for kind in kinds],
         ),
         "slide_deviations": rows("demonstration group rms largest", deviations),
+        "slide_left_one_out": rows(
+            "demonstration material rms nmse",
+            [
+                (name, name.split("_")[0], 5.0 + rms, (0.3 if good else 3.0) + 0.01 * rms)
+                for name, _, rms, _ in deviations
+            ],
+        ),
         "slide_statistics": pd.concat(statistics),
     }
 

@@ -4,7 +4,12 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.recordings import read_recordings, synchronise
-from structlearn.testbeds.recorded.protocol.slides import SlideParameters, clock_errors, learn_slides
+from structlearn.testbeds.recorded.protocol.slides import (
+    SlideParameters,
+    clock_errors,
+    learn_slides,
+    leave_one_out,
+)
 
 
 def main() -> None:
@@ -19,6 +24,7 @@ def main() -> None:
         write_vector_primitive(expected, folder / "expected.safetensors", "electrode counts without offset")
         write_table(clock_errors(recordings), folder / "clock_errors.parquet")
         write_table(deviations, folder / "deviations.parquet")
+        write_table(leave_one_out(demonstrations, parameters), folder / "left_one_out.parquet")
         write_table(statistics, folder / "statistics.parquet")
 
 

@@ -40,6 +40,7 @@ TABLES = {
     "electrode_traces": "scraping/electrode_traces",
     "clock_errors": "slides/clock_errors",
     "slide_deviations": "slides/deviations",
+    "slide_left_one_out": "slides/left_one_out",
     "slide_statistics": "slides/statistics",
     "avoidance_scores": "avoidance/scores",
     "avoidance_folds": "avoidance/folds",

@@ -41,8 +41,8 @@ PATHS = {
 """Of the higher reaches; tables hold distances to the last three as `KEY_mm`."""
 
 SLIDE_GROUPS = {
-    "learned": Look("learned from", BLUE),
-    "left out": Look("left out", ORANGE),
+    "learned": Look("this material", BLUE),
+    "left out": Look("fault of the sensor", ORANGE),
     "other material": Look("other material", VERMILION),
 }
 """Trials of the slides."""

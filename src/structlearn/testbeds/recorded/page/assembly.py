@@ -79,6 +79,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
     turns = results["unscrewing_errors"]
     turns = turns.loc[turns["learned_from"] != "all", "turn_deg"]
     deviations, groups = results["slide_deviations"], results.slides.set_index("group")
+    left_out = results["slide_left_one_out"]
     targets = results["coupling_scores"].groupby("axis")
     return metrics(results) | {
         "published": published(),
@@ -92,6 +93,8 @@ def facts(results: RecordedResults) -> dict[str, object]:
         "most_turn": turns.max(),
         "strong_range": STRONG_RANGE,
         "slide_groups": groups.to_dict("index"),
+        "slides_by_material": dict(iter(left_out.groupby("material"))),
+        "own_slides": left_out[left_out["material"] == results.slide_material],
         "worst_slide": deviations.loc[deviations["rms"].idxmax()].to_dict(),
         **_avoidance_facts(results),
         **_touch_facts(results),

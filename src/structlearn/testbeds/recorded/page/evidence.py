@@ -4,7 +4,17 @@ import numpy as np
 import pandas as pd
 
 from structlearn.ground.metrics import mean_interval
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, counted, difference, exact, mean
+from structlearn.reporting.claims import (
+    UNKNOWN,
+    Evidence,
+    Found,
+    by_case,
+    counted,
+    difference,
+    exact,
+    geometric_mean,
+    mean,
+)
 from structlearn.rigid_body.model_names import STRICT
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults, best_representation, by_axis
@@ -63,7 +73,9 @@ def _movements(results: RecordedResults) -> dict[str, Found]:
     turns = results["unscrewing_errors"]
     single, joint = turns[turns["learned_from"] != "all"], turns[turns["learned_from"] == "all"]
     parts = results["sequence_errors"]
-    slides = results["slide_deviations"].set_index("group")["rms"]
+    others = results["slide_deviations"].query("group == 'other material'")["rms"].to_numpy()
+    left_out = results["slide_left_one_out"]
+    own = left_out[left_out["material"] == results.slide_material]
     return {
         "coupling_gain": difference(by_reach["nominal_mm"], by_reach["coupling_mm"]),
         "coupling_above_mean": difference(by_reach["coupling_mm"], by_reach["spread_mm"]),
@@ -78,8 +90,9 @@ def _movements(results: RecordedResults) -> dict[str, Found]:
             "orientation (°)": exact(parts["mean_deg"].max(), len(parts)),
         },
         "electrodes": mean(results.strong_electrodes["nmse"]),
-        "other_material": group_difference(
-            *(slides[slides.index == group].to_numpy() for group in ("other material", "left out"))
+        "other_material": group_difference(others, own["rms"].to_numpy()),
+        "slides_predicted": by_case(
+            geometric_mean, {name: [its.to_numpy()] for name, its in left_out.groupby("material")["nmse"]}
         ),
     }
 

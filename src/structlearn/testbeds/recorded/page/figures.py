@@ -212,9 +212,13 @@ def slide_panel(results: RecordedResults, place: int) -> Figure:
 
 @styled
 def trials_panel(results: RecordedResults) -> Figure:
-    """Deviation of every trial."""
+    """Deviation of every trial; of one learned from, by the traces that the others let expect."""
     figure, axes = panel("Every trial", ylabel="root mean square (counts)")
+    alone = results["slide_left_one_out"].set_index("demonstration")["rms"]
     trials = results["slide_deviations"]
+    trials = trials.assign(
+        rms=trials["rms"].where(trials["group"] != "learned", trials["demonstration"].map(alone))
+    )
     for group, look in names.SLIDE_GROUPS.items():
         chosen = np.flatnonzero(trials["group"] == group)
         axes.bar(chosen, trials["rms"].iloc[chosen], color=look.colour, label=look.name)

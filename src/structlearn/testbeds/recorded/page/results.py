@@ -95,6 +95,12 @@ class RecordedResults:
         by = self["slide_deviations"].groupby("group", sort=False)["rms"]
         return by.agg(trials="size", median_rms="median", largest_rms="max").reset_index()
 
+    @property
+    def slide_material(self) -> str:
+        """Material whose expected traces the others are held against."""
+        trials = self["slide_deviations"]
+        return str(trials.loc[trials["group"] == "learned", "demonstration"].iloc[0]).split("_")[0]
+
     @cached_property
     def distances_by_reach(self) -> pd.DataFrame:
         """Distances of the left-out higher reaches, one row per reach: its mean over the splits."""
@@ -150,6 +156,9 @@ def metrics(results: RecordedResults) -> Metrics:
         values[f"electrodes_{row.primitive}_strong_mean_nmse"] = row.strong_nmse
     for row in results.slides.itertuples():
         values[f"slides_{row.group.replace(' ', '_')}_median_rms_counts"] = row.median_rms
+    for material, trials in results["slide_left_one_out"].groupby("material"):
+        values[f"slides_left_one_out_{material}_median_rms_counts"] = trials["rms"].median()
+        values[f"slides_left_one_out_{material}_median_nmse"] = trials["nmse"].median()
     values["slides_clock_pose_rms_mm"] = (
         1e3 * results["clock_errors"].set_index("kind").loc["pose", "rms_error"]
     )

@@ -69,6 +69,7 @@ def tables(results: RecordedResults) -> dict[str, Table]:
         "coupling_scores": results["coupling_scores"],
         "electrodes": results["electrode_scores"],
         "slide_deviations": results["slide_deviations"],
+        "slide_left_one_out": results["slide_left_one_out"],
         "avoidance": results["avoidance_scores"],
         "avoidance_phase": results["avoidance_phase"],
         "latent_touch": results["touch_errors"],

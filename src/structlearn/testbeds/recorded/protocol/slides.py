@@ -25,7 +25,7 @@ class SlideParameters(Parameters):
         rate_hz: of the clock on which all streams are put.
         max_gap_s: longest hole that is bridged.
         material: the expected traces are those of this one.
-        left_out: numbers of its trials that are not learned from.
+        left_out: numbers of its trials that are never learned from.
         smoothing_hz: low-pass of the electrodes before they are differentiated.
     """
 
@@ -111,6 +111,36 @@ def learn_slides(
         for name, its in deviations.items()
     ]
     return primitive, pd.DataFrame(rows), _group_statistics(groups, deviations, dt)
+
+
+def leave_one_out(demonstrations: Sequence[Demonstration], parameters: SlideParameters) -> pd.DataFrame:
+    """How every trial deviates from the traces that the other trials of its own material let expect.
+
+    Args:
+        demonstrations: named MATERIAL_TRIAL, with tactile signals.
+        parameters: see there; trials that are never learned from are not asked about either.
+
+    Returns:
+        Per trial `demonstration`, `material`, `rms` of the deviation in counts, and its `nmse` over all
+        electrodes: 1 is as good as the electrodes' own means over the trial.
+    """
+    traces = {one.name: without_offset(one.tactile) for one in demonstrations}
+    dt = demonstrations[0].dt
+    rows = []
+    for name, trace in traces.items():
+        material = name.split("_")[0]
+        others = [
+            its
+            for other, its in traces.items()
+            if other != name
+            and other.startswith(f"{material}_")
+            and trial_group(other, parameters) != "left out"
+        ]
+        if others and trial_group(name, parameters) != "left out":
+            left = deviation(fit_expected_traces(others, dt, parameters.smoothing_hz), trace, dt)
+            own = np.sum((trace - trace.mean(axis=0)) ** 2)
+            rows.append((name, material, np.sqrt(np.mean(left**2)), np.sum(left**2) / own))
+    return pd.DataFrame(rows, columns=["demonstration", "material", "rms", "nmse"])
 
 
 def trial_group(name: str, parameters: SlideParameters) -> str:

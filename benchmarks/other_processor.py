@@ -1,0 +1,49 @@
+"""Run the whole pipeline as on another processor, and hold its verdicts against those of `reports/`.
+
+    python benchmarks/other_processor.py
+
+The three libraries that choose kernels by the processor (OpenBLAS, PyTorch, Numba) are told that it is an
+older one. The run is in a clone with an empty cache; it takes longer than `dvc repro`. Writes
+`reports/other_processor`; ends with code 1 if a verdict is another one, not only undecided.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+
+from structlearn.ground.artefacts import publish, write_csv
+from structlearn.reporting.other_processor import FLIPPED, OUTCOMES, compared, other_processor_page
+from structlearn.reporting.stage_times import this_machine
+
+SETTINGS = {"OPENBLAS_CORETYPE": "Nehalem", "ATEN_CPU_CAPABILITY": "default", "NUMBA_CPU_NAME": "generic"}
+TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing")
+RESULT = Path("reports/other_processor")
+
+
+def main() -> None:
+    """Run, compare, report."""
+    with tempfile.TemporaryDirectory() as folder:
+        clone = Path(folder, "project")
+        subprocess.run(["git", "clone", "--quiet", ".", clone], check=True)
+        environment = os.environ | SETTINGS | {"PYTHONPATH": str(clone / "src")}
+        subprocess.run(["dvc", "repro"], cwd=clone, env=environment, check=True)
+        table = compared(claims(Path("reports")), claims(clone / "reports"))
+    write_csv(table, RESULT / "claims.csv")
+    with publish(RESULT / "index.html") as path:
+        path.write_text(other_processor_page(table, SETTINGS, this_machine()), encoding="utf-8")
+    print(", ".join(f"{(table['outcome'] == outcome).sum()} {outcome}" for outcome in OUTCOMES))
+    if (table["outcome"] == FLIPPED).any():
+        sys.exit(f"error: {RESULT}/claims.csv: a verdict depends on the processor")
+
+
+def claims(reports: Path) -> dict[str, pd.DataFrame]:
+    """Tables of verdicts by testbed."""
+    return {testbed: pd.read_csv(reports / testbed / "tables/claims.csv") for testbed in TESTBEDS}
+
+
+if __name__ == "__main__":
+    main()
