@@ -1,8 +1,11 @@
 """Demonstrate and learn with fingers of another shape: the method assumes no geometry (II.5)."""
 
+from functools import partial
+
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.parallel import parallel_map
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
@@ -26,10 +29,8 @@ def main() -> None:
     finger = stage_parameters("touch_finger", TouchFingerParameters)
     electrodes = stage_parameters("testbed.touch", TouchParameters)
     learning = [stage_parameters(key, model) for key, model in SHARED.items()]
-    found = {
-        name: learn_other_skin(name, other, person, finger.with_electrodes_of(electrodes), *learning)
-        for name in other.skins
-    }
+    learned = partial(learn_other_skin, other, person, finger.with_electrodes_of(electrodes), *learning)
+    found = dict(zip(other.skins, parallel_map(learned, other.skins, "other skins", local=True), strict=True))
     with publish("data/servoing/other_skins") as folder:
         folder.mkdir()
         for name, one in found.items():

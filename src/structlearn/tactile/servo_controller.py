@@ -115,7 +115,8 @@ class TactileServo:
     def decode(self, latent: np.ndarray) -> np.ndarray:
         """Signals (S, T, E) counts of latent states (S, T, 3)."""
         return (
-            _array(self._decoder.forward(as_states(latent))) * self.units.signal_scale + self.units.signal_mean
+            _array(self._decoder.forward(as_states(latent))) * self.units.signal_scale
+            + self.units.signal_mean
         )
 
     def start(self, latent: np.ndarray) -> ServoMemory:
@@ -143,9 +144,7 @@ class TactileServo:
         before, since = memory.latent[0], memory.action.mean(axis=0)
         return LatentStep(as_states(latent), as_states(before), as_states(since), self._time_step)
 
-    def _done(
-        self, found: Tensor, latent: np.ndarray, memory: ServoMemory
-    ) -> tuple[np.ndarray, ServoMemory]:
+    def _done(self, found: Tensor, latent: np.ndarray, memory: ServoMemory) -> tuple[np.ndarray, ServoMemory]:
         """The action (M, 6, B) that was found, shortened and in SI units, and the memory after it."""
         action = _array(found)
         length = np.linalg.norm(action, axis=-1, keepdims=True)

@@ -27,13 +27,10 @@ from structlearn.testbeds.servoing.names import (
     TEXT,
     dynamics_name,
 )
-from structlearn.testbeds.servoing.page.results import ServoingResults
+from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, ServoingResults
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
-
-PEOPLE, AS_IT_STANDS = "servoing/people", "as it stands"
-"""The study of all that is reported here over other people and sensors, and its only variant."""
 
 
 def evidence(results: ServoingResults) -> dict[str, Found]:
@@ -51,9 +48,7 @@ def _prediction(models: ModelScores) -> dict[str, Found]:
         "distances_aimed": distances,
         "grows": {name: _smallest_rise(models, structure) for structure, name in STRUCTURE_NAMES.items()},
         "structure_predicts": _structured(models.forwards),
-        "structure_predicts_relative": _structured(models.relative_forwards),
         "structure_predicts_pressure": _structured(models.forwards, column="pressure"),
-        "structure_predicts_electrodes": _structured(models.forwards, column="electrodes"),
         "loss_predicts": by_case(
             difference,
             {
@@ -78,25 +73,20 @@ def _prediction(models: ModelScores) -> dict[str, Found]:
 
 def _closed_loop(results: ServoingResults) -> dict[str, Found]:
     """Shares of targets, and differences in % of targets, paired over models."""
-    trials, horizon = results.trials, results.chosen["servo"].horizon
+    trials = results.trials
     models = {name: replace(OURS, inverse=name) for name in FORWARD_OF}
     text_models = {name: replace(TEXT, inverse=name) for name in FORWARD_OF}
     return {
         "loss_needed": rate(trials, replace(TEXT, with_loss=False)) if _serves(trials) else UNKNOWN,
-        "loss_needed_resting": rate(trials, replace(OURS, with_loss=False)),
         "able": rate(trials, TEXT),
         "aimed": rate(trials, TEXT),
         "aimed_resting": rate(trials, OURS),
-        "stays": rate(trials, TEXT, "lost"),
-        "stays_resting": rate(trials, OURS, "lost"),
+        "stays": rate(trials, OURS, "lost"),
         "structure_serves": _gains(trials, text_models, {"structure": False}),
         "structure_serves_resting": _gains(trials, models, {"structure": False}),
-        "loss_serves": _gains(trials, text_models, {"with_loss": False}),
-        "loss_serves_resting": _gains(trials, models, {"with_loss": False}),
-        "nj_serves": _differences(trials, _against_nj(TEXT, text_models)),
-        "nj_serves_resting": _differences(trials, _against_nj(OURS, models)),
-        "horizon": _differences(
-            trials, {name: (replace(models[name], horizon=horizon), models[name]) for name in ("LL", "NJ")}
+        "loss_serves": _gains(trials, models, {"with_loss": False}),
+        "nj_serves": _differences(
+            trials, {f"NJ minus {name}": (OURS, model) for name, model in models.items() if name != "NJ"}
         ),
     }
 
@@ -114,7 +104,6 @@ def _people(results: ServoingResults) -> dict[str, Found]:
     return {
         "able_people": over_people(results.people, "servo_success_rate_published"),
         "aimed_people": over_people(results.people, "servo_success_rate"),
-        "sphere_people": over_people(results.people, "servo_success_rate_sphere"),
     }
 
 
@@ -177,14 +166,13 @@ def _gains(
     return _differences(trials, {name: (model, replace(model, **without)) for name, model in models.items()})
 
 
-def _against_nj(nj: Variant, models: Mapping[str, Variant]) -> dict[str, tuple[Variant, Variant]]:
-    return {f"NJ minus {name}": (nj, model) for name, model in models.items() if name != "NJ"}
-
-
 def _differences(trials: ControllerScores | None, pairs: Mapping[str, tuple[Variant, Variant]]) -> Found:
     if trials is None:
         return UNKNOWN
     return by_case(
         difference,
-        {name: (trials.successes(first), trials.successes(second)) for name, (first, second) in pairs.items()},
+        {
+            name: (trials.successes(first), trials.successes(second))
+            for name, (first, second) in pairs.items()
+        },
     )

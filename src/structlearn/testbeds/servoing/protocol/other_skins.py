@@ -16,24 +16,24 @@ from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSk
 
 
 def learn_other_skin(
-    name: str,
     other: OtherSkinsParameters,
     person: ToucherParameters,
     finger: FingerParameters,
     preparation: TouchDataParameters,
     distances: GeodesicParameters,
     latent: LatentParameters,
+    name: str,
 ) -> LatentComparison:
     """Demonstrate and learn with another skin.
 
     Args:
-        name: of the skin.
         other: what is different.
         person: who demonstrates.
         finger: that touches.
         preparation: from recordings to samples.
         distances: on the skin.
         latent: what is trained.
+        name: of the skin.
     """
     person = other.person_with(name, person)
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]
@@ -41,4 +41,5 @@ def learn_other_skin(
     dataset = prepare(demonstrations, SKINS[name], preparation)
     measured = geodesics(dataset.contact_point, distances.model_copy(update={"bins": other.bins}))
     training = latent.training.model_copy(update={"steps": other.steps, "evaluate_every": other.steps})
-    return learn(dataset, measured, latent.model_copy(update={"seeds": other.seeds, "training": training}))
+    fewer = {"seeds": other.seeds, "stacks": 1, "training": training}
+    return learn(dataset, measured, latent.model_copy(update=fewer))
