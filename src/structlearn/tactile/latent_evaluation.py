@@ -111,7 +111,7 @@ def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
     Returns:
         `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its parts:
         `plane`, of the first two dimensions, and `third`, of the third, which with structure are the map and
-        the pressure. Rows with the forward model `UNCHANGED` hold the error of a prediction that nothing moves.
+        the pressure. Rows with the forward model `UNCHANGED` hold that of the prediction that nothing moves.
     """
     latents, predictions = _predictions(models, data)
     rows = []

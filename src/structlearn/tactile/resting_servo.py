@@ -5,13 +5,13 @@ trained on demonstrated actions, so both are good on average over these and may 
 person who sweeps steadily shows no slow moves, and hardly shows how pitch and yaw act. Hence here
 
     rest:           a finger at rest keeps its touch, zd(z, 0) = 0, whatever the model says of it
-    likely actions: beta |a|^2 becomes beta |u|^2, u = a / s, with s the root mean squares of demonstrated actions
+    likely actions: beta |a|^2 becomes beta |u|^2, u = a / s, s the root mean squares of demonstrated actions
     spread:         S = d zd / d u is the slope of the model between the actions -h s and h s, one at a time
     correction:     S + E acts, where E is what the finger's own steps say that S is wrong by,
                     E <- E + kappa ((z_t - z_t-1) / dt - (S + E) u_t-1) u_t-1^T / (1 + |u_t-1|^2)
 
-The last is the normalised least-mean-squares rule (Broyden's update of a Jacobian, damped): an action that did
-not do what it should is trusted less. It says nothing at rest, u = 0, and is stable for kappa < 2.
+The last is the normalised least-mean-squares rule, or Broyden's update of a Jacobian, damped. It says nothing
+at rest, u = 0, and never takes E further from the true error for kappa <= 2 and slopes that stay the same.
 The inverse models stay what they are: LL and NJ solve appendix A's problem, NG goes down the gradient.
 """
 

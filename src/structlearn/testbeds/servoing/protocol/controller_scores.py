@@ -37,7 +37,7 @@ class ControllerScores:
         return 100 * rows_of(self.trials, variant).groupby("seed")["success"].mean().to_numpy()
 
     def counts(self, variant: Variant) -> pd.DataFrame:
-        """Numbers by seed: `trials`, `success`, and `lost`, in the air or beyond the ends of the skin at times."""
+        """Numbers by seed: `trials`, `success`, and `lost`, once in the air or beyond the ends of skin."""
         rows = rows_of(self.trials, variant)
         lost = rows["lifted"] | rows["off_skin"]
         groups = rows.assign(lost=lost, trials=1).groupby("seed")

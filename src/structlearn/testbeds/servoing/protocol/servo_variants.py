@@ -64,7 +64,7 @@ class ServoTrialParameters(Parameters):
         follow_s: time constant with which the robot takes up a velocity.
         horizon: steps of the controllers that look further ahead than one.
         loop: timing, of both forms.
-        loop_of_data: the low-pass of the data, one action per step of prediction: what it costs to keep these.
+        loop_of_data: low-pass of the data, one action per step of prediction; to see what these cost.
         published: controllers as published.
         resting: those that correct their model.
         tolerance: when a target counts as reached.
