@@ -62,10 +62,7 @@ REDUCED = {
         "evaluation_pairs": 100,
     },
     "servo": {"trials": 3, "duration_s": 1.0, "shown": 1},
-    "other_skins": {
-        "seeds": 1,
-        "steps": 10,
-    },
+    "other_skins": {"seeds": 1},
     "inspect_servoing": {"demonstrations": ["rotation_1_1", "translation_1_1"], "trials": 1},
     "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
     "recorded_corrections": {"splits": 5},

@@ -13,7 +13,6 @@ from structlearn.reporting.claims import (
     by_case,
     clustered_share,
     difference,
-    exact,
     mean,
 )
 from structlearn.reporting.studies import Study
@@ -39,11 +38,13 @@ def evidence(results: ServoingResults) -> dict[str, Found]:
 
 
 def _prediction(models: ModelScores) -> dict[str, Found]:
-    """Latent spaces, forward and inverse models: largest values, and paired differences over seeds."""
-    distances = {split: _largest(models, "distances", split) for split in SPLITS}
+    """Latent spaces, forward and inverse models: means, and paired differences over seeds."""
+    distances = by_case(mean, {split: (models.latents("distances", True, split),) for split in SPLITS})
     cosines = models.cosines
     return {
-        "reconstruction": {split: _largest(models, "reconstruction", split) for split in SPLITS},
+        "reconstruction": by_case(
+            mean, {split: (models.latents("reconstruction", True, split),) for split in SPLITS}
+        ),
         "distances": distances,
         "distances_aimed": distances,
         "grows": {name: _smallest_rise(models, structure) for structure, name in STRUCTURE_NAMES.items()},
@@ -120,11 +121,6 @@ def rate(
         return UNKNOWN
     counts = trials.counts(variant)
     return clustered_share(counts[what].to_numpy(), counts["trials"].to_numpy(), comparisons)
-
-
-def _largest(models: ModelScores, column: str, split: str) -> Evidence:
-    values = models.latents(column, True, split)
-    return exact(values.max(), len(values))
 
 
 def _structured(values: Callable[..., np.ndarray], **column: str) -> Found:

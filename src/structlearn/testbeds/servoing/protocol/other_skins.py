@@ -1,7 +1,7 @@
 """The way from demonstrations to learned models for fingers of another shape, with the same code.
 
 The method is said not to assume the skin's geometry (II.5): distances on the skin come from the neighbours of
-contact points, and these from electrodes. Less is trained here than for the BioTac; the protocol is the same.
+contact points, and these from electrodes. All but the number of models is as for the BioTac.
 """
 
 from structlearn.recordings.clock import synchronise
@@ -39,7 +39,7 @@ def learn_other_skin(
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]
     demonstrations = [synchronise(one, preparation.rate_hz) for one in recordings]
     dataset = prepare(demonstrations, SKINS[name], preparation)
-    measured = geodesics(dataset.contact_point, distances.model_copy(update={"bins": other.bins}))
-    training = latent.training.model_copy(update={"steps": other.steps, "evaluate_every": other.steps})
+    measured = geodesics(dataset.contact_point, distances)
+    training = latent.training.model_copy(update={"evaluate_every": latent.training.steps})
     fewer = {"seeds": other.seeds, "stacks": 1, "training": training}
     return learn(dataset, measured, latent.model_copy(update=fewer))
