@@ -52,24 +52,14 @@ class ControllerScores:
         """A row for each controller.
 
         Returns:
-            `KEYS`; `trials`, `successes`, `rate` with its Wilson interval `low` to `high`; medians of
-            successes `reach_s` and `path_ratio`; numbers of trials `lifted` and `off_skin`;
-            `rate_<motion>`; medians of all `position_error_mm` and `pressure_error`.
+            `KEYS`; `trials`, `successes`, `rate`; medians of successes `reach_s` and `path_ratio`; numbers
+            of trials `lifted` and `off_skin`; `rate_<motion>`; medians of all `position_error_mm` and
+            `pressure_error`.
         """
         motions = success_rates(self.trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
         motions = motions[self.trials["motion"].unique()].add_prefix("rate_")
         errors = self.trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
-        columns = [
-            "trials",
-            "successes",
-            "rate",
-            "low",
-            "high",
-            "reach_s",
-            "path_ratio",
-            "lifted",
-            "off_skin",
-        ]
+        columns = ["trials", "successes", "rate", "reach_s", "path_ratio", "lifted", "off_skin"]
         return self.rates[columns].join(motions).join(errors).reset_index()
 
 
