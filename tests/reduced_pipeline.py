@@ -52,7 +52,7 @@ REDUCED = {
     },
     "online": {"seeds": 1, "learning": {"hidden": [4, 4]}, "payload": {"iterations": 3}},
     "track": {"seeds": 1, "reaching": {"goals": 1, "move_s": 1.0}},
-    "toucher": {"areas": 2, "rotations": 2, "translations": 2},
+    "toucher": {"seed": 1, "areas": 2, "rotations": 2, "translations": 2},  # its sets have every split
     "geodesics": {"bin_size": 300, "bins": 1, "bridge_mm": 8.0},
     "train_latent": {
         "seeds": 2,
