@@ -39,14 +39,12 @@ def evidence(results: ServoingResults) -> dict[str, Found]:
 
 def _prediction(models: ModelScores) -> dict[str, Found]:
     """Latent spaces, forward and inverse models: means, and paired differences over seeds."""
-    distances = by_case(mean, {split: (models.latents("distances", True, split),) for split in SPLITS})
     cosines = models.cosines
     return {
         "reconstruction": by_case(
             mean, {split: (models.latents("reconstruction", True, split),) for split in SPLITS}
         ),
-        "distances": distances,
-        "distances_aimed": distances,
+        "distances": by_case(mean, {split: (models.latents("distances", True, split),) for split in SPLITS}),
         "grows": {name: _smallest_rise(models, structure) for structure, name in STRUCTURE_NAMES.items()},
         "structure_predicts": _structured(models.forwards),
         "structure_predicts_pressure": _structured(models.forwards, column="pressure"),
@@ -86,9 +84,6 @@ def _closed_loop(results: ServoingResults) -> dict[str, Found]:
         "structure_serves": _gains(trials, text_models, {"structure": False}),
         "structure_serves_resting": _gains(trials, models, {"structure": False}),
         "loss_serves": _gains(trials, models, {"with_loss": False}),
-        "nj_serves": _differences(
-            trials, {f"NJ minus {name}": (OURS, model) for name, model in models.items() if name != "NJ"}
-        ),
     }
 
 
