@@ -55,7 +55,7 @@ REDUCED = {
     },
     "online": {"seeds": [11], "payload": {"empty_s": 8.0, "iterations": 3}},
     "track": {"sine_s": 2.0, "reaching": {"goals": 1, "move_s": 1.0}},
-    "toucher": {"areas": 2, "rotations": 2, "translations": 2},
+    "toucher": {"seed": 1, "areas": 2, "rotations": 2, "translations": 2},  # its sets have every split
     "geodesics": {"bin_size": 300, "bins": 1, "bridge_mm": 8.0},
     "train_latent": {
         "seeds": 2,
@@ -65,10 +65,7 @@ REDUCED = {
         "evaluation_pairs": 100,
     },
     "servo": {"trials": 3, "duration_s": 1.0, "shown": 1},
-    "other_skins": {
-        "seeds": 1,
-        "steps": 10,
-    },
+    "other_skins": {"seeds": 1},
     "inspect_servoing": {"demonstrations": ["rotation_1_1", "translation_1_1"], "trials": 1},
     "recorded_reaches": {"noise_mm": [0.5, 2.0], "seeds": 2},
     "recorded_corrections": {"splits": 5},
