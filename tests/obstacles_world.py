@@ -10,17 +10,20 @@ from obstacles_unrolls import baseline
 
 from structlearn.avoidance.learned_models import AvoidanceModels
 from structlearn.avoidance.shapes import SHAPES, obstacle
+from structlearn.ground.populations import Population
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.obstacles.files import Evaluation
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
-from structlearn.testbeds.obstacles.world.scenarios import Scenario
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
-NEAR, FAR = [0.4, -0.15, 0.25], [0.4, -0.45, 0.6]
+NEAR, FAR, BESIDE = [0.4, -0.15, 0.25], [0.4, -0.45, 0.6], [0.5, 0.15, 0.3]
 PRIMITIVE = baseline()
+POPULATION = Population(tuning=[1], test=[11, 12])
+PEOPLE = [1, 11, 12]
 PLACES = [
     Scenario(number, obstacle(shape, np.array(centre), yaw=0.5))
     for shape in SHAPES
-    for number, centre in enumerate((NEAR, FAR), start=1)
+    for number, centre in enumerate((NEAR, FAR, BESIDE), start=1)
 ]
 TESTED = committed(
     avoidance_protocols.AvoidanceEvaluationParameters,
@@ -58,15 +61,20 @@ def people():
 
 @cache
 def evaluation():
-    """All situations with models of every kind and origin."""
-    shapes = {shape: Push(4.0) for shape in SHAPES}
-    models = AvoidanceModels(
-        networks={"setting": Push(5.0), "all": Push(3.0)} | shapes,
-        human_inspired={"setting": Push(9.0)} | shapes,
-        phase_modulated={"all": Push(2.0)} | shapes,
-    )
-    situations = avoidance_protocols.situations(PLACES, PRIMITIVE, TESTED)
-    found = [avoidance_protocols.evaluate(one, models, PRIMITIVE, TESTED) for one in situations]
+    """All situations with models of every kind and origin, of three people who differ a little."""
+    own, found = own_scenarios(PLACES, PEOPLE), []
+    for person in PEOPLE:
+        strength = 1.0 + 0.01 * person
+        shapes = {shape: Push(4.0 * strength) for shape in SHAPES}
+        models = AvoidanceModels(
+            networks={"setting": Push(5.0 * strength), "all": Push(3.0 * strength)} | shapes,
+            ensembles={"all": Push(3.5 * strength)} | shapes,
+            human_inspired={"setting": Push(9.0)} | shapes,
+            phase_modulated={"all": Push(2.0)} | shapes if person == POPULATION.shown else {},
+        )
+        learner = avoidance_protocols.Learner(person, PRIMITIVE, models, own[person])
+        for one in avoidance_protocols.situations(PLACES, PRIMITIVE, TESTED):
+            found.append(avoidance_protocols.evaluate((learner, one), TESTED, POPULATION.shown))
     scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*found, strict=True))
     scored = avoidance_protocols.demonstration_scores([people()] * len(PLACES), PLACES, PRIMITIVE)
-    return Evaluation(scores, paths, scored)
+    return Evaluation(scores, paths, pd.concat([scored.assign(person=person) for person in PEOPLE]))

@@ -95,7 +95,8 @@ def test_keys_and_phase(dataset):
     assert set(keys) == {(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)}
     one = dataset.where((dataset.scenario == 1) & (dataset.demonstration == 2))
     assert one.phase[0] == 1.0
-    np.testing.assert_allclose(np.diff(one.time), 0.08, atol=2e-3)
+    every = PARAMETERS.keep_every / PARAMETERS.rate_hz
+    np.testing.assert_allclose(np.diff(one.time), every, atol=2e-3)
     ends = canonical.phase(1.0, canonical.time_constant(1.0))[0]
     assert one.phase[-1] == pytest.approx(ends, abs=0.01)
     assert (np.diff(one.phase) < 0).all()

@@ -47,7 +47,8 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
     rng, primitive = np.random.default_rng(0), baseline()
     clouds = spheres(beside_the_reach(rng, 6))
     paths = unroll(primitive, random_network(rng, 40.0), [clouds], DT)
-    table, end, late = scores(paths, [clouds]), 80, 120
+    bare = unroll(primitive, no_coupling, [clouds], DT).path.position
+    table, end, late = scores(paths, [clouds], bare), 80, 120
     position = paths.path.position
     for b in range(6):
         distances = np.linalg.norm(position[b, : end + 1] - clouds.centre[b], axis=1)
@@ -55,6 +56,10 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
         between = np.linalg.norm(position[b, : end + 1, None] - clouds.points[b], axis=-1)
         assert table["clearance_m"][b] == pytest.approx(between.min())
         assert table["goal_distance_m"][b] == pytest.approx(np.linalg.norm(position[b, end] - paths.goal[b]))
+        off = np.linalg.norm(position[b, : end + 1] - bare[b, : end + 1], axis=1)
+        assert table["detour_m"][b] == pytest.approx(off.max())
+        away = np.linalg.norm(position[b, end:] - paths.goal[b], axis=1)
+        assert table["excursion_m"][b] == pytest.approx(away.max())
         missed = np.linalg.norm(position[b, late] - paths.goal[b])
         assert table["late_goal_distance_m"][b] == pytest.approx(missed)
         changed = (paths.asked[b, : end + 1] != paths.coupling[b, : end + 1]).any(axis=1)
@@ -66,16 +71,18 @@ def test_unrolls_are_scored_up_to_the_prescribed_end_and_their_goals_later_too()
 def test_a_baseline_through_a_sphere_hits_it():
     local_middle = np.array([np.linalg.norm(GOAL - START) / 2, 0.0, 0.03])
     clouds = spheres(local_middle + np.array([[0, 0, 0], [0, 0.2, 0]]))
-    table = scores(unroll(baseline(), no_coupling, [clouds], DT), [clouds])
+    paths = unroll(baseline(), no_coupling, [clouds], DT)
+    table = scores(paths, [clouds], paths.path.position)
     assert list(table["hit"]) == [True, False]
     assert (table["restrained"] == 0).all()
     assert table["late_goal_distance_m"].max() < 0.001
+    assert (table["detour_m"] == 0).all()
 
 
 def test_unrolls_that_end_too_early_are_refused():
     clouds = spheres([[0.3, 0.2, 0.0]])
     with pytest.raises(InputError, match="too short to score"):
-        scores(unroll(baseline(), no_coupling, [clouds], DT, until_factor=1.0), [clouds])
+        scores(unroll(baseline(), no_coupling, [clouds], DT, until_factor=1.0), [clouds], np.zeros(3))
 
 
 def test_demonstrations_of_any_length_are_scored():
@@ -91,7 +98,9 @@ def test_a_summary_has_the_columns_of_the_tables():
     rows = rows.assign(clearance_m=[0.01, 0.0, 0.3], goal_distance_m=[0.01, 0.03, 0.02])
     expected = {"goal_max": 0.03, "goal_mean": 0.02, "obstacle_min": -0.2, "obstacle_mean": 4 / 3, "hits": 2}
     assert summary(rows) == pytest.approx(expected | {"clearance_min_m": 0.0})
-    late = summary(rows.assign(late_goal_distance_m=[0.001, 0.004, 0.002]), nmse_train=0.1, nmse_test=0.2)
+    unrolled = rows.assign(late_goal_distance_m=[0.001, 0.004, 0.002], detour_m=[0.1, 0.2, 0.3])
+    late = summary(unrolled, nmse_train=0.1, nmse_test=0.2)
+    assert (late["detour_mean"], late["detour_max"]) == pytest.approx((0.2, 0.3))
     assert (late["late_goal_max"], late["nmse_train"], late["nmse_test"]) == (0.004, 0.1, 0.2)
     with pytest.raises(InputError, match="no movements"):
         summary(rows.iloc[:0])

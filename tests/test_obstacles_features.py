@@ -4,7 +4,7 @@ from hypothesis import given
 from primitives_movements import quick, random_orientations, rngs
 
 from structlearn.avoidance import features as module
-from structlearn.avoidance.features import NAMES, closest_distance, features
+from structlearn.avoidance.features import NAMES, closest_distance, displaced, features
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 
@@ -25,6 +25,18 @@ def one_by_one(position, velocity, tau, cloud, centre):
         cosine = v @ nearest[0] / (np.linalg.norm(v) * np.linalg.norm(nearest[0]))
         rows.append([*(c - x), *stacked, *(tau * v), np.linalg.norm(c - x), cosine])
     return np.array(rows)
+
+
+@given(rngs)
+@quick
+def test_displaced_features_are_those_of_a_hand_that_is_there(rng):
+    position, velocity, cloud, centre = random_states(rng, points=1)
+    cloud = np.repeat(cloud, 3, axis=1)  # one point: it stays the closest
+    off, faster, tau = *rng.normal(size=(2, *position.shape)), 1.7
+    seen = displaced(features(position, velocity, tau, cloud, centre), off, tau * faster)
+    np.testing.assert_allclose(
+        seen, features(position + off, velocity + faster, tau, cloud, centre), atol=1e-9
+    )
 
 
 @given(rngs)

@@ -11,55 +11,74 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import learn
 from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
-from structlearn.testbeds.obstacles.world.scenarios import Scenario
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 SCENARIOS = [
     Scenario(number, obstacle(shape, np.zeros(3))) for shape in ("sphere", "cube") for number in (1, 2)
 ]
-QUICK = committed(NetworkParameters, "obstacle_training.per_setting", hidden=(4,), training={"iterations": 4})
+CHANGES = {"hidden": (4,), "training": {"iterations": 4}}
+QUICK = committed(NetworkParameters, "obstacle_training.per_setting", **CHANGES)
 PARAMETERS = committed(
     AvoidanceTrainingParameters,
     "obstacle_training",
     per_setting=QUICK,
-    per_shape=QUICK,
-    all_shapes=QUICK.model_copy(update={"hidden": (5,)}),
+    across_settings=QUICK,
+    ensemble=CHANGES | {"members": 2, "demonstrations": 6},
     phase_modulated=committed(
         TrainingParameters, "compare_models", steps=40, evaluate_every=20, chunk_samples=5
     ),
     phase_modulated_hidden=(4,),
 )
+PEOPLE = (7, 3)
 
 
 @pytest.fixture(scope="module")
-def learned():
-    return learn(toy_dataset(scenarios=4), SCENARIOS, PARAMETERS)
+def datasets():
+    return {person: toy_dataset(scenarios=4, seed=person) for person in PEOPLE}
 
 
-def test_every_source_has_its_models_and_errors(learned):
+@pytest.fixture(scope="module")
+def learned(datasets):
+    return learn(datasets, SCENARIOS, PARAMETERS, modulated=7)
+
+
+def test_settings_are_dealt_out_with_all_their_shapes():
+    own = own_scenarios(SCENARIOS, PEOPLE)
+    assert {person: its.tolist() for person, its in own.items()} == {7: [0, 2], 3: [1, 3]}
+    assert own_scenarios(SCENARIOS, [5, 6, 7])[7].tolist() == []
+
+
+def test_everybody_has_models_of_every_source_and_their_errors(learned):
     models, errors = learned
+    assert tuple(models) == PEOPLE
     sources = {"setting", "sphere", "cube", "all"}
-    assert set(models.networks) == sources
-    assert set(models.human_inspired) == sources - {"all"}
-    assert set(models.phase_modulated) == sources - {"setting"}
-    assert len(models.networks["setting"]) == len(models.human_inspired["setting"]) == len(SCENARIOS)
-    counts = errors[errors["part"] == "test"].groupby(["model", "learned_from"]).size()
-    assert counts["network"].to_dict() == {"setting": 4, "sphere": 1, "cube": 1, "all": 2}
-    assert counts["human_inspired"].to_dict() == {"setting": 4, "sphere": 1, "cube": 1}
-    assert counts["phase_modulated"].to_dict() == {"sphere": 1, "cube": 1, "all": 2}
+    for person, its in models.items():
+        assert set(its.networks) == sources
+        assert set(its.ensembles) == sources - {"setting"}
+        assert set(its.human_inspired) == sources - {"all"}
+        assert set(its.phase_modulated) == (sources - {"setting"} if person == 7 else set())
+        assert len(its.networks["setting"]) == len(its.human_inspired["setting"]) == 2
+    own = errors[(errors["part"] == "test") & (errors["person"] == 3)]
+    counts = own.groupby(["model", "learned_from"]).size()
+    assert counts["network"].to_dict() == {"setting": 2, "sphere": 1, "cube": 1, "all": 2}
+    assert counts["ensemble"].to_dict() == {"sphere": 1, "cube": 1, "all": 2}
+    assert counts["human_inspired"].to_dict() == {"setting": 2, "sphere": 1, "cube": 1}
+    assert set(own.loc[own["learned_from"] == "setting", "scenario"]) == {2}
+    assert "phase_modulated" not in counts
 
 
-def test_errors_are_those_of_the_models_on_the_named_samples(learned):
+def test_errors_are_those_of_the_models_on_the_named_samples(learned, datasets):
     models, errors = learned
-    dataset = toy_dataset(scenarios=4)
-    test = held_out_rows(dataset, PARAMETERS.split)
-    errors = errors[(errors["model"] == "network") & (errors["part"] == "test")]
-    errors = errors.set_index(["learned_from", "obstacle", "scenario"])
+    errors = errors[errors["part"] == "test"]
+    errors = errors.set_index(["person", "model", "learned_from", "obstacle", "scenario"])
     for key, places, network in (
-        (("setting", "cube", 1), [2], models.networks["setting"].take([2])),
-        (("sphere", "sphere", 0), [0, 1], models.networks["sphere"]),
-        (("all", "cube", 0), [2, 3], models.networks["all"]),
+        ((7, "network", "setting", "cube", 1), [2], models[7].networks["setting"].take([1])),
+        ((3, "network", "setting", "sphere", 2), [1], models[3].networks["setting"].take([0])),
+        ((3, "network", "sphere", "sphere", 0), [0, 1], models[3].networks["sphere"]),
+        ((7, "ensemble", "all", "cube", 0), [2, 3], models[7].ensembles["all"]),
     ):
-        its = dataset.where(np.isin(dataset.scenario, places) & test)
+        dataset = datasets[key[0]]
+        its = dataset.where(np.isin(dataset.scenario, places) & held_out_rows(dataset, PARAMETERS.split))
         expected = nmse(network(its.features, its.phase, its.phase_velocity), its.target)
         found = errors.loc[key, ["nmse_x", "nmse_y", "nmse_z"]]
         np.testing.assert_allclose(found.to_numpy(float), expected)
@@ -67,16 +86,18 @@ def test_errors_are_those_of_the_models_on_the_named_samples(learned):
 
 def test_models_come_back_from_their_files(learned, tmp_path):
     models, _ = learned
-    write_models(models, tmp_path)
-    back = read_models(tmp_path)
     state = np.random.default_rng(0).normal(size=(1, 17)), np.array([0.5]), np.array([-3.0])
-    for kind in ("networks", "human_inspired", "phase_modulated"):
-        ours, theirs = getattr(models, kind), getattr(back, kind)
-        assert set(ours) == set(theirs)
-        for name in set(ours) - {"setting"}:
-            np.testing.assert_allclose(ours[name](*state), theirs[name](*state), rtol=1e-9)
+    for person, its in models.items():
+        (tmp_path / str(person)).mkdir()
+        write_models(its, tmp_path / str(person))
+        back = read_models(tmp_path / str(person))
+        for kind in ("networks", "ensembles", "human_inspired", "phase_modulated"):
+            ours, theirs = getattr(its, kind), getattr(back, kind)
+            assert set(ours) == set(theirs)
+            for name in set(ours) - {"setting"}:
+                np.testing.assert_allclose(ours[name](*state), theirs[name](*state), rtol=1e-9)
 
 
-def test_samples_of_other_scenarios_are_refused():
+def test_samples_of_other_scenarios_are_refused(datasets):
     with pytest.raises(InputError, match="not those of 3 scenarios"):
-        learn(toy_dataset(scenarios=4), SCENARIOS[:3], PARAMETERS)
+        learn(datasets, SCENARIOS[:3], PARAMETERS, modulated=7)

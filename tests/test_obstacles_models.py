@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -6,7 +7,8 @@ from committed import committed
 
 from structlearn.avoidance import network_training
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.network_training import NetworkParameters, SplitParameters
+from structlearn.avoidance.features import displaced
+from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
 from structlearn.avoidance.phase_modulated import read_phase_modulated, write_phase_modulated
 from structlearn.avoidance.phase_modulated_training import train_phase_modulated
 from structlearn.feedback.pmnn import write_networks
@@ -20,6 +22,11 @@ SPLIT = committed(SplitParameters, "obstacle_training.split", test_share=0.2)
 
 def chosen(**changes):
     return committed(NetworkParameters, "obstacle_training.per_setting", **changes)
+
+
+def by_scenario(dataset):
+    """The samples of each scenario, in the order of their numbers."""
+    return [dataset.where(dataset.scenario == scenario) for scenario in np.unique(dataset.scenario)]
 
 
 def toy_dataset(scenarios=2, demonstrations=5, samples=25, noise=0.05, size=(0.0, 2.0, 0.2), seed=0):
@@ -47,13 +54,13 @@ def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
     dataset = toy_dataset(scenarios=3, demonstrations=10)
     mask = network_training.held_out_rows(dataset, SPLIT)
     found = []
-    for one, its in zip(network_training.by_scenario(dataset), np.split(mask, 3), strict=True):
+    for one, its in zip(by_scenario(dataset), np.split(mask, 3), strict=True):
         tested = {int(number) for number in np.unique(one.demonstration[its])}
         assert len(tested) == 2
         assert not tested & set(one.demonstration[~its].tolist())  # no demonstration is on both sides
         found.append(tested)
     assert len({tuple(sorted(one)) for one in found}) > 1  # scenarios draw on their own
-    alone = network_training.held_out_rows(network_training.by_scenario(dataset)[1], SPLIT)
+    alone = network_training.held_out_rows(by_scenario(dataset)[1], SPLIT)
     np.testing.assert_array_equal(alone, np.split(mask, 3)[1])
     assert not np.array_equal(
         mask, network_training.held_out_rows(dataset, SplitParameters(test_share=0.2, seed=1))
@@ -66,12 +73,12 @@ def test_one_demonstration_cannot_be_split():
         network_training.held_out_rows(dataset, SPLIT)
     parameters = chosen(training={"rule": "validation"})
     with pytest.raises(InputError, match="none would be left to validate"):
-        network_training.train_member(network_training.by_scenario(dataset)[0], parameters, (0, 0))
+        network_training.train_member(by_scenario(dataset)[0], parameters, (0, 0))
 
 
 @pytest.mark.parametrize("rule", ["validation", "evidence"])
 def test_a_network_learns_the_same_alone_and_among_others(rule):
-    sets = network_training.by_scenario(toy_dataset())
+    sets = by_scenario(toy_dataset())
     parameters = chosen(hidden=(6, 4), training={"rule": rule} | QUICK)
     stack = network_training.fit_networks(sets, parameters, "test")
     again = network_training.fit_networks(sets[:1], parameters, "test")
@@ -81,7 +88,7 @@ def test_a_network_learns_the_same_alone_and_among_others(rule):
 
 
 def test_members_are_averaged():
-    sets = network_training.by_scenario(toy_dataset(scenarios=1))
+    sets = by_scenario(toy_dataset(scenarios=1))
     parameters = chosen(hidden=(6, 4), members=3, inputs="phase", training=QUICK)
     stack = network_training.fit_networks(sets, parameters, "test")
     its = sets[0]
@@ -95,6 +102,37 @@ def test_members_are_averaged():
     mean = np.mean([one.coupling(one.inputs(*states)[None])[0] for one in alone], axis=0)
     inside = (mean > its.target.min(axis=0)) & (mean < its.target.max(axis=0))  # a mean is cut later
     np.testing.assert_allclose(stack(*states)[inside], mean[inside], atol=0.05)
+
+
+def ensemble(**changes):
+    return committed(EnsembleParameters, "obstacle_training.ensemble", **changes)
+
+
+def test_a_member_sees_whole_demonstrations_from_elsewhere_across_the_reach():
+    dataset = toy_dataset(scenarios=2, demonstrations=10)
+    seen = network_training.lesson(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 1))
+    assert len(seen) == 8 * 25
+    keys = {tuple(key) for key in np.stack([seen.scenario, seen.demonstration, seen.time], axis=1)}
+    rows = [key in keys for key in zip(dataset.scenario, dataset.demonstration, dataset.time, strict=True)]
+    np.testing.assert_array_equal(seen.target, dataset.target[rows])  # what was done stays
+    off = dataset.features[rows] - seen.features
+    assert off[:, 1:3].std() == pytest.approx(0.1, rel=0.15)
+    np.testing.assert_allclose(off[:, 6], off[:, 1])  # the closest point is off as the centre is
+    np.testing.assert_allclose(off[:, [0, 3, 4, 5, 12]], 0.0, atol=1e-12)  # nothing along the reach
+    assert off[:, 13:15].std() == pytest.approx(ensemble().displaced_velocity_m, rel=0.15)
+    other = network_training.lesson(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 2))
+    assert not np.array_equal(seen.features, other.features)
+
+
+def test_an_ensemble_of_one_that_sees_all_as_it_was_is_the_network():
+    dataset = toy_dataset(scenarios=1)
+    sets = [replace(dataset, features=displaced(dataset.features, np.zeros(3), np.zeros(3)))]
+    common = {"hidden": (6, 4), "members": 1, "training": QUICK}
+    still = ensemble(**common, demonstrations=99, displaced_m=0.0, displaced_velocity_m=0.0)
+    single = committed(NetworkParameters, "obstacle_training.across_settings", **common)
+    ours, text = (network_training.fit_networks(sets, one, "test") for one in (still, single))
+    states = sets[0].features, sets[0].phase, sets[0].phase_velocity
+    np.testing.assert_allclose(ours(*states), text(*states), rtol=1e-6, atol=1e-9)
 
 
 def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
@@ -152,7 +190,7 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
 
 
 def test_human_inspired_models_stack():
-    sets = network_training.by_scenario(toy_dataset(scenarios=3))
+    sets = by_scenario(toy_dataset(scenarios=3))
     stack = network_training.fit_human_inspired_models(sets, "test")
     assert len(stack) == 3
     alone = network_training.fit_human_inspired_models(sets[2:], "test")

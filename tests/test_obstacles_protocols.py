@@ -1,4 +1,7 @@
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 from committed import committed
 from obstacles_unrolls import GOAL, START, baseline, random_network
@@ -36,9 +39,14 @@ def steering(count, size=5.0):
 
 MODELS = AvoidanceModels(
     networks={},
+    ensembles={},
     phase_modulated={},
-    human_inspired={"setting": steering(6), "all": steering(1, 3.0)} | {name: steering(1) for name in SHAPES},
+    human_inspired={"setting": steering(4), "all": steering(1, 3.0)} | {name: steering(1) for name in SHAPES},
 )
+
+
+LEARNER = avoidance_protocols.Learner(5, baseline(), MODELS, np.array([0, 1, 3, 4]))
+"""Has no model of the first cube, nor of the second cylinder."""
 
 
 def closest(situation):
@@ -81,28 +89,32 @@ def test_the_goal_shifts_in_the_frame_of_the_reach():
 
 def test_models_meet_what_they_are_for():
     known = avoidance_protocols.trained(SCENARIOS, "cube", baseline())
-    named = [(one.model, one.learned_from) for one in avoidance_protocols.contenders(MODELS, known)]
+    found = list(avoidance_protocols.contenders(LEARNER, known))
+    named = [(one.model, one.learned_from) for one in found]
     sources = ("setting", "cube", "all")
     assert named == [("none", ""), *(("human_inspired", source) for source in sources)]
-    (_, own, *_) = avoidance_protocols.contenders(MODELS, known)
-    np.testing.assert_array_equal(
-        own.coupling.weights, MODELS.human_inspired["setting"].weights[2:4]
-    )  # the cubes
-    unknown = avoidance_protocols.contenders(MODELS, avoidance_protocols.unseen(baseline()))
+    own = found[1]
+    assert own.rows.tolist() == [False, True]
+    np.testing.assert_array_equal(own.coupling.weights, MODELS.human_inspired["setting"].weights[[2]])
+    assert all(one.rows.all() for one in (found[0], *found[2:]))
+    unknown = avoidance_protocols.contenders(LEARNER, avoidance_protocols.unseen(baseline()))
     assert [one.learned_from for one in unknown] == ["", *SHAPES, "all"]
+    stranger = replace(LEARNER, own=np.array([0]))
+    assert "setting" not in [one.learned_from for one in avoidance_protocols.contenders(stranger, known)]
 
 
 def test_every_contender_is_scored_in_every_situation_with_its_rules():
-    primitive = baseline()
+    primitive = LEARNER.baseline
     for situation in avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS):
-        scored, paths = avoidance_protocols.evaluate(situation, MODELS, primitive, PARAMETERS)
-        contenders = len(list(avoidance_protocols.contenders(MODELS, situation)))
-        count = len(situation.numbers)
+        scored, paths = avoidance_protocols.evaluate((LEARNER, situation), PARAMETERS, with_paths_of=5)
+        count = sum(int(one.rows.sum()) for one in avoidance_protocols.contenders(LEARNER, situation))
         both = situation.protocol in ("trained", "unseen")
-        assert len(scored) == contenders * count * (1 + both)
+        assert len(scored) == count * (1 + both)
         assert not scored.isna().any().any()
+        assert (scored["person"] == 5).all()
         keys = ["model", "learned_from", "scenario", "speed_m_s"]
         assert (scored.groupby([*keys, "rules"]).size() == 1).all()
+        assert (scored.loc[scored["model"] == "none", "detour_m"] == 0.0).all()
         limited = scored[scored["rules"] == "limited"]
         samples = paths.groupby(keys, sort=False)
         assert samples.ngroups == len(limited)
@@ -118,6 +130,14 @@ def test_every_contender_is_scored_in_every_situation_with_its_rules():
             assert away / 0.05 - 1 == pytest.approx(row["obstacle_distance"].item(), abs=0.1)
 
 
+def test_only_one_person_s_paths_are_kept():
+    situation = avoidance_protocols.trained(SCENARIOS, "sphere", baseline())
+    own, paths = avoidance_protocols.evaluate((LEARNER, situation), PARAMETERS, with_paths_of=5)
+    same, none = avoidance_protocols.evaluate((LEARNER, situation), PARAMETERS, with_paths_of=6)
+    assert len(paths) > 0 == len(none)
+    pd.testing.assert_frame_equal(own, same)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_goals_are_reached_whatever_a_model_asks_for(seed):
     primitive, rng = baseline(), np.random.default_rng(seed)
@@ -127,8 +147,9 @@ def test_goals_are_reached_whatever_a_model_asks_for(seed):
     for situation in avoidance_protocols.situations(SCENARIOS, primitive, PARAMETERS):
         bare, coupled = (
             scores(
-                avoidance_protocols.unrolled(situation, model, primitive, PARAMETERS, limits),
+                paths := avoidance_protocols.unrolled(situation, model, primitive, PARAMETERS, limits),
                 situation.obstacles,
+                paths.path.position,
             )
             for model in (avoidance_protocols.no_coupling, wild)
         )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from obstacles_world import PLACES, PRIMITIVE, TESTED, evaluation, people
+from obstacles_world import PLACES, POPULATION, PRIMITIVE, TESTED, evaluation, people
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.avoidance.shapes import SHAPES
@@ -34,34 +34,37 @@ from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
 UNSEEN = avoidance_protocols.unseen(PRIMITIVE)
 
 
+def own_scores():
+    scores = evaluation().scores
+    return scores[scores["person"] == POPULATION.shown]
+
+
 @pytest.fixture(scope="module")
 def reaches():
-    found = evaluation()
-    return reaches_by_situation(found.paths, found.scores, PRIMITIVE)
+    return reaches_by_situation(evaluation().paths, own_scores(), PRIMITIVE)
 
 
 @pytest.fixture(scope="module")
 def shown(reaches):
     """The first setting of every shape."""
     samples = pd.DataFrame(
-        {"scenario": [0, 0, 2, 2, 4, 4], "demonstration": [0, 1] * 3, "time_s": 6 * [0.5]}
+        {"scenario": [0, 0, 3, 3, 6, 6], "demonstration": [0, 1] * 3, "time_s": 6 * [0.5]}
     ).assign(target_x=0.0, target_y=np.arange(6.0), target_z=1.0)
-    chosen = chosen_scenarios(PLACES, [place.name for place in PLACES[::2]])
+    chosen = chosen_scenarios(PLACES, [place.name for place in PLACES[::3]])
     return shown_scenarios(chosen, [people()] * 3, samples, reaches, 30)
 
 
 def test_reaches_are_those_of_the_tables(reaches):
-    found = evaluation()
-    its = reaches[SituationKey("trained", "cube", 2)]
+    its, found = reaches[SituationKey("trained", "cube", 2)], own_scores()
     assert without_avoidance(its) is its[0]
-    scores = found.scores[(found.scores["protocol"] == "trained") & (found.scores["obstacle"] == "cube")]
+    scores = found[(found["protocol"] == "trained") & (found["obstacle"] == "cube")]
     scores = scores[(scores["scenario"] == 2) & (scores["rules"] == avoidance_protocols.LIMITED)]
     scores = scores.set_index(["model", "learned_from"])
     assert len(its) == len(scores)
     for reach in its:
         row = scores.loc[(reach.model, reach.learned_from)]
         assert (reach.obstacle_distance, reach.hit) == (row["obstacle_distance"], row["hit"])
-    assert sum(len(reach.time) for group in reaches.values() for reach in group) == len(found.paths)
+    assert sum(len(reach.time) for group in reaches.values() for reach in group) == len(evaluation().paths)
     x = (PRIMITIVE.goal - PRIMITIVE.start) / np.linalg.norm(PRIMITIVE.goal - PRIMITIVE.start)
     np.testing.assert_allclose(its[1].coupling_in_base @ x, its[1].coupling[:, 0], atol=1e-9)
     assert np.abs(its[1].coupling).max() > 0.1
@@ -69,9 +72,9 @@ def test_reaches_are_those_of_the_tables(reaches):
 
 def test_scenarios_are_chosen_by_name_in_the_order_asked_for():
     chosen = chosen_scenarios(PLACES, ["cylinder/02", "sphere/01"])
-    assert {number: place.name for number, place in chosen.items()} == {5: "cylinder/02", 0: "sphere/01"}
-    assert list(chosen) == [5, 0]
-    with pytest.raises(InputError, match="no 'sphere/3'; names are 'sphere/01' to 'cylinder/02'"):
+    assert {number: place.name for number, place in chosen.items()} == {7: "cylinder/02", 0: "sphere/01"}
+    assert list(chosen) == [7, 0]
+    with pytest.raises(InputError, match="no 'sphere/3'; names are 'sphere/01' to 'cylinder/03'"):
         chosen_scenarios(PLACES, ["sphere/01", "sphere/3"])
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from committed import committed
+from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.ground.errors import InputError
@@ -112,3 +113,8 @@ def test_a_reach_along_gravity_anchors_the_side(height):
 def test_recordings_that_are_missing_are_named(tmp_path):
     with pytest.raises(InputError, match=r"/0\d: no such file or folder"):
         read_scenarios(scenarios(scene(settings=1)), tmp_path)
+
+
+def test_nothing_is_judged_in_the_scene_that_constants_were_chosen_on():
+    with pytest.raises(ValidationError, match="scene 6 is the one that constants were chosen on"):
+        scene(seed=6, tuning_seed=6)

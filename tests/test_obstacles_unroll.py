@@ -17,7 +17,7 @@ from obstacles_unrolls import (
 )
 from primitives_movements import few, quick, rngs
 
-from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling
+from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, strongest_pushes
 from structlearn.avoidance.clouds import constant_velocity
 from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
 from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
@@ -171,13 +171,26 @@ def test_an_obstacle_that_passes_the_goal_while_it_moves_is_ignored_from_then_on
     np.testing.assert_array_equal(acting, paths.path.time[1:] <= 0.5)
 
 
-def test_the_terms_of_several_obstacles_are_summed():
+def test_pushes_to_one_side_are_not_added_up_and_those_to_either_side_are():
+    terms = np.array([[[3.0, -2.0, 0.0]], [[5.0, 4.0, -1.0]], [[1.0, -7.0, -2.0]]])
+    np.testing.assert_array_equal(strongest_pushes(terms), [[5.0, 4.0 - 7.0, -2.0]])
+    np.testing.assert_array_equal(strongest_pushes(terms[:1]), terms[0])
+    np.testing.assert_array_equal(strongest_pushes(np.repeat(terms[:1], 4, axis=0)), terms[0])
+
+
+def test_a_second_obstacle_at_the_same_place_makes_no_second_detour():
+    obstacle, model = spheres([[0.3, 0.02, -0.03]]), random_network(np.random.default_rng(2), 30.0)
+    once, twice = (unroll(PRIMITIVE, model, [obstacle] * count, DT) for count in (1, 2))
+    np.testing.assert_array_equal(once.path.position, twice.path.position)
+
+
+def test_obstacles_on_either_side_act_together():
     first, second = spheres([[0.2, 0.1, 0.0]]), spheres([[0.45, -0.1, 0.0]])
     model, shown = recorder(lambda features, phase, rate: 20.0 * features[:, TO_CENTRE])
     paths = unroll(PRIMITIVE, model, [first, second], DT, TEXT_ONLY)
     np.testing.assert_allclose(shown[0][0][:, 0] - shown[1][0][:, 0], 0.2 - 0.45)
     k = 5  # neither is passed yet
-    expected = shown[2 * k - 2][0][0, TO_CENTRE] + shown[2 * k - 1][0][0, TO_CENTRE]
+    expected = strongest_pushes(np.stack([shown[2 * k - 2 + number][0][0, TO_CENTRE] for number in (0, 1)]))
     np.testing.assert_allclose(paths.coupling[0, k], 20.0 * expected * [0, 1, 1])
 
 

@@ -31,8 +31,6 @@ PARAMETERS = committed(
         rate=0.03,
         batch=32,
         second_moment_decay=0.99,
-        decay=0.1,
-        mass_step=10.0,
     ),
 )
 FRICTION = ("viscous", "coulomb")
@@ -52,28 +50,27 @@ def test_the_regressor_path_steps_as_autograd_through_the_recursion_does(structu
     """Also after many steps: the compiled descent is that of torch's Adam on the recursion."""
     motion = rubbing_motion(arm())
     group = start(structure, motion, friction=FRICTION, loss="normalised")
-    free = torch.from_numpy(group.scaled.copy()).requires_grad_()
+    free = torch.from_numpy(group.free.copy()).requires_grad_()
     rubbing = torch.from_numpy(group.rubbing.copy()).requires_grad_()
     weights = torch.from_numpy(loss_weights("normalised", motion))
     parameters = PARAMETERS.structures
-    adam = torch.optim.Adam([free, rubbing], betas=(0.9, parameters.second_moment_decay))
+    adam = torch.optim.Adam([free, rubbing], parameters.rate, (0.9, parameters.second_moment_decay))
     order = torch.randperm(len(motion), generator=torch.Generator().manual_seed(1))[:-5]
-    for step, batch in enumerate(order.split(parameters.batch)):
+    for batch in order.split(parameters.batch):
         q, qd, qdd, torque = (
             torch.from_numpy(values[batch]) for values in (motion.q, motion.qd, motion.qdd, motion.torque)
         )
-        inertias = link_inertias(structure, free * torch.from_numpy(group.sizes))
+        inertias = link_inertias(structure, free)
         torques = inverse_dynamics(arm().tree, inertias, q, qd, qdd)
         columns = torch.from_numpy(friction_columns(motion.qd[batch], FRICTION))
         torques = torques + torch.einsum("njt,mjt->mnj", columns, friction_coefficients(rubbing, FRICTION))
         loss = ((torques - torque).square() * weights).sum(dim=-1).mean(dim=-1).sum()
         adam.zero_grad()
         loss.backward()
-        adam.param_groups[0]["lr"] = parameters.rate_at(step)
         adam.step()
 
     group.learn(order)
-    np.testing.assert_allclose(group.scaled, free.detach(), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(group.free, free.detach(), rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(group.rubbing, rubbing.detach(), rtol=1e-6, atol=1e-8)
 
 
@@ -172,14 +169,6 @@ def test_networks_learn():
 def test_errors_of_a_network_on_some_samples_estimate_those_on_all(motion):
     group = start("mlp", motion)
     np.testing.assert_allclose(group.nmse(stride=3), group.nmse(), rtol=0.05)
-
-
-def test_the_rate_falls_with_the_steps_and_stays():
-    parameters = committed(
-        AdamParameters, "train_dynamics.learning.networks", rate=0.1, decay=0.1, smallest=0.01
-    )
-    rates = [parameters.rate_at(step) for step in (0, 1000, 2000, 3000)]
-    np.testing.assert_allclose(rates, [0.1, 0.01, 0.001, 0.001])
 
 
 def test_the_raw_loss_weighs_all_joints_alike_and_the_other_by_their_variance(motion):

@@ -222,11 +222,26 @@ def test_one_person_decides_nothing_and_stands_beside_the_claims(made, feedback)
     assert all(re.search(r"Person 1: [a-z 0-9.,\N{MINUS SIGN}]+$", note) for note in notes)
 
 
+def test_pages_show_the_first_person_and_no_constant_is_judged_where_it_was_chosen(settings):
+    people_seeds = settings["scraping_people"]
+    testbed = settings["testbed"]
+    assert {settings["simulate"].seed, testbed.seed, testbed.sensor_seed} == {people_seeds.shown}
+    sweep = settings["segment_sweep"]
+    swept = set(range(sweep.first_seed, sweep.first_seed + sweep.seeds))
+    assert not swept & {*people_seeds.tuning, *people_seeds.test}
+
+
 def test_people_are_drawn_and_judged_where_they_were_studied(made, feedback, segmentation):
     numbers = feedback.metrics() | segmentation.metrics()
     report = made(feedback, study=people(numbers))
     assert NOT_TESTED not in {one.verdict for one in report.pages["feedback"].judged}
     assert "over 5 others" in render(report.pages["feedback"], AnyFigure())
+    assert report.metrics["people"] == 5
+    nmse, low, high = (
+        report.metrics[f"people_pmnn_prim2_generalization_nmse{end}"] for end in ("", "_low", "_high")
+    )
+    assert low < nmse < high
+    assert nmse == pytest.approx(NMSE["pmnn_100"], rel=0.03)
     for page in report.pages.values():
         assert words_in_view(render(page, AnyFigure())) <= 1500
 

@@ -4,18 +4,22 @@ import json
 import runpy
 import shutil
 from dataclasses import fields, replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from committed import NO_TOPICS, merged, parameter_tree
+from committed import NO_TOPICS, committed, merged, parameter_tree
 from recordings_bags import as_recorded
 from reduced_pipeline import REDUCED
 
 from structlearn.ground.artefacts import read_table
 from structlearn.ground.errors import InputError
+from structlearn.ground.populations import Population
 from structlearn.recordings import read_recordings, write_recordings
+from structlearn.reporting.studies import read_description
 from structlearn.tactile.geodesics import read_geodesics
 from structlearn.tactile.touch_dataset import chains, read_dataset
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant, variants
@@ -72,20 +76,34 @@ def test_all_controllers_meet_the_same_trials(reduced_project):
 
 
 def test_another_skin_goes_the_same_way(reduced_project):
-    tables = {
-        name: read_table(reduced_project / f"data/servoing/other_skins/{name}.parquet")
-        for name in ("latent", "directions", "trials")
-    }
-    assert all(set(table["skin"]) == {"sphere"} for table in tables.values())
-    assert set(tables["trials"]["form"]) == {"published", "resting"}
-    assert np.isfinite(tables["latent"]["reconstruction"]).all()
+    latent, directions, trials = (
+        read_table(reduced_project / f"data/servoing/{name}.parquet")
+        for name in ("other_skins/latent", "other_skins/directions", "servo/other_skins")
+    )
+    assert all(set(table["skin"]) == {"sphere"} for table in (latent, directions, trials))
+    assert set(trials["form"]) == {"published", "resting"}
+    assert np.isfinite(latent["reconstruction"]).all()
+
+
+def test_what_is_reported_is_of_the_first_of_the_test_set(root):
+    """Demonstrations, models and contacts; studies repeat it on the others, and tune on none of them."""
+    people = committed(Population, "servo_people")
+    parameters = yaml.safe_load((root / "params.yaml").read_text())
+    seeds = ("toucher.seed", "toucher.sensor_seed", "train_latent.training.seed", "servo.seed")
+    for key in seeds:
+        assert reduce(getitem, key.split("."), parameters) == people.test[0], key
+    studies = root / "benchmarks/studies"
+    assert set(read_description("servoing/people", studies).repeats.seeds) == set(seeds)
+    for name in ("controller", "loss_weights"):
+        for repeat in read_description(f"servoing/{name}", studies).repeats:
+            assert {repeat[key] for key in seeds} <= set(people.tuning)
 
 
 def test_own_recordings_go_the_same_way(root, reduced_project, folder):
     """Other names, no provenance: the same samples; only what cannot be known is missing."""
     bags = as_recorded(read_recordings(reduced_project / "data/raw/servoing"))
     write_recordings([replace(one, name=f"own_{number}") for number, one in enumerate(bags)], "bags")
-    others = Path("data/servoing/other_skins")  # the source makes no difference to them
+    others = Path("data/servoing/other_skins")  # the source makes no difference to what is learned with them
     shutil.copytree(reduced_project / others, others)
     run_stages(root, folder / "bags", {"tactile": ["/tactile/0"]})
     mine = read_dataset("data/servoing/touch.safetensors")

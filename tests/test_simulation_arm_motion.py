@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from committed import committed
+from dynamics_motion import committed_motion
+from pydantic import ValidationError
 from rigid_body_robots import robot as rigid_body_robot
 
 from structlearn.ground.errors import InputError
@@ -11,16 +13,16 @@ from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.any_model import bodies_model
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
+    ArmMotionParameters,
     Feedback,
     JointPath,
-    SineParameters,
     joint_feedback,
     sine_controller,
     sine_path,
 )
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, agreement, run
 
-SHORT = committed(SineParameters, "arm_motion", duration_s=4.0)
+SHORT = committed_motion(duration_s=4.0)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +36,7 @@ def feedback(robot):
 
 
 def test_sines_have_the_periods_and_amplitudes_of_the_text(robot):
-    long = committed(SineParameters, "arm_motion", duration_s=115.0)  # whole periods of some joints, nearly
+    long = committed_motion(duration_s=115.0)  # whole periods of some joints, nearly
     path = sine_path(robot.tree, long)
     limit = robot.tree.upper
     np.testing.assert_allclose(path.q.max(axis=0), np.array(SHORT.amplitudes) * limit, rtol=1e-2)
@@ -46,7 +48,7 @@ def test_sines_have_the_periods_and_amplitudes_of_the_text(robot):
 
 def test_an_arm_with_crooked_ranges_swings_about_their_middle():
     panda = rigid_body_robot("panda")
-    path = sine_path(panda.tree, committed(SineParameters, "arm_motion"))
+    path = sine_path(panda.tree, committed_motion())
     assert (path.q > panda.tree.lower).all()
     assert (path.q < panda.tree.upper).all()
     np.testing.assert_allclose(path.q[0], 0.5 * (panda.tree.lower + panda.tree.upper))
@@ -128,12 +130,22 @@ def test_engines_that_disagree_are_an_error():
         agreement(runs.__getitem__)
 
 
+def test_no_joint_may_swing_alike_where_schedules_are_chosen_and_where_they_are_scored():
+    both = committed(ArmMotionParameters, "arm_motion", use="tuning")
+    assert both.used.periods_s == both.tuning.periods_s
+    assert both.used.feedback == both.feedback
+    for name, values in (("periods_s", (9.0, 23.0)), ("amplitudes", (0.7, 0.1))):
+        changed = {name: values, **{other: (1.0,) for other in ("periods_s", "amplitudes") if other != name}}
+        with pytest.raises(ValidationError, match=rf"{name}: joints \[\d\] swing alike"):
+            committed(ArmMotionParameters, "arm_motion", tuning=changed, test={name: (values[0], 1.0)})
+
+
 def test_too_few_periods_and_too_fast_sines_are_named(robot):
     with pytest.raises(InputError, match="periods_s: has 2 values, the arm has 7 joints"):
-        sine_path(robot.tree, committed(SineParameters, "arm_motion", periods_s=(1.0, 2.0)))
+        sine_path(robot.tree, committed_motion(periods_s=(1.0, 2.0)))
     fast = (0.5, 19.0, 17.0, 13.0, 11.0, 7.0, 5.0)
     with pytest.raises(InputError, match=r"sine of joint 'lbr_iiwa_joint_1' reaches .* its limit is 10"):
-        sine_path(robot.tree, committed(SineParameters, "arm_motion", periods_s=fast))
+        sine_path(robot.tree, committed_motion(periods_s=fast))
 
 
 def test_feedback_is_damped_by_the_ratio(robot, feedback):

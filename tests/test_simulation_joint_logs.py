@@ -3,6 +3,7 @@ from functools import partial
 import numpy as np
 import pytest
 from committed import committed
+from dynamics_motion import committed_motion
 from rigid_body_robots import carrying
 
 from structlearn.ground.errors import InputError
@@ -10,7 +11,6 @@ from structlearn.ground.metrics import nmse
 from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.simulation.arm import ArmParameters
-from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
     ideal_log,
@@ -21,7 +21,8 @@ from structlearn.testbeds.dynamics.world.joint_logs import (
 )
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
-MOTION = committed(SineParameters, "arm_motion", duration_s=4.0)
+MOTION = committed_motion(duration_s=4.0)
+SEED = 3
 FRAMES = "/joint_states"
 
 
@@ -62,20 +63,22 @@ def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path
 
 def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
     parameters = committed(StandInParameters, "stand_in")
-    log = stand_in_log(robot, parameters, MOTION, "compiled")
-    true = stand_in(robot.tree, robot.inertias, parameters)
+    log = stand_in_log(robot, parameters, SEED, MOTION, "compiled")
+    true = stand_in(robot.tree, robot.inertias, parameters, SEED)
     friction = np.stack([true.viscous, true.coulomb, np.zeros(7)])
     wrong = nmse(predicted(robot, robot.inertias, log), log.torques[:-1])
     right = nmse(predicted(robot, true.inertias, log, friction), log.torques[:-1])
     assert (right < wrong).all()
     assert wrong[[0, 4, 5, 6]].min() > 0.2  # axes that carry little weight: friction decides
     assert "stand-in" in log.provenance["arm"]
-    assert stand_in_log(robot, parameters, MOTION, "compiled").torques.tobytes() == log.torques.tobytes()
+    assert (
+        stand_in_log(robot, parameters, SEED, MOTION, "compiled").torques.tobytes() == log.torques.tobytes()
+    )
 
 
 def test_links_of_the_stand_in_are_real_bodies(robot):
     parameters = committed(StandInParameters, "stand_in", mass_spread=0.4)
-    mechanics = stand_in(robot.tree, robot.inertias, parameters)
+    mechanics = stand_in(robot.tree, robot.inertias, parameters, SEED)
     moments = np.linalg.eigvalsh(mechanics.inertias.inertia)
     assert (mechanics.inertias.mass > 0).all()
     assert (moments > 0).all()
@@ -88,20 +91,47 @@ def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot,
     spreads = dict.fromkeys(("mass_spread", "centre_spread_m", "latency_ticks"), 0)
     nothing = committed(StandInParameters, "stand_in", **shares, **spreads)
     np.testing.assert_allclose(
-        stand_in_log(robot, nothing, MOTION, "compiled").torques, log.torques, atol=1e-8
+        stand_in_log(robot, nothing, SEED, MOTION, "compiled").torques, log.torques, atol=1e-8
     )
 
 
+def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(robot):
+    """Every robot has links and noise of its own, and noise is not that of its other log."""
+    parameters = committed(StandInParameters, "stand_in")
+    payload = committed(PayloadParameters, "record_motion.payload")
+    half = 500
+    empty, loaded, other = (
+        stand_in_log(robot, parameters, SEED, MOTION, "compiled"),
+        payload_log(robot, parameters, SEED, payload, MOTION, "compiled"),
+        stand_in_log(robot, parameters, SEED + 1, MOTION, "compiled"),
+    )
+    np.testing.assert_array_equal(loaded.positions[: half + 1], empty.positions[: half + 1])
+    assert np.abs(loaded.positions - empty.positions)[half + 10 :].max() > 1e-4
+    assert (loaded.torques[:half] != empty.torques[:half]).all()
+    assert np.abs(other.positions - empty.positions)[10:].max() > 1e-4
+    assert loaded.provenance["payload"] == "1.5 kg from 2 s on"
+    assert loaded.provenance["seed"] == empty.provenance["seed"] == str(SEED)
+
+
 def test_the_payload_appears_when_it_is_picked_up(robot):
+    """On a robot that is as its URDF has it, so that every torque is known."""
+    shares = (
+        "viscous_share",
+        "coulomb_share",
+        "ripple_share",
+        "noise_share",
+        "mass_spread",
+        "centre_spread_m",
+    )
+    ideal = committed(StandInParameters, "stand_in", **dict.fromkeys((*shares, "latency_ticks"), 0))
     parameters = committed(PayloadParameters, "record_motion.payload")
-    log = payload_log(robot, parameters, MOTION, "compiled")
+    log = payload_log(robot, ideal, SEED, parameters, MOTION, "compiled")
     loaded = carrying(robot, parameters.body)
     without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500
     np.testing.assert_allclose(without[:half], log.torques[:half], atol=1e-8)
     np.testing.assert_allclose(loaded_too[half:], log.torques[half:-1], atol=1e-8)
     assert np.abs(without[half:] - log.torques[half:-1]).max() > 1.0
-    assert log.provenance["payload"] == "1.5 kg from 2 s on"
 
 
 def test_both_engines_write_the_same_logs(robot):
@@ -111,8 +141,8 @@ def test_both_engines_write_the_same_logs(robot):
     )
     for log in (
         partial(ideal_log, robot),
-        partial(stand_in_log, robot, stand_in),
-        partial(payload_log, robot, payload),
+        partial(stand_in_log, robot, stand_in, SEED),
+        partial(payload_log, robot, stand_in, SEED, payload),
     ):
         row = log_agreement(log, MOTION).iloc[0]
         assert row["joint_rad"] < 1e-11

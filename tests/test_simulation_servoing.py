@@ -96,7 +96,7 @@ def test_scores_of_a_straight_approach():
     sign = np.sign(SCENE.finger.skin.coordinates(turned.point)[1][-1, 0] + 0.003)
     seconds = 0.006 / (RADIUS * 0.2) + SCENE.follow_s
     found = run(Steady([0, 0, 0, 0.2 * sign, 0, 0]), start, target, seconds)
-    tolerance = TOLERANCE.model_copy(update={"judged_s": 0.05})
+    tolerance = TOLERANCE.model_copy(update={"judged_s": 0.05, "pressure": 0.5})  # electrodes differ by place
     table = scored(found, start, target, SCENE, tolerance).iloc[0]
     assert table["success"]
     assert table["geodesic_mm"] == pytest.approx(6.0, rel=1e-3)

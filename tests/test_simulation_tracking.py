@@ -1,20 +1,33 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
+import torch
 from committed import committed
+from dynamics_motion import committed_motion
 
-from structlearn.rigid_body.any_model import bodies_model
+from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.any_model import bodies_model, model_torques
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
+from structlearn.rigid_body.inertia_parameters import free_parameters
+from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.operational_space_velocity import tool_motion
+from structlearn.rigid_body.seeded_training import OURS, TEXT
 from structlearn.simulation.arm import ArmParameters, ideal
-from structlearn.testbeds.dynamics.protocol.tracking import Candidate, Testbed, engine_agreement, known, track
-from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.protocol.tracking import (
+    Candidate,
+    Testbed,
+    engine_agreement,
+    known,
+    learned,
+    track,
+)
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 from structlearn.testbeds.dynamics.world.reaching import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
-MOTION = committed(SineParameters, "arm_motion", duration_s=2.0)
+MOTION = committed_motion(duration_s=2.0)
 REACHING = committed(ReachingParameters, "track.reaching", goals=2)
 
 
@@ -33,19 +46,19 @@ def robot():
 @pytest.fixture(scope="module")
 def testbed(robot):
     arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / MOTION.rate_hz, "compiled")
-    return Testbed("iiwa", arm, MOTION, REACHING)
+    return Testbed("iiwa", (0, 1), 0, arm, MOTION, REACHING)
 
 
 @pytest.fixture(scope="module")
 def stand_in_testbed(testbed, robot):
-    mechanics = stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in"))
+    mechanics = stand_in(robot.tree, robot.inertias, committed(StandInParameters, "stand_in"), 3)
     return replace(testbed, name="stand_in", arm=replace(testbed.arm, mechanics=mechanics))
 
 
 @pytest.fixture(scope="module")
 def tables(testbed, robot):
     broken = inverse_dynamics(robot.tree, robot.inertias, np.full((3, 7), np.nan))
-    return track(testbed, [*known(testbed, 2), Candidate("broken", (1,), bodies_model(broken))])
+    return track(testbed, [*known(testbed), Candidate("broken", TEXT, (1,), bodies_model(broken))])
 
 
 def test_the_truth_follows_sines_and_reaches(tables):
@@ -77,7 +90,7 @@ def test_paths_show_arm_and_tool(tables, testbed, robot):
 def test_scores_are_those_of_the_definition(testbed, robot):
     heavy = replace(robot.inertias, mass=1.2 * robot.inertias.mass)
     wrong = bodies_model(inverse_dynamics(robot.tree, heavy))
-    scores, paths = track(testbed, [Candidate("wrong", (0,), wrong)])
+    scores, paths = track(testbed, [Candidate("wrong", TEXT, (0,), wrong)])
     reach = scores.query("task == 'reach'").iloc[0]
     path = paths.query("task == 'reach'")
     tool, wanted = (path[[f"{name}_{axis}" for axis in "xyz"]].to_numpy() for name in ("tool", "wanted"))
@@ -87,10 +100,35 @@ def test_scores_are_those_of_the_definition(testbed, robot):
 
 def test_the_stand_in_has_a_default_model_beside_the_truth(testbed, stand_in_testbed):
     other = stand_in_testbed
-    assert [candidate.name for candidate in known(testbed, 1)] == ["ground_truth"]
-    assert [candidate.name for candidate in known(other, 1)] == ["ground_truth", "default"]
-    scores = track(other, known(other, 1))[0].query("task == 'reach'").set_index("model").position_nmse
-    assert scores["ground_truth"] < scores["default"]
+    assert [candidate.name for candidate in known(testbed)] == ["ground_truth"]
+    assert [candidate.name for candidate in known(other)] == ["ground_truth", "default"]
+    scores = track(other, known(other))[0].query("task == 'reach'").set_index("model").position_nmse
+    assert scores["ground_truth"].max() < scores["default"].min()
+
+
+def test_only_models_that_met_the_criterion_are_tracked_with(testbed):
+    """A model is that of its row, whatever rows are left out."""
+    robot = testbed.arm.robot
+    masses = {form: robot.inertias.mass * factor for form, factor in ((TEXT, 1.0), (OURS, 2.0))}
+
+    def read(form, name):
+        free = [
+            free_parameters(name, replace(robot.inertias, mass=masses[form] * part)) for part in (1.0, 1.5)
+        ]
+        state = {"inertia": torch.stack(free).numpy(), "friction": np.zeros((2, 7, 0))}
+        return DynamicsModels(name, robot.tree.names, (), (), state)
+
+    keys = ["model", "form", "seed", "met"]
+    rows = [("cov", TEXT, 0, False), ("cov", TEXT, 1, True), ("cov", OURS, 0, True), ("cov", OURS, 1, False)]
+    found = learned(testbed, pd.DataFrame(rows, columns=keys), read)
+    assert [(one.name, one.form, one.seeds) for one in found] == [("cov", TEXT, (1,)), ("cov", OURS, (0,))]
+    still = np.zeros(7)
+    for candidate, factor in zip(found, (1.5, 2.0), strict=True):
+        inertias = replace(robot.inertias, mass=robot.inertias.mass * factor)
+        expected = compiled_dynamics.inverse_dynamics(robot.tree, inertias)(still + 0.3, still, still + 1.0)
+        np.testing.assert_allclose(
+            model_torques(candidate.model, still + 0.3, still, still + 1.0), expected, atol=1e-3
+        )
 
 
 def test_both_engines_reach_alike(testbed, stand_in_testbed):

@@ -14,7 +14,13 @@ from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_comparison import learn
-from structlearn.tactile.latent_evaluation import ChainData, SplitData, forward_errors, latent_errors
+from structlearn.tactile.latent_evaluation import (
+    ChainData,
+    SplitData,
+    decoded_errors,
+    forward_errors,
+    latent_errors,
+)
 from structlearn.tactile.latent_files import read_models, write_models
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import (
@@ -32,7 +38,7 @@ from structlearn.tactile.latent_training import (
     training_data,
 )
 from structlearn.tactile.latent_variants import FORWARD_OF, JACOBIAN, NO_INVERSE, NONLINEAR
-from structlearn.tactile.servo_controller import ServoParameters, TactileServo
+from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST, TRAIN, chains
 from structlearn.tactile.units import touch_units
 
@@ -264,14 +270,14 @@ def test_controllers_move_the_touch_towards_the_target_in_their_own_model(compar
     start, target = (servo.encode(part) for part in samples.reshape(2, 2, 20, 19))
     action, memory = servo.act(start, target, servo.start(start))
     assert action.shape == (2, 20, 6)
-    assert memory.latent is start
+    np.testing.assert_array_equal(memory.latent, start[None])
     bound = np.linalg.norm(action / comparison.units.action_scale, axis=-1)
     assert bound.max() <= ServoParameters().largest_action * (1 + 1e-9)
-    np.testing.assert_allclose(memory.action, action / comparison.units.action_scale)
+    np.testing.assert_allclose(memory.action[0], action / comparison.units.action_scale)
     inverse = ServoParameters(**chosen).inverse
     dynamics = comparison.models.dynamics(FORWARD_OF[inverse], inverse).part(slice(0, 2))
     latent, goal = (torch.tensor(values, dtype=torch.float32).mT for values in (start, target))
-    done = torch.tensor(memory.action, dtype=torch.float32).mT
+    done = torch.tensor(memory.action[0], dtype=torch.float32).mT
     left, idle = (
         (goal - latent - dynamics.rate(latent, which) * 0.31).norm(dim=1).mean()
         for which in (done, torch.zeros_like(done))
@@ -279,9 +285,48 @@ def test_controllers_move_the_touch_towards_the_target_in_their_own_model(compar
     assert left < idle
 
 
+def test_with_actions_oftener_than_steps_the_step_before_still_lasts_a_step(comparison, touch):
+    """NJ with two actions per step chooses what it would with one whose action is the mean of both."""
+    dataset, _ = touch
+    often, once = (
+        TactileServo(comparison.models, comparison.units, True, ServoParameters(), 100 / 31, count)
+        for count in (2, 1)
+    )
+    latents = often.encode(dataset.signals[:160].reshape(2, 80, 19)).reshape(2, 4, 20, 3)
+    first, between, now, target = latents.swapaxes(0, 1)
+    memory = often.start(first)
+    actions = []
+    for latent in (first, between):
+        action, memory = often.act(latent, target, memory)
+        actions.append(action / comparison.units.action_scale)
+    found, _ = often.act(now, target, memory)
+    mean = ServoMemory(first[None], np.mean(actions, axis=0)[None])
+    np.testing.assert_allclose(found, once.act(now, target, mean)[0], rtol=1e-9)
+
+
 def test_gradient_has_no_horizon(comparison):
     with pytest.raises(InputError, match="its horizon must be 1"):
         TactileServo(comparison.models, comparison.units, True, ServoParameters(inverse="NG", horizon=2), 3.0)
+
+
+def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson, touch):
+    """Of the prediction that nothing moves, electrodes and pressure follow from the first touch alone."""
+    dataset, _ = touch
+    servo = TactileServo(comparison.models, comparison.units, True, ServoParameters(), 3.0)
+    rows = lesson.chains[:200]
+    chain = ChainData(lesson.signals, rows, lesson.actions[:200], lesson.time_step[:200])
+    table = decoded_errors(comparison.models, chain, comparison.units)
+    found = table.query("structure and seed == 1 and forward == 'unchanged' and steps == 2").iloc[0]
+    first, then = (dataset.signals[rows[:, step]] for step in (0, 2))
+    decoded = servo.decode(servo.encode(np.tile(first, (2, 1, 1))))[1]
+    assert found["electrodes"] == pytest.approx(metrics.nmse(decoded, then).mean(), rel=1e-3)
+    pressure = metrics.nmse(-decoded.mean(axis=1), -then.mean(axis=1))
+    assert found["pressure"] == pytest.approx(float(pressure), rel=1e-3)
+
+
+def test_parts_of_the_forward_error_make_its_mean(comparison):
+    table = comparison.forward
+    np.testing.assert_allclose(table["nmse"], (2 * table["plane"] + table["third"]) / 3, rtol=1e-5)
 
 
 def test_evaluation_leaves_models_as_they_are(comparison, lesson):

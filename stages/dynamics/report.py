@@ -2,11 +2,13 @@
 
 import pandas as pd
 
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.reporting.studies import read_study
 from structlearn.rigid_body.agreement import agreement_with_pinocchio
 from structlearn.rigid_body.model_names import COULOMB
 from structlearn.rigid_body.online_learning import OnlineParameters
-from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters
+from structlearn.rigid_body.seeded_training import TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
@@ -18,14 +20,15 @@ from structlearn.testbeds.dynamics.protocol.robot_behind_log import (
 )
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
-from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
 from structlearn.testbeds.dynamics.world.scene_still import arm_still
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 PARAMETERS = {
     "arm": ArmParameters,
-    "arm_motion": SineParameters,
+    "dynamics_robots": Population,
+    "arm_motion": ArmMotionParameters,
     "stand_in": StandInParameters,
     "record_motion": MotionSourceParameters,
     "train_dynamics": DynamicsTrainingParameters,
@@ -40,24 +43,33 @@ def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     arm, robot = parameters["arm"], parameters["arm"].read()
     simulated = parameters["record_motion"].source == SIMULATED
-    mechanics = stand_in(robot.tree, robot.inertias, parameters["stand_in"]) if simulated else None
-    motion, dt = files.read_robot_motion(parameters["train_dynamics"].smoothing_hz)
-    learned = files.read_robot_models(FRICTION_MODELS, parameters["track"].loss)
+    known, friction, residuals = [], [], []
+    for seed in files.robots():
+        true = stand_in(robot.tree, robot.inertias, parameters["stand_in"], seed) if simulated else None
+        motion, dt = files.read_robot_motion(seed, parameters["train_dynamics"].smoothing_hz)
+        learned = files.read_robot_models(seed, FRICTION_MODELS, TEXT)
+        known.append(known_errors(robot, true, motion).assign(seed=seed))
+        friction.append(friction_table(learned, true).assign(seed=seed))
+        if not residuals:
+            residuals.append(residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, 1.0 / dt))
+    study = read_study("dynamics/optimiser")
     urdfs = dict.fromkeys([*COMPARED, arm.urdf])
     agreement = [{"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name))) for name in urdfs]
     results = DynamicsResults(
         **files.read_tables(),
         agreement=pd.DataFrame(agreement),
-        engines=files.read_engines(simulated),
-        known=known_errors(robot, mechanics, motion),
-        friction=friction_table(learned, mechanics),
-        residuals=residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, 1.0 / dt),
-        stand_in=parameters["stand_in"] if simulated else None,
-        motion=parameters["arm_motion"],
+        engines=files.read_engines(),
+        known=pd.concat(known, ignore_index=True),
+        friction=pd.concat(friction, ignore_index=True),
+        residuals=residuals[0],
+        simulated=simulated,
+        stand_in=parameters["stand_in"],
+        motion=parameters["arm_motion"].used,
         training=parameters["train_dynamics"],
         learning_online=parameters["online"],
         tracking=parameters["track"],
         carried=parameters["record_motion"].payload,
+        trials=None if study is None else study.table,
     )
     still = arm_still(str(urdf_path(arm.urdf)), robot.tree, results.motion)
     publish_dynamics(results, still, parameters, "reports/dynamics")

@@ -1,10 +1,15 @@
-"""Let the arm and the stand-in follow sines and reaches with every model (tables III.1 and III.2)."""
+"""Let the arm and the stand-ins follow sines and reaches with every model (tables III.1 and III.2)."""
+
+from collections.abc import Sequence
+from functools import cache
 
 import pandas as pd
 
-from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.artefacts import publish, read_table, write_table
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.rigid_body.model_files import read_dynamics_models
+from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models
+from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import (
     Testbed,
@@ -14,7 +19,7 @@ from structlearn.testbeds.dynamics.protocol.tracking import (
     learned,
     track,
 )
-from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
+from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
@@ -24,24 +29,34 @@ MODELS = "data/dynamics/models"
 
 def main() -> None:
     parameters = stage_parameters("track", TrackingParameters)
-    motion = stage_parameters("arm_motion", SineParameters)
+    motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(parameters.sine_s)
+    robots = stage_parameters("dynamics_robots", Population).test
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
+    outcomes = read_table(f"{MODELS}/outcomes.parquet")
 
-    def testbed(name: str, mechanics: Mechanics) -> Testbed:
+    def testbed(name: str, seeds: Sequence[int], shown: int, mechanics: Mechanics) -> Testbed:
         moved = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, arm.engine)
-        return Testbed(name, moved, motion, parameters.reaching)
+        return Testbed(name, tuple(seeds), shown, moved, motion, parameters.reaching)
 
-    beds = [(testbed("iiwa", ideal(robot.inertias)), parameters.models)]
+    seeds = [int(seed) for seed in outcomes[outcomes["arm"] == IDEAL]["seed"].unique()]
+    beds = [(testbed(IDEAL, seeds, seeds[0], ideal(robot.inertias)), IDEAL, parameters.models)]
     if stage_parameters("record_motion", MotionSourceParameters).source == SIMULATED:
-        mechanics = stand_in(robot.tree, robot.inertias, stage_parameters("stand_in", StandInParameters))
-        beds.append((testbed("stand_in", mechanics), parameters.models + parameters.robot_models))
+        stand_ins = stage_parameters("stand_in", StandInParameters)
+        for seed in robots:
+            mechanics = stand_in(robot.tree, robot.inertias, stand_ins, seed)
+            bed = testbed(ROBOT, [seed], robots[0], mechanics)
+            beds.append((bed, f"{ROBOT}/{seed}", parameters.models + parameters.robot_models))
     tables = []
-    for bed, names in beds:
-        files = {name: f"{MODELS}/{bed.name}/{parameters.loss}/{name}.safetensors" for name in names}
-        models = {name: read_dynamics_models(file) for name, file in files.items()}
+    for bed, folder, names in beds:
+
+        @cache
+        def read(form: str, name: str, folder: str = folder) -> DynamicsModels:
+            return read_dynamics_models(f"{MODELS}/{folder}/{form}/{name}.safetensors")
+
+        its = (outcomes["arm"] == bed.name) & outcomes["model"].isin(names) & outcomes["seed"].isin(bed.seeds)
         agreement = engine_agreement(bed)  # first: it also compiles, once, what all processes run
-        tables.append((agreement, *track(bed, [*known(bed, parameters.seeds), *learned(bed, models)])))
+        tables.append((agreement, *track(bed, [*known(bed), *learned(bed, outcomes[its], read)])))
     agreement, scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
     with publish("data/dynamics/tracking") as folder:
         folder.mkdir()

@@ -5,7 +5,7 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
-from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
+from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM
 from structlearn.testbeds.dynamics.protocol.tracked_reaches import tracked_reaches
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.recordings.payload import write_payload
@@ -28,16 +28,17 @@ def main() -> None:
     names = robot.tree.names
     tables = files.read_tables("paths", "scores", "payload")
     reaches = {
-        bed: tracked_reaches(tables["paths"], tables["scores"], bed, models, names)
+        bed: tracked_reaches(tables["paths"], tables["scores"], bed, SHOWN_FORM, models, names)
         for bed, models in ((IDEAL, chosen.models), (ROBOT, chosen.robot_models))
     }
-    motion, dt = files.read_robot_motion(
-        stage_parameters("train_dynamics", DynamicsTrainingParameters).smoothing_hz
-    )
-    models = files.read_robot_models(chosen.torque_models, tracking.loss)
+    first = files.robots()[0]
+    cutoff_hz = stage_parameters("train_dynamics", DynamicsTrainingParameters).smoothing_hz
+    motion, dt = files.read_robot_motion(first, cutoff_hz)
+    models = files.read_robot_models(first, chosen.torque_models, SHOWN_FORM)
     torques = shown_torques(robot, motion, dt, models, tracking.reaching.tool_m, chosen)
     log = files.read_payload_log()
-    payload = shown_payload(robot.tree, log, tables["payload"], source.payload, chosen)
+    learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
+    payload = shown_payload(robot.tree, log, learned, source.payload, chosen)
     simulated = source.source == SIMULATED
     whose = "stand-in (simulated)" if simulated else "robot"
     with publish("reports/recordings/dynamics") as folder:

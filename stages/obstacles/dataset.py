@@ -1,29 +1,37 @@
-"""Learn the unhindered reach, and what hands do about obstacles as supervised data (IV.8.1, eq. IV.23)."""
+"""Learn unhindered reaches, and what hands do about obstacles as supervised data (IV.8.1, eq. IV.23)."""
 
-from structlearn.avoidance.avoidance_dataset import (
-    AvoidanceDataParameters,
-    avoidance_dataset,
-    fit_baseline,
-    to_table,
-)
+from functools import partial
+
+import pandas as pd
+
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.parallel import parallel_map
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
-from structlearn.testbeds.obstacles.files import BASELINE, read_scenarios, write_baseline
-from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
-
-RAW = "data/raw/obstacles"
+from structlearn.testbeds.obstacles.files import write_baselines
+from structlearn.testbeds.obstacles.protocol.people import taught
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
 
 
 def main() -> None:
-    parameters = stage_parameters("obstacle_dataset", AvoidanceDataParameters)
-    places = scenarios(stage_parameters("obstacle_scene", SceneParameters))
-    baseline = fit_baseline(read_demonstrations(f"{RAW}/{BASELINE}"), parameters)
-    sets = zip((place.obstacle for place in places), read_scenarios(places, RAW), strict=True)
+    population = stage_parameters("obstacle_people", Population)
+    teach = partial(
+        taught,
+        recorded="data/raw/obstacles",
+        scene=stage_parameters("obstacle_scene", SceneParameters),
+        person=stage_parameters("obstacle_demonstrator", AvoiderParameters),
+        parameters=stage_parameters("obstacle_dataset", AvoidanceDataParameters),
+    )
+    people = [population.shown, *population.test]
+    found = parallel_map(teach, people, "what people do past obstacles", local=True)
+    baselines, samples, scores = zip(*found, strict=True)
     with publish("data/obstacles/dataset") as folder:
         folder.mkdir()
-        write_baseline(baseline, folder / "baseline.safetensors")
-        write_table(to_table(avoidance_dataset(sets, baseline, parameters)), folder / "samples.parquet")
+        write_baselines(dict(zip(people, baselines, strict=True)), folder / "baselines.safetensors")
+        write_table(pd.concat(samples, ignore_index=True), folder / "samples.parquet")
+        write_table(pd.concat(scores, ignore_index=True), folder / "demonstrations.parquet")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The report of the obstacle testbed: figures, tables, metrics and the page that shows them."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files
@@ -25,15 +26,17 @@ def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     places = scenarios(parameters["obstacle_scene"])
     found = files.read_evaluation()
-    setting = example_setting(found.scores)
+    population = stage_parameters("obstacle_people", Population)
+    setting = example_setting(found.scores, population.shown)
     shown = [scenario for scenario in places if scenario.setting == setting]
     demonstrations = files.read_scenarios(shown)
     results = ObstacleResults(
         found=found,
         errors=files.read_errors(),
-        baseline=files.read_baseline(),
+        baselines=files.read_baselines(),
         scenarios=places,
-        shown={scenario.shape: its for scenario, its in zip(shown, demonstrations, strict=True)},
+        demonstrations={scenario.shape: its for scenario, its in zip(shown, demonstrations, strict=True)},
+        population=population,
         parameters=parameters,
     )
     page = document(results)

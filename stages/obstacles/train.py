@@ -1,8 +1,9 @@
-"""Train avoidance models per setting, per shape and for all shapes (IV.8.5, IV.8.6)."""
+"""Train everybody's avoidance models per setting, per shape and for all shapes (IV.8.5, IV.8.6)."""
 
 from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.avoidance.learned_models import write_models
 from structlearn.ground.artefacts import publish, read_table, write_table
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import learn
 from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
@@ -11,12 +12,16 @@ from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scen
 
 def main() -> None:
     parameters = stage_parameters("obstacle_training", AvoidanceTrainingParameters)
+    shown = stage_parameters("obstacle_people", Population).shown
     places = scenarios(stage_parameters("obstacle_scene", SceneParameters))
-    dataset = from_table(read_table("data/obstacles/dataset/samples.parquet"))
-    models, errors = learn(dataset, places, parameters)
+    samples = read_table("data/obstacles/dataset/samples.parquet")
+    datasets = {person: from_table(rows) for person, rows in samples.groupby("person", sort=False)}
+    models, errors = learn(datasets, places, parameters, shown)
     with publish("data/obstacles/models") as folder:
         folder.mkdir()
-        write_models(models, folder)
+        for person, its in models.items():
+            (folder / str(person)).mkdir()
+            write_models(its, folder / str(person))
         write_table(errors, folder / "errors.parquet")
 
 

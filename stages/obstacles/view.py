@@ -2,6 +2,7 @@
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.artefacts import publish
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
@@ -22,12 +23,15 @@ def main() -> None:
     tested = stage_parameters("obstacle_evaluation", avoidance_protocols.AvoidanceEvaluationParameters)
     cloud_count = stage_parameters("obstacle_dataset", AvoidanceDataParameters).cloud_count
     places = scenarios(stage_parameters("obstacle_scene", SceneParameters))
-    baseline = files.read_baseline()
+    person = stage_parameters("obstacle_people", Population).shown
+    baseline = files.read_baselines()[person]
     found = files.read_evaluation()
-    reaches = unrolled_reaches.reaches_by_situation(found.paths, found.scores, baseline)
+    scores = found.scores[found.scores["person"] == person]
+    reaches = unrolled_reaches.reaches_by_situation(found.paths, scores, baseline)
     chosen = chosen_scenarios(places, names)
     people = files.read_scenarios(list(chosen.values()))
-    shown = shown_scenarios(chosen, people, files.read_samples(), reaches, cloud_count)
+    samples = files.read_samples()
+    shown = shown_scenarios(chosen, people, samples[samples["person"] == person], reaches, cloud_count)
     hit = {number for _, number in unrolled_reaches.hit_settings(reaches, avoidance_protocols.TRAINED)}
     settings = [(place, place.setting in hit) for place in places if place.shape == places[0].shape]
     unseen = avoidance_protocols.unseen(baseline)

@@ -1,23 +1,25 @@
-"""Demonstrate, learn and servo with fingers of another shape: the method assumes no geometry (II.5)."""
+"""Demonstrate and learn with fingers of another shape: the method assumes no geometry (II.5)."""
+
+from functools import partial
 
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, write_table
+from structlearn.ground.parallel import parallel_map
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
+from structlearn.tactile.latent_files import write_models
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
-from structlearn.testbeds.servoing.protocol.other_skins import with_other_skin
-from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
+from structlearn.testbeds.servoing.protocol.other_skins import learn_other_skin
 
 SHARED = {
     "touch_dataset": TouchDataParameters,
     "geodesics": GeodesicParameters,
     "train_latent": LatentParameters,
-    "servo": ServoTrialParameters,
 }
 
 
@@ -27,15 +29,15 @@ def main() -> None:
     finger = stage_parameters("touch_finger", TouchFingerParameters)
     electrodes = stage_parameters("testbed.touch", TouchParameters)
     learning = [stage_parameters(key, model) for key, model in SHARED.items()]
-    found = [
-        with_other_skin(name, other, person, finger.with_electrodes_of(electrodes), *learning)
-        for name in other.skins
-    ]
+    learned = partial(learn_other_skin, other, person, finger.with_electrodes_of(electrodes), *learning)
+    found = dict(zip(other.skins, parallel_map(learned, other.skins, "other skins", local=True), strict=True))
     with publish("data/servoing/other_skins") as folder:
         folder.mkdir()
-        for name in found[0] if found else ():
-            table = pd.concat([tables[name] for tables in found], ignore_index=True)
-            write_table(table, folder / f"{name}.parquet")
+        for name, one in found.items():
+            write_models(one.models, one.units, folder / f"{name}.safetensors")
+        for table in ("latent", "directions"):
+            parts = [getattr(one, table).assign(skin=name) for name, one in found.items()]
+            write_table(pd.concat(parts, ignore_index=True), folder / f"{table}.parquet")
 
 
 if __name__ == "__main__":

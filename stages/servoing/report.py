@@ -1,15 +1,17 @@
 """The report of the servoing testbed: figures, tables, metrics and the page that shows them."""
 
+from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.source import SourceParameters
 from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.studies import read_study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing import files
 from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.page import document
-from structlearn.testbeds.servoing.page.results import HEADLINES, ServoingResults
+from structlearn.testbeds.servoing.page.results import HEADLINES, STUDIES, ServoingResults
 from structlearn.testbeds.servoing.page.tables import tables
 from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
 from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
@@ -22,6 +24,7 @@ PARAMETERS = {
     "train_latent": LatentParameters,
     "servo": ServoTrialParameters,
     "other_skins": OtherSkinsParameters,
+    "servo_people": Population,
 }
 
 
@@ -35,6 +38,7 @@ def main() -> None:
         comparison=files.closed_loops() if simulated else None,
         skin_tables=files.other_skins(),
         chosen=chosen,
+        studies={name: read_study(f"servoing/{name}") for name in STUDIES},
     )
     shown, metrics = tables(results), results.metrics()
     publish_report(

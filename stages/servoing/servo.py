@@ -1,5 +1,7 @@
 """Servo simulated fingers to random contacts in closed loop with all controllers (II.4.6)."""
 
+import pandas as pd
+
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.source import SourceParameters
@@ -7,30 +9,36 @@ from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_files import read_models
-from structlearn.tactile.resting_servo import demonstrated_actions
-from structlearn.tactile.touch_dataset import read_dataset
+from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
 from structlearn.testbeds.servoing.protocol.servo_trials import Taught, compare
-from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters, variants
+from structlearn.testbeds.servoing.protocol.servo_variants import (
+    ServoTrialParameters,
+    variants,
+    variants_of_other_skins,
+)
 
 
 def main() -> None:
     parameters = stage_parameters("servo", ServoTrialParameters)
-    models, units = read_models("data/servoing/models.safetensors")
-    likely = demonstrated_actions(read_dataset("data/servoing/touch.safetensors"))
+    person = stage_parameters("toucher", ToucherParameters)
+    other = stage_parameters("other_skins", OtherSkinsParameters)
+    finger = stage_parameters("touch_finger", TouchFingerParameters).with_electrodes_of(
+        stage_parameters("testbed.touch", TouchParameters)
+    )
     with publish("data/servoing/servo") as folder:
         folder.mkdir()
         if stage_parameters("record_touch", SourceParameters).simulated:  # a recorded finger is another one
-            finger = stage_parameters("touch_finger", TouchFingerParameters)
-            electrodes = stage_parameters("testbed.touch", TouchParameters)
-            comparison = compare(
-                Taught(models, units, likely),
-                stage_parameters("toucher", ToucherParameters),
-                finger.with_electrodes_of(electrodes),
-                parameters,
-                variants(parameters.horizon),
-            )
+            taught = Taught(*read_models("data/servoing/models.safetensors"))
+            comparison = compare(taught, person, finger, parameters, variants(parameters.horizon))
             for name, table in vars(comparison).items():
                 write_table(table, folder / f"{name}.parquet")
+        trials = []
+        for name in other.skins:
+            taught = Taught(*read_models(f"data/servoing/other_skins/{name}.safetensors"))
+            its_person, chosen = other.person_with(name, person), variants_of_other_skins()
+            found = compare(taught, its_person, finger, parameters, chosen).trials
+            trials.append(found.assign(skin=name))
+        write_table(pd.concat(trials, ignore_index=True), folder / "other_skins.parquet")
 
 
 if __name__ == "__main__":

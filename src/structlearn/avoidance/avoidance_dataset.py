@@ -33,9 +33,8 @@ class AvoidanceDataParameters(Parameters):
     Attributes:
         rate_hz: at which positions are differentiated; central differences at 25 Hz would flatten an
             acceleration of 2 Hz by 8 %.
-        smoothing_hz: low-pass before that. Near obstacles, with the demonstrator's noise, the error of the
-            coupling term is 1 to 2 % of its variance at 3 to 5 Hz; it is 5 to 8 % at the author's 1.5 Hz,
-            which flattens detours, and 4 to 7 % at 8 Hz, where marker noise times tau^2 comes through.
+        smoothing_hz: low-pass before that. Much less, as the author's 1.5 Hz, flattens detours; with much
+            more, marker noise times tau^2 comes through.
         keep_every: of these samples, those that are learned from.
         cloud_count: points of an obstacle's surface.
     """

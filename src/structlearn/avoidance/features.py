@@ -84,6 +84,29 @@ def features(
     return values
 
 
+def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
+    """The same obstacles as a hand sees them that is elsewhere, and moves otherwise.
+
+    The three points stay those that were closest: it is the obstacle that is seen from elsewhere, not others.
+
+    Args:
+        features: (..., 17).
+        position: (..., 3) by which the hand is off, m.
+        scaled_velocity: (..., 3) by which tau v is off, m.
+
+    Returns:
+        (..., 17).
+    """
+    found = np.array(features, dtype=float)
+    found[..., TO_CENTRE] -= position
+    found[..., TO_POINTS] -= np.repeat(position, CLOSEST_POINTS, axis=-1)
+    found[..., SCALED_VELOCITY] += scaled_velocity
+    found[..., CENTRE_DISTANCE] = _norm(found[..., TO_CENTRE])
+    nearest = found[..., TO_POINTS][..., ::CLOSEST_POINTS]
+    found[..., APPROACH_COSINE] = _cosine(found[..., SCALED_VELOCITY], nearest)
+    return found
+
+
 def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
     """Distance to the closest point of a cloud.
 

@@ -18,8 +18,7 @@ not depend on it. And a movement is let go as far as a modest coupling term can 
 primitive's own attraction can: a detour round an obstacle close to the goal needs that.
 
 From the first deadline on the movement is over: nothing that a model asks for acts, only what a later limit
-needs. Otherwise a model that still sees its obstacle drives the hand off its goal again in between; 0.2 m
-were seen.
+needs. Otherwise a model that still sees its obstacle drives the hand off its goal again in between.
 """
 
 from collections.abc import Sequence

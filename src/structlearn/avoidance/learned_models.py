@@ -1,4 +1,4 @@
-"""What has been learned: avoidance models of three kinds by what they learned from, and their files."""
+"""What has been learned: avoidance models of four kinds by what they learned from, and their files."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,8 @@ from structlearn.avoidance.phase_modulated import (
     write_phase_modulated,
 )
 
-NETWORK, HUMAN_INSPIRED, PHASE_MODULATED = "network", "human_inspired", "phase_modulated"
+NETWORK, ENSEMBLE = "network", "ensemble"
+HUMAN_INSPIRED, PHASE_MODULATED = "human_inspired", "phase_modulated"
 """Kinds of models: names of their files, and in tables."""
 
 SETTING, ALL = "setting", "all"
@@ -30,15 +31,19 @@ SETTING, ALL = "setting", "all"
 
 @dataclass(frozen=True)
 class AvoidanceModels:
-    """Models by what they learned from: a shape, `all`, or `setting`, a stack with one for every scenario.
+    """Models of one person by what they learned from: a shape, `all`, or `setting`.
+
+    The latter are stacks with a model for each of some scenarios.
 
     Attributes:
-        networks: the avoidance network.
+        networks: the avoidance network, a single one as in the text.
+        ensembles: means of several (`network_training.EnsembleParameters`).
         human_inspired: the model of Rai et al.
-        phase_modulated: the phase-modulated network.
+        phase_modulated: the phase-modulated network; may be left out.
     """
 
     networks: Mapping[str, AvoidanceNetworks]
+    ensembles: Mapping[str, AvoidanceNetworks]
     human_inspired: Mapping[str, HumanInspiredModels]
     phase_modulated: Mapping[str, PhaseModulatedAvoidance]
 
@@ -47,6 +52,7 @@ class AvoidanceModels:
         """The models by their kind."""
         return {
             NETWORK: self.networks,
+            ENSEMBLE: self.ensembles,
             HUMAN_INSPIRED: self.human_inspired,
             PHASE_MODULATED: self.phase_modulated,
         }
@@ -55,8 +61,10 @@ class AvoidanceModels:
 def write_models(models: AvoidanceModels, folder: str | Path) -> None:
     """Write one safetensors file per kind of model into a folder."""
     write_avoidance_networks(models.networks, _file(folder, NETWORK))
+    write_avoidance_networks(models.ensembles, _file(folder, ENSEMBLE))
     write_human_inspired(models.human_inspired, _file(folder, HUMAN_INSPIRED))
-    write_phase_modulated(models.phase_modulated, _file(folder, PHASE_MODULATED))
+    if models.phase_modulated:
+        write_phase_modulated(models.phase_modulated, _file(folder, PHASE_MODULATED))
 
 
 def read_models(folder: str | Path) -> AvoidanceModels:
@@ -65,10 +73,12 @@ def read_models(folder: str | Path) -> AvoidanceModels:
     Raises:
         InputError: a file is missing or holds something else.
     """
+    modulated = _file(folder, PHASE_MODULATED)
     return AvoidanceModels(
         networks=read_avoidance_networks(_file(folder, NETWORK)),
+        ensembles=read_avoidance_networks(_file(folder, ENSEMBLE)),
         human_inspired=read_human_inspired(_file(folder, HUMAN_INSPIRED)),
-        phase_modulated=read_phase_modulated(_file(folder, PHASE_MODULATED)),
+        phase_modulated=read_phase_modulated(modulated) if modulated.exists() else {},
     )
 
 

@@ -43,7 +43,7 @@ VALIDATION_SHARE = 0.15
 TOLERANCE = 1e-4
 """Training stops when some steps in a row (`SLOW_STEPS`) gain less than this part of the error."""
 
-WEIGHTS, SPLIT = 0, 1
+WEIGHTS, SPLIT, LESSON = 0, 1, 2
 """Last number of a network's streams of random numbers."""
 
 VALIDATION, EVIDENCE = "validation", "evidence"

@@ -3,9 +3,22 @@
 A fifth of the demonstrations of every scenario tests. The dissertation does not say whether its 80/20 split
 is of samples or demonstrations; neighbouring samples are nearly the same, so a test on other samples of the
 same demonstration would say little.
+
+Beside single networks, as in the text, there are ensembles: means of networks that each see other
+demonstrations, and those from elsewhere. A network of the text sees how fast a hand already avoids, and so
+learns that who has not begun to avoid need not: in the loop that confirms itself, and the hand goes straight
+on. Members of an ensemble see every sample from a state (x + dx, v + dv) across the reach, drawn at random,
+with the coupling term that was demonstrated there. Under it the displacement dies out as the primitive's own
+attraction lets it,
+
+    tau^2 dx'' = -alpha (beta dx + tau dx'),
+
+since it is what is left of two solutions of the transformation system with the same coupling term. So members
+can tell what to do by the obstacle only, not by what was done before.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -15,9 +28,10 @@ from pydantic import Field, PositiveInt
 from structlearn.avoidance import avoidance_network
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
-from structlearn.avoidance.features import CouplingModel
+from structlearn.avoidance.features import CouplingModel, displaced
 from structlearn.avoidance.human_inspired import HumanInspiredModels, fit_human_inspired
 from structlearn.avoidance.levenberg_marquardt import (
+    LESSON,
     SPLIT,
     VALIDATION,
     VALIDATION_SHARE,
@@ -54,6 +68,20 @@ class NetworkParameters(Parameters):
     training: LevenbergMarquardtParameters
 
 
+class EnsembleParameters(NetworkParameters):
+    """A mean of networks, each of which sees part of the demonstrations, from elsewhere.
+
+    Attributes:
+        demonstrations: that a member sees, drawn at random; all where there are not as many.
+        displaced_m: std of the displacement of the hand across the reach, per axis and sample.
+        displaced_velocity_m: likewise of tau v.
+    """
+
+    demonstrations: PositiveInt
+    displaced_m: float = Field(ge=0, le=0.5)
+    displaced_velocity_m: float = Field(ge=0, le=5)
+
+
 class SplitParameters(Parameters):
     """Which demonstrations test.
 
@@ -84,11 +112,6 @@ def held_out_rows(dataset: AvoidanceDataset, parameters: SplitParameters) -> np.
     return mask
 
 
-def by_scenario(dataset: AvoidanceDataset) -> list[AvoidanceDataset]:
-    """The samples of each scenario, in the order of their numbers."""
-    return [dataset.where(dataset.scenario == scenario) for scenario in np.unique(dataset.scenario)]
-
-
 def fit_networks(
     datasets: Sequence[AvoidanceDataset], parameters: NetworkParameters, description: str
 ) -> AvoidanceNetworks:
@@ -96,7 +119,7 @@ def fit_networks(
 
     Args:
         datasets: training samples of each network.
-        parameters: see there.
+        parameters: see there; of an ensemble every member has a `lesson` of its own.
         description: what the progress bar says.
 
     Returns:
@@ -116,6 +139,25 @@ def fit_networks(
     return stacked(layers, datasets, parameters)
 
 
+def lesson(
+    dataset: AvoidanceDataset, parameters: EnsembleParameters, stream: Sequence[int]
+) -> AvoidanceDataset:
+    """What one member of an ensemble sees of the samples: some demonstrations, from elsewhere.
+
+    Args:
+        dataset: training samples.
+        parameters: see there.
+        stream: which random numbers are the member's own.
+    """
+    rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
+    which = _demonstrations(dataset)
+    chosen = rng.permutation(which.max() + 1)[: parameters.demonstrations]
+    seen = dataset.where(np.isin(which, chosen))
+    sizes = np.array([parameters.displaced_m, parameters.displaced_velocity_m])[:, None, None]
+    off = sizes * rng.standard_normal((2, len(seen), 3)) * (0.0, 1.0, 1.0)  # x is never acted upon
+    return replace(seen, features=displaced(seen.features, *off))
+
+
 def stacked(
     layers: Sequence[avoidance_network.Layers],
     datasets: Sequence[AvoidanceDataset],
@@ -128,14 +170,19 @@ def stacked(
 
 
 def train_member(
-    dataset: AvoidanceDataset, parameters: NetworkParameters, stream: Sequence[int]
+    dataset: AvoidanceDataset,
+    parameters: NetworkParameters,
+    stream: Sequence[int],
+    seen: AvoidanceDataset | None = None,
 ) -> tuple[np.ndarray, ...]:
     """Train one network in this process.
 
     Args:
-        dataset: training samples; by the rule `validation` some demonstrations of them say when to stop.
+        dataset: training samples, whose ranges scale inputs and outputs.
         parameters: see there; `members` are not looked at.
         stream: which random numbers are its own.
+        seen: the samples that it learns from; default all. By the rule `validation` some demonstrations of
+            them say when to stop.
 
     Returns:
         Its layers, in the units of `avoidance_network.scaled_networks`.
@@ -143,16 +190,16 @@ def train_member(
     Raises:
         InputError: the target of an axis is constant, or there is one demonstration and none to validate.
     """
-    inputs = _inputs(dataset, COLUMNS[parameters.inputs])
-    low, high = avoidance_network.input_range(inputs)
+    columns, seen = COLUMNS[parameters.inputs], dataset if seen is None else seen
+    low, high = avoidance_network.input_range(_inputs(dataset, columns))
     samples = Samples(
-        2.0 * (inputs - low) / (high - low) - 1.0,
-        (dataset.target - dataset.target.mean(axis=0)) / avoidance_network.output_scale(dataset.target),
+        2.0 * (_inputs(seen, columns) - low) / (high - low) - 1.0,
+        (seen.target - dataset.target.mean(axis=0)) / avoidance_network.output_scale(dataset.target),
     )
     training = parameters.training
     if training.rule != VALIDATION:
         return train(samples, parameters.hidden, training, stream=stream).layers
-    held = _validation_rows(dataset, training, stream)
+    held = _validation_rows(seen, training, stream)
     return train(samples.where(~held), parameters.hidden, training, samples.where(held), stream).layers
 
 
@@ -178,12 +225,12 @@ def fit_errors(
 
     Returns:
         Per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z` and their mean
-        `nmse`; `dominant` (the axis of `dominant_axis` over all samples, or "") and `nmse_dominant` (NaN
-        without one).
+        `nmse`; `dominant` (the axis of `dominant_axis` over all samples of a single scenario, or "") and
+        `nmse_dominant` (NaN without one).
     """
     rows = []
     for place, (dataset, mask, model) in enumerate(zip(datasets, tests, models, strict=True)):
-        axis = dominant_axis(dataset)
+        axis = dominant_axis(dataset) if len(np.unique(dataset.scenario)) == 1 else None
         for part, chosen in (("train", ~mask), ("test", mask)):
             its = dataset.where(chosen)
             found = nmse(model(its.features, its.phase, its.phase_velocity), its.target)
@@ -235,7 +282,15 @@ def _inputs(dataset: AvoidanceDataset, columns: Sequence[int]) -> np.ndarray:
 
 
 def _trained(work: tuple[AvoidanceDataset, NetworkParameters, tuple[int, int]]) -> tuple[np.ndarray, ...]:
-    return train_member(*work)
+    dataset, parameters, stream = work
+    seen = lesson(*work) if isinstance(parameters, EnsembleParameters) else None
+    return train_member(dataset, parameters, stream, seen)
+
+
+def _demonstrations(dataset: AvoidanceDataset) -> np.ndarray:
+    """Number (S,) of each sample's demonstration among all, from 0."""
+    keys = np.stack([dataset.scenario, dataset.demonstration], axis=1)
+    return np.unique(keys, axis=0, return_inverse=True)[1].ravel()
 
 
 def _validation_rows(
@@ -246,13 +301,13 @@ def _validation_rows(
     Raises:
         InputError: there is only one demonstration.
     """
-    keys = np.stack([dataset.scenario, dataset.demonstration], axis=1)
-    found, which = np.unique(keys, axis=0, return_inverse=True)
-    if len(found) < 2:
+    which = _demonstrations(dataset)
+    number = int(which.max()) + 1
+    if number < 2:
         raise InputError("one demonstration only: none would be left to validate")
-    count = min(max(round(VALIDATION_SHARE * len(found)), 1), len(found) - 1)
-    chosen = np.random.default_rng([training.seed, *stream, SPLIT]).permutation(len(found))[:count]
-    return np.isin(which.ravel(), chosen)
+    count = min(max(round(VALIDATION_SHARE * number), 1), number - 1)
+    chosen = np.random.default_rng([training.seed, *stream, SPLIT]).permutation(number)[:count]
+    return np.isin(which, chosen)
 
 
 def _steered(dataset: AvoidanceDataset) -> HumanInspiredModels:

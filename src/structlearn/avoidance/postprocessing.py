@@ -7,11 +7,9 @@
 x_first and x_last are the smallest and largest x of the obstacle's points. The text prints the obstacle's x
 for both, and no k; the author's code has the points and k = 10 1/m^2, and so it is here.
 
-These rules alone do not bring the movement to its goal. A coupling term of 1 holds it 6.4 mm off, networks
-ask for tens, and past an obstacle close to the goal, or level with it, hardly anything fades. In a trial with
-a network per shape, movements past 63 unseen spheres were up to 396 mm off 1.5 durations after their start
-with k = 10, and up to 15 mm with k = 300 1/m^2. So the deviation is limited too (`goal_reach`): in that trial
-to 4.5 mm, with the same closest distances and hits.
+These rules alone do not bring the movement to its goal. A coupling term of 1 holds it 6.4 mm off, 1 / (alpha
+beta), networks ask for tens, and past an obstacle close to the goal, or level with it, hardly anything fades.
+So the deviation is limited too (`goal_reach`).
 """
 
 import numpy as np

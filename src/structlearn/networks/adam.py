@@ -1,4 +1,4 @@
-"""Adam with a rate that may shrink, compiled; the rule is torch's."""
+"""Adam, compiled; the rule is torch's."""
 
 import math
 
@@ -10,30 +10,18 @@ from structlearn.ground.params import Parameters
 
 
 class AdamParameters(Parameters):
-    """Parameters of the optimiser; the defaults are torch's.
+    """Parameters of the optimiser.
 
     Attributes:
-        rate: learning rate at the start.
+        rate: learning rate.
         batch: samples per step.
         second_moment_decay: per step, of the running mean of squared gradients. Gradients of inertias fall by
-            five powers of ten in a few hundred steps; 0.999 would go on dividing by the first ones.
-        decay: factor by which the rate falls in 1000 steps.
-        smallest: share of the rate at which it stays.
-        mass_step: step of a mass's free parameter beside those of the others. A mass starts ten times as
-            far spread as a first moment; with equal steps, those that suit masses shake the last joint, whose
-            torque is a thousandth of the others', and those that suit the last joint leave masses behind.
+            five powers of ten in a few hundred steps; torch's 0.999 goes on dividing by the first ones.
     """
 
     rate: float = Field(gt=0)
     batch: int = Field(ge=1)
     second_moment_decay: float = Field(gt=0, lt=1)
-    decay: float = Field(gt=0, le=1)
-    smallest: float = Field(ge=0, le=1)
-    mass_step: float = Field(gt=0)
-
-    def rate_at(self, step: int) -> float:
-        """Learning rate of a step, from 0."""
-        return self.rate * max(self.decay ** (1e-3 * step), self.smallest)
 
 
 MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8

@@ -43,14 +43,12 @@ class LearningParameters(Parameters):
         networks: optimiser of the networks.
         structures: optimiser of the inertias.
         threshold: NMSE of every joint at which a model is good enough.
-        stride: errors of networks are taken on every so manieth sample of the motion.
     """
 
     hidden: tuple[int, ...] = Field(min_length=1)
     networks: AdamParameters
     structures: AdamParameters
     threshold: float = Field(gt=0)
-    stride: int = Field(ge=1)
 
 
 @dataclass(frozen=True)

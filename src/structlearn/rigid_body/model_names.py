@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable
 
+IDEAL, ROBOT = "iiwa", "stand_in"
+"""Arms: as its URDF has it, and robots, of which that knows little: simulated ones, or a log of your own."""
+
 GROUND_TRUTH, DEFAULT = "ground_truth", "default"
 """Models that are known instead of learned: of the robot itself, and of its URDF where that is another."""
 

@@ -79,9 +79,15 @@ class NetworkLearner:
         for samples in order.split(self.batch):
             batch = (values[samples.numpy()] for values in self.data)
             gradients = self.gradients(self.numbers, self.weights, *batch)
-            rate, decay = self.adam.rate_at(self.steps), self.adam.second_moment_decay
             self.steps += 1
-            adam_step(self.numbers, gradients, self.moments, rate, decay, self.steps)
+            adam_step(
+                self.numbers,
+                gradients,
+                self.moments,
+                self.adam.rate,
+                self.adam.second_moment_decay,
+                self.steps,
+            )
 
     @torch.no_grad()
     def nmse(self, stride: int = 1) -> np.ndarray:

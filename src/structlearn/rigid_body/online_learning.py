@@ -7,12 +7,13 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import torch
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.networks.torch_settings import one_thread
-from structlearn.rigid_body.identification import fit_structure
+from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
+from structlearn.rigid_body.identification import fit_structure, normalised_triangle
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, link_inertias
 from structlearn.rigid_body.model_learning import (
     Kind,
@@ -25,20 +26,26 @@ from structlearn.rigid_body.model_learning import (
 )
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
+from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+
+EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")
+"""Of a robot that picks something up."""
 
 
 class PayloadLearningParameters(Parameters):
     """Parameters of following a payload.
 
     Attributes:
-        structure: of the last link, all that is learned.
+        structure: of the links.
+        empty_s: from the start of a log, in which the empty arm is identified.
         batch: samples between two fits.
         memory_s: after this time a sample's weight has fallen to a half.
         iterations: of L-BFGS per fit.
     """
 
     structure: Structure
+    empty_s: float = Field(gt=0)
     batch: int = Field(ge=1)
     memory_s: float = Field(gt=0)
     iterations: int = Field(ge=1)
@@ -51,24 +58,27 @@ class OnlineParameters(Parameters):
         models: kinds that go through the motion.
         seeds: models of each kind.
         losses: each with all of them.
-        learning: how they learn.
+        stride: errors of networks are taken on every so manieth sample.
         payload: how a payload is followed.
     """
 
     models: tuple[Kind, ...]
-    seeds: int = Field(ge=1)
+    seeds: tuple[NonNegativeInt, ...]
     losses: tuple[Loss, ...]
-    learning: LearningParameters
+    stride: int = Field(ge=1)
     payload: PayloadLearningParameters
 
 
-def learn_once_through(tree: KinematicTree, motion: Motion, parameters: OnlineParameters) -> pd.DataFrame:
+def learn_once_through(
+    tree: KinematicTree, motion: Motion, parameters: OnlineParameters, learning: LearningParameters
+) -> pd.DataFrame:
     """Errors on the whole motion while models go through it once, without shuffling (figure III.2).
 
     Args:
         tree: the robot.
         motion: to learn from, in the order of time.
         parameters: see there.
+        learning: how models learn.
 
     Returns:
         `model`, `loss`, `seed`, `batch` (0: before the first), `joint`, `nmse`.
@@ -76,8 +86,30 @@ def learn_once_through(tree: KinematicTree, motion: Motion, parameters: OnlinePa
     kinds: dict[str, list[Kind]] = {}
     for kind in sorted(parameters.models, key=lambda kind: kind != "delan"):  # it takes longest
         kinds.setdefault("symmetric" if kind in STRUCTURES and kind != "nostr" else kind, []).append(kind)
-    run = partial(_once_through, lesson=Lesson(tree, motion), parameters=parameters)
+    run = partial(_once_through, lesson=Lesson(tree, motion), parameters=parameters, learning=learning)
     return pd.concat(parallel_map(run, kinds.values(), "online learning"), ignore_index=True)
+
+
+def identify_empty(
+    tree: KinematicTree, urdf: LinkInertias, motion: Motion, dt: float, parameters: PayloadLearningParameters
+) -> tuple[LinkInertias[np.ndarray], np.ndarray]:
+    """Inertias of a robot's links, and friction torques (N, n) in N m that it had in a motion.
+
+    Both are fitted to the first `empty_s` of the motion, which nothing is carried in yet.
+
+    Args:
+        tree: the robot.
+        urdf: inertias to start from.
+        motion: in the order of time.
+        dt: s between samples.
+        parameters: see there.
+    """
+    empty = motion.part(slice(0, round(parameters.empty_s / dt)))
+    triangle = normalised_triangle(MotionRegressor(tree, empty, True, EMPTY_FRICTION).factors)
+    free, rubbing = fit_structure(parameters.structure, triangle, EMPTY_FRICTION, urdf, parameters.iterations)
+    links = link_inertias(parameters.structure, torch.from_numpy(free[0])).arrays()
+    coefficients = friction_coefficients(torch.from_numpy(rubbing), EMPTY_FRICTION)[0].numpy()
+    return links, np.einsum("tjk,jk->tj", friction_columns(motion.qd, EMPTY_FRICTION), coefficients)
 
 
 def follow_payload(
@@ -91,7 +123,7 @@ def follow_payload(
     Args:
         tree: the robot.
         known: inertias of the empty arm; the links but the last keep theirs.
-        motion: in the order of time.
+        motion: in the order of time, torques without friction.
         dt: s between samples.
         parameters: see there.
 
@@ -127,11 +159,13 @@ def follow_payload(
     return pd.DataFrame(rows, columns=["time_s", "nmse_fixed", "nmse_learned", "mass_kg", *moments])
 
 
-def _once_through(kinds: Sequence[Kind], lesson: Lesson, parameters: OnlineParameters) -> pd.DataFrame:
-    tables, learning = [], parameters.learning
+def _once_through(
+    kinds: Sequence[Kind], lesson: Lesson, parameters: OnlineParameters, learning: LearningParameters
+) -> pd.DataFrame:
+    tables, seeds = [], np.array(parameters.seeds)
     with one_thread():
         for kind, loss in product(kinds, parameters.losses):
-            models = learner(kind, lesson, loss, range(parameters.seeds), learning)
-            nmse = learn_online(models, learning.stride).nmse
-            tables.append(error_table(nmse, "batch").assign(model=kind, loss=loss))
+            models = learner(kind, lesson, loss, parameters.seeds, learning)
+            table = error_table(learn_online(models, parameters.stride).nmse, "batch")
+            tables.append(table.assign(model=kind, loss=loss, seed=seeds[table["seed"]]))
     return pd.concat(tables, ignore_index=True)

@@ -77,23 +77,14 @@ class StructuredLearner:
         self.samples, joints = regressor.torque.shape
         self.structure, self.regressor, self.weights = STRUCTURES.index(structure), regressor, weights
         self.squared = squared(regressor.friction)
-        free = draw(structure, joints, list(generators)).numpy()
-        self.sizes = np.ones(free.shape[-1])
-        self.sizes[0] = adam.mass_step
-        self.scaled = free / self.sizes
-        self.rubbing = initial_friction(len(free), joints, regressor.friction)
-        self.moments = [(np.zeros_like(its), np.zeros_like(its)) for its in (self.scaled, self.rubbing)]
+        self.free = draw(structure, joints, list(generators)).numpy().copy()  # (M, n, k)
+        self.rubbing = initial_friction(len(self.free), joints, regressor.friction)
+        self.moments = [(np.zeros_like(its), np.zeros_like(its)) for its in (self.free, self.rubbing)]
         self.adam, self.batch, self.steps = adam, adam.batch, 0
-
-    @property
-    def free(self) -> np.ndarray:
-        """(M, n, k) free parameters of the inertias."""
-        return self.scaled * self.sizes
 
     def learn(self, order: torch.Tensor) -> None:
         """Steps of Adam down the mean weighted squared error of samples, a batch each."""
         count = -(-len(order) // self.batch)
-        rates = np.array([self.adam.rate_at(step) for step in range(self.steps, self.steps + count)])
         _descend(
             self.structure,
             self.regressor.columns,
@@ -101,12 +92,11 @@ class StructuredLearner:
             self.weights,
             order.numpy(),
             self.batch,
-            self.scaled,
-            self.sizes,
+            self.free,
             self.rubbing,
             self.squared,
             *self.moments,
-            rates,
+            self.adam.rate,
             self.adam.second_moment_decay,
             self.steps,
         )
@@ -119,7 +109,7 @@ class StructuredLearner:
 
     def state(self) -> dict[str, np.ndarray]:
         """Free parameters, each with a leading axis of models."""
-        return {"inertia": self.free, "friction": self.rubbing.copy()}
+        return {"inertia": self.free.copy(), "friction": self.rubbing.copy()}
 
 
 @numba.njit(cache=True)
@@ -130,26 +120,24 @@ def _descend(
     weights: np.ndarray,
     order: np.ndarray,
     batch: int,
-    scaled: np.ndarray,
-    sizes: np.ndarray,
+    free: np.ndarray,
     rubbing: np.ndarray,
     squared: np.ndarray,
     inertial_moments: tuple[np.ndarray, np.ndarray],
     rubbed_moments: tuple[np.ndarray, np.ndarray],
-    rates: np.ndarray,
+    rate: float,
     decay: float,
     steps: int,
 ) -> None:
-    """Change `scaled` and `rubbing`, and Adam's moments of both, by a step per batch of the order."""
-    for step in range(len(rates)):
+    """Change `free` and `rubbing`, and Adam's moments of both, by a step per batch of the order."""
+    for step in range(-(-len(order) // batch)):
         samples = order[step * batch : (step + 1) * batch]
-        free = scaled * sizes
         theta = structure_theta(structure, free, rubbing, squared)
         slope = np.zeros_like(theta)
         _add_slopes(columns, torque, 2.0 / len(samples) * weights, samples, free.shape[2], theta, slope)
         inertial, rubbed = structure_gradient(structure, free, rubbing, squared, slope)
-        adam_step(scaled, inertial * sizes, inertial_moments, rates[step], decay, steps + step + 1)
-        adam_step(rubbing, rubbed, rubbed_moments, rates[step], decay, steps + step + 1)
+        adam_step(free, inertial, inertial_moments, rate, decay, steps + step + 1)
+        adam_step(rubbing, rubbed, rubbed_moments, rate, decay, steps + step + 1)
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})

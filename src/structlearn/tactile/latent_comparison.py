@@ -18,6 +18,7 @@ from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_evaluation import (
     ChainData,
     SplitData,
+    decoded_errors,
     direction_errors,
     forward_errors,
     latent_errors,
@@ -54,6 +55,7 @@ class LatentComparison:
         units: that they see touch in.
         latent: `latent_evaluation.latent_errors`.
         forward: `latent_evaluation.forward_errors` on the test split.
+        decoded: `latent_evaluation.decoded_errors` on the test split.
         directions: `latent_evaluation.direction_errors` on the test split.
         curve: key figures of the three while they trained, on the test split: `step`, `structure`, `seed`,
             `quantity`, `value`.
@@ -64,6 +66,7 @@ class LatentComparison:
     units: TouchUnits
     latent: pd.DataFrame
     forward: pd.DataFrame
+    decoded: pd.DataFrame
     directions: pd.DataFrame
     curve: pd.DataFrame
     latent_map: pd.DataFrame
@@ -97,21 +100,20 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
     tested = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
     groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
     work = [
-        (tuple(group.tolist()), data, splits, _chain_data(data, tested, units), parameters)
+        (tuple(group.tolist()), data, splits, _chain_data(data, tested, units), units, parameters)
         for group in groups
     ]
-    stacks, latent, forward, directions, curves = zip(
-        *parallel_map(_learned, work, "latent spaces", local=True), strict=True
-    )
-    tables = [pd.concat(parts, ignore_index=True) for parts in (latent, forward, directions, curves)]
+    stacks, *tables = zip(*parallel_map(_learned, work, "latent spaces", local=True), strict=True)
+    tables = [pd.concat(parts, ignore_index=True) for parts in tables]
     models = LatentModels.joined(stacks)
     return LatentComparison(models, units, *tables, latent_map(models, data.signals, dataset))
 
 
 def _learned(
-    work: tuple[tuple[int, ...], TrainingData, dict[str, SplitData], ChainData, LatentParameters],
-) -> tuple[LatentModels, pd.DataFrame, pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    seeds, data, splits, tested, parameters = work
+    work: tuple[tuple[int, ...], TrainingData, dict[str, SplitData], ChainData, TouchUnits, LatentParameters],
+) -> tuple[LatentModels | pd.DataFrame, ...]:
+    """A trained stack, and its tables in the order of `LatentComparison`."""
+    seeds, data, splits, tested, units, parameters = work
     training = parameters.training
     generator = seeded(training.seed * 1000 + seeds[0])
     models = LatentModels.initial(seeds, data.signals.shape[1], parameters.networks, generator)
@@ -119,10 +121,13 @@ def _learned(
     with one_thread():
         for step in train(models, data, training):
             curve.append(_point(models, splits["test"], tested, training.action_penalty).assign(step=step))
-        latent = latent_errors(models, splits)
-        forward = forward_errors(models, tested)
-        directions = direction_errors(models, tested, training.action_penalty)
-    return models.detached(), latent, forward, directions, pd.concat(curve, ignore_index=True)
+        tables = (
+            latent_errors(models, splits),
+            forward_errors(models, tested),
+            decoded_errors(models, tested, units),
+            direction_errors(models, tested, training.action_penalty),
+        )
+    return models.detached(), *tables, pd.concat(curve, ignore_index=True)
 
 
 def _point(models: LatentModels, split: SplitData, tested: ChainData, penalty: float) -> pd.DataFrame:

@@ -18,10 +18,13 @@ from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_training import encoded
 from structlearn.tactile.latent_variants import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.touch_dataset import TouchDataset
-from structlearn.tactile.units import LINEAR
+from structlearn.tactile.units import LINEAR, TouchUnits
 
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 """Parts of an action whose directions are compared."""
+
+PREDICTED = ["structure", "seed", "forward", "trained_with", "steps"]
+"""Columns that name a prediction."""
 
 SHORTEST = 1e-9
 """Floor of a norm by which is divided."""
@@ -106,22 +109,51 @@ def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
     """Normalised mean squared error of chained predictions, meant over latent dimensions (figure II.4).
 
     Returns:
-        `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`. Rows with the
-        forward model `UNCHANGED` hold the error of a prediction that nothing moves.
+        `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its parts:
+        `plane`, of the first two dimensions, and `third`, of the third, which with structure are the map and
+        the pressure. Rows with the forward model `UNCHANGED` hold that of the prediction that nothing moves.
     """
-    latents, actions, time_step = _along_chains(models, data)
-    predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
-    for forward, ways in TRAINED_WITH.items():
-        for way in ways:
-            dynamics = models.dynamics(forward, way)
-            predictions[forward, way] = chained(dynamics, latents[0], actions, time_step)
+    latents, predictions = _predictions(models, data)
     rows = []
-    for (forward, way), predicted in predictions.items():
+    for kind, predicted in predictions.items():
         for steps, found in enumerate(predicted, start=1):
-            errors = _nmse(found, latents[steps]).mean(dim=1)
-            for (structure, seed), error in zip(models.keys(), errors.tolist(), strict=True):
-                rows.append((structure, seed, forward, way, steps, error))
-    return pd.DataFrame(rows, columns=["structure", "seed", "forward", "trained_with", "steps", "nmse"])
+            errors = _nmse(found, latents[steps])
+            parts = [part.tolist() for part in (errors.mean(dim=1), errors[:, :2].mean(dim=1), errors[:, 2])]
+            rows += [(*key, *kind, steps, *its) for key, *its in zip(models.keys(), *parts, strict=True)]
+    return pd.DataFrame(rows, columns=[*PREDICTED, "nmse", "plane", "third"])
+
+
+@torch.no_grad()
+def decoded_errors(models: LatentModels, data: ChainData, units: TouchUnits) -> pd.DataFrame:
+    """Errors of the touch that predictions are decoded to: one yardstick for all latent spaces.
+
+    Without structure a latent state is any three numbers that the readings can be decoded from, and its NMSE
+    is of these; what is decoded can be held against what was measured.
+
+    Args:
+        models: a stack.
+        data: chains.
+        units: that the networks see touch in.
+
+    Returns:
+        `structure`, `seed`, `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these) and of
+        `pressure` p = -mean(s).
+    """
+    _, predictions = _predictions(models, data)
+    scale, mean = (torch.from_numpy(values).float() for values in (units.signal_scale, units.signal_mean))
+
+    def pressure(signals: Tensor) -> Tensor:
+        return -(signals * scale[:, None] + mean[:, None]).mean(dim=-2)
+
+    rows = []
+    for kind, predicted in predictions.items():
+        for steps, found in enumerate(predicted, start=1):
+            measured = data.signals[data.rows[:, steps]].T
+            decoded = models.autoencoders.decoder.forward(found)
+            electrodes = _nmse(decoded, measured.expand_as(decoded)).mean(dim=1)
+            parts = electrodes.tolist(), _nmse(pressure(decoded), pressure(measured)).tolist()
+            rows += [(*key, *kind, steps, *its) for key, *its in zip(models.keys(), *parts, strict=True)]
+    return pd.DataFrame(rows, columns=[*PREDICTED, "electrodes", "pressure"])
 
 
 @torch.no_grad()
@@ -182,6 +214,17 @@ def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> 
     latent = first.forward(signals.T[None])[0].numpy()
     columns = dict(zip("xyz", latent, strict=True))
     return pd.DataFrame(columns | {"electrode": dataset.signals.argmin(axis=1) + 1, "split": dataset.split})
+
+
+def _predictions(models: LatentModels, data: ChainData) -> tuple[Tensor, dict[tuple[str, str], Tensor]]:
+    """Latent states (C + 1, M, 3, B), and what forward models predict of those after the first, by kind."""
+    latents, actions, time_step = _along_chains(models, data)
+    predictions = {(UNCHANGED, NO_INVERSE): latents[:1].expand_as(latents[1:])}
+    for forward, ways in TRAINED_WITH.items():
+        for way in ways:
+            dynamics = models.dynamics(forward, way)
+            predictions[forward, way] = chained(dynamics, latents[0], actions, time_step)
+    return latents, predictions
 
 
 def _along_chains(

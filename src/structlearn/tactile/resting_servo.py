@@ -1,14 +1,17 @@
-"""Tactile servoing with what the forward model knows well: moves like the demonstrated ones, from rest.
+"""Tactile servoing with what the forward model knows well, and with what is seen of the rest.
 
 The inverse models of the text ask the forward model for its value and its derivative at one action. It was
 trained on demonstrated actions, so both are good on average over these and may be anything in between: a
 person who sweeps steadily shows no slow moves, and hardly shows how pitch and yaw act. Hence here
 
     rest:           a finger at rest keeps its touch, zd(z, 0) = 0, whatever the model says of it
-    likely actions: beta |a|^2 becomes beta |a / s|^2, with s the root mean squares of demonstrated actions
-    spread:         d zd / d a is the slope of the model between the actions -h s and h s, one at a time
-    approach:       a step is to go a part of the way to the target, so errors of the slope do no harm
+    likely actions: beta |a|^2 becomes beta |u|^2, u = a / s, s the root mean squares of demonstrated actions
+    spread:         S = d zd / d u is the slope of the model between the actions -h s and h s, one at a time
+    correction:     S + E acts, where E is what the finger's own steps say that S is wrong by,
+                    E <- E + kappa ((z_t - z_t-1) / dt - (S + E) u_t-1) u_t-1^T / (1 + |u_t-1|^2)
 
+The last is the normalised least-mean-squares rule, or Broyden's update of a Jacobian, damped. It says nothing
+at rest, u = 0, and never takes E further from the true error for kappa <= 2 and slopes that stay the same.
 The inverse models stay what they are: LL and NJ solve appendix A's problem, NG goes down the gradient.
 """
 
@@ -18,6 +21,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from structlearn.tactile.autoencoder import LATENT
 from structlearn.tactile.forward_dynamics import (
     ACTION,
     AffineDynamics,
@@ -28,8 +32,7 @@ from structlearn.tactile.forward_dynamics import (
 from structlearn.tactile.inverse_dynamics import LatentStep, receding_horizon_action
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_variants import NEGATIVE_GRADIENT
-from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TRAIN, TouchDataset, chains
+from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo, as_states
 from structlearn.tactile.units import TouchUnits
 
 
@@ -38,31 +41,39 @@ class Caution:
     """How far the forward model is trusted.
 
     Attributes:
-        likely: s, (6,) m/s and rad/s, scales of likely actions; None: all alike, as in the text.
+        by_likelihood: whether actions are measured by how likely they are; else all alike, as in the text.
         spread: h, half the distance over which slopes are taken, in s; 0: derivatives at rest.
-        approach: part of the way to the target that a step is to go.
+        correction: kappa; 0: the model is never corrected.
     """
 
-    likely: np.ndarray | None
+    by_likelihood: bool
     spread: float
-    approach: float
+    correction: float
 
 
-def demonstrated_actions(dataset: TouchDataset) -> np.ndarray:
-    """Root mean squares (6,) of the actions of the training split, m/s and rad/s, frame of the finger."""
-    actions = chains(dataset, 1, split=TRAIN).actions.astype(float)
-    return np.sqrt(np.square(actions).mean(axis=(0, 1)))
+@dataclass(frozen=True)
+class RestingMemory:
+    """What a finger remembers of its own steps.
+
+    Attributes:
+        before: the last step.
+        error: E, (S, 3, 6, T), by which the model's slopes are wrong.
+    """
+
+    before: ServoMemory
+    error: Tensor
 
 
 class RestingServo(TactileServo):
-    """Controllers as `TactileServo`; they look at no step before, so their memory says nothing.
+    """Controllers as `TactileServo`, with a memory of their own.
 
     Args:
         models: trained models.
         units: that they see touch in.
         structure: whether the latent space has structure.
         parameters: of the controller; NG takes the step along its gradient that is best for the slope.
-        rate_hz: steps of prediction per second; actions may be asked for more often.
+        rate_hz: steps of prediction per second.
+        actions_per_step: actions may come oftener.
         caution: how far the forward model is trusted.
 
     Raises:
@@ -76,28 +87,64 @@ class RestingServo(TactileServo):
         structure: bool,
         parameters: ServoParameters,
         rate_hz: float,
+        actions_per_step: int,
         caution: Caution,
     ) -> None:
         """See the class."""
-        super().__init__(models, units, structure, parameters, rate_hz)
+        super().__init__(models, units, structure, parameters, rate_hz, actions_per_step)
         self.caution = caution
-        likely = np.ones(ACTION) if caution.likely is None else caution.likely / units.action_scale
+        likely = units.likely_action / units.action_scale if caution.by_likelihood else np.ones(ACTION)
         self._likely = torch.from_numpy(likely)[:, None]  # (6, 1)
 
-    def _unbounded(self, step: LatentStep, target: Tensor) -> Tensor:
-        chosen = self.parameters
-        goal = step.latent + self.caution.approach * (target - step.latent)
+    def start(self, latent: np.ndarray) -> RestingMemory:
+        """As `TactileServo.start`; nothing is known yet of the model's errors."""
+        seeds, trials = latent.shape[:2]
+        return RestingMemory(
+            super().start(latent), torch.zeros(seeds, LATENT, ACTION, trials, dtype=torch.float64)
+        )
+
+    @torch.no_grad()
+    def act(
+        self, latent: np.ndarray, target: np.ndarray, memory: RestingMemory
+    ) -> tuple[np.ndarray, RestingMemory]:
+        """As `TactileServo.act`."""
+        step = self._step(latent, memory.before)
         slope = action_slope(self._dynamics, step.latent, self._likely, self.caution.spread)
         slope = slope * self._likely.T[..., None]
+        error = corrected(memory.error, slope, step, self._likely, self.caution.correction)
+        found = self._towards(as_states(target), step, slope + error)
+        action, before = self._done(found * self._likely, latent, memory.before)
+        return action, RestingMemory(before, error)
+
+    def _towards(self, target: Tensor, step: LatentStep, slope: Tensor) -> Tensor:
+        """Likely actions (M, 6, B) that lead to a target."""
+        chosen = self.parameters
         if chosen.inverse == NEGATIVE_GRADIENT:
-            missing = (goal - step.latent) / step.time_step
-            found = steepest_action(slope, missing, chosen.action_penalty / step.time_step**2)
-        else:
-            still = AffineDynamics(torch.zeros_like(slope[:, :, :3]), slope, torch.zeros_like(goal))
-            found = receding_horizon_action(
-                still, step.latent, goal, self._time_step, chosen.action_penalty, chosen.horizon
-            )
-        return found * self._likely
+            missing = (target - step.latent) / step.time_step
+            return steepest_action(slope, missing, chosen.action_penalty / step.time_step**2)
+        still = AffineDynamics(torch.zeros_like(slope[:, :, :LATENT]), slope, torch.zeros_like(target))
+        return receding_horizon_action(
+            still, step.latent, target, self._time_step, chosen.action_penalty, chosen.horizon
+        )
+
+
+def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, rate: float) -> Tensor:
+    """What the last step says that slopes are wrong by.
+
+    Args:
+        error: (M, 3, 6, B) E before.
+        slope: (M, 3, 6, B) S of the model, per likely action.
+        step: the last one.
+        likely: (6, 1) scales of likely actions.
+        rate: kappa.
+
+    Returns:
+        (M, 3, 6, B) E.
+    """
+    action = step.previous_action / likely
+    seen = (step.latent - step.previous_latent) / step.time_step
+    missed = (seen - applied(slope + error, action)) / (1.0 + action.square().sum(dim=1, keepdim=True))
+    return error + rate * missed[:, :, None] * action[:, None]
 
 
 def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spread: float) -> Tensor:

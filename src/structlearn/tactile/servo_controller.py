@@ -56,9 +56,12 @@ class ServoParameters(Parameters):
 class ServoMemory:
     """The step before, which NJ linearises about, in the networks' units.
 
+    Actions may come oftener than steps are long, W per step. A step before still lasts dt, as those that the
+    model learned from: z_t-1 is the latent state dt ago, a_t-1 the mean action since.
+
     Attributes:
-        latent: (S, T, 3) z_t-1.
-        action: (S, T, 6) a_t-1.
+        latent: (W, S, T, 3) when the last actions were chosen, oldest first.
+        action: (W, S, T, 6) that were chosen then.
     """
 
     latent: np.ndarray
@@ -73,7 +76,8 @@ class TactileServo:
         units: that they see touch in.
         structure: whether the latent space has structure.
         parameters: of the controller.
-        rate_hz: actions per second; the models were trained for about 3.
+        rate_hz: steps of prediction per second; the models were trained for about 3.
+        actions_per_step: W.
 
     Raises:
         InputError: NG has no longer horizon.
@@ -86,6 +90,7 @@ class TactileServo:
         structure: bool,
         parameters: ServoParameters,
         rate_hz: float,
+        actions_per_step: int = 1,
     ) -> None:
         """See the class."""
         if parameters.inverse == NEGATIVE_GRADIENT and parameters.horizon > 1:
@@ -101,20 +106,23 @@ class TactileServo:
         self._decoder = models.autoencoders.decoder.part(chosen)
         self._dynamics = models.dynamics(FORWARD_OF[parameters.inverse], way).part(chosen)
         self._time_step = torch.tensor([1.0 / rate_hz], dtype=torch.float64)
+        self._actions_per_step = actions_per_step
 
     def encode(self, signals: np.ndarray) -> np.ndarray:
         """Latent states (S, T, 3) of signals (S, T, E), counts less their offset, low-passed."""
-        return _array(self._encoder.forward(_tensor(self.units.signals(signals))))
+        return _array(self._encoder.forward(as_states(self.units.signals(signals))))
 
     def decode(self, latent: np.ndarray) -> np.ndarray:
         """Signals (S, T, E) counts of latent states (S, T, 3)."""
         return (
-            _array(self._decoder.forward(_tensor(latent))) * self.units.signal_scale + self.units.signal_mean
+            _array(self._decoder.forward(as_states(latent))) * self.units.signal_scale
+            + self.units.signal_mean
         )
 
     def start(self, latent: np.ndarray) -> ServoMemory:
         """Memory at the start, after a rest: the latent states (S, T, 3) were the same, the action was 0."""
-        return ServoMemory(latent, np.zeros((*latent.shape[:-1], len(self.units.action_scale))))
+        lasting = np.repeat(latent[None], self._actions_per_step, axis=0)
+        return ServoMemory(lasting, np.zeros((*lasting.shape[:-1], len(self.units.action_scale))))
 
     @torch.no_grad()
     def act(
@@ -125,16 +133,27 @@ class TactileServo:
         Args:
             latent: (S, T, 3) z_t.
             target: (S, T, 3) z_T.
-            memory: of the step before.
+            memory: of the step before, W actions long.
 
         Returns:
             Actions (S, T, 6), m/s and rad/s in the frame of the finger, and the memory for the next step.
         """
-        step = LatentStep(_tensor(latent), _tensor(memory.latent), _tensor(memory.action), self._time_step)
-        found = _array(self._unbounded(step, _tensor(target)))
-        length = np.linalg.norm(found, axis=-1, keepdims=True)
-        bounded = found * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
-        return bounded * self.units.action_scale, ServoMemory(latent, bounded)
+        return self._done(self._unbounded(self._step(latent, memory), as_states(target)), latent, memory)
+
+    def _step(self, latent: np.ndarray, memory: ServoMemory) -> LatentStep:
+        before, since = memory.latent[0], memory.action.mean(axis=0)
+        return LatentStep(as_states(latent), as_states(before), as_states(since), self._time_step)
+
+    def _done(self, found: Tensor, latent: np.ndarray, memory: ServoMemory) -> tuple[np.ndarray, ServoMemory]:
+        """The action (M, 6, B) that was found, shortened and in SI units, and the memory after it."""
+        action = _array(found)
+        length = np.linalg.norm(action, axis=-1, keepdims=True)
+        bounded = action * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))
+        after = ServoMemory(
+            np.concatenate([memory.latent[1:], latent[None]]),
+            np.concatenate([memory.action[1:], bounded[None]]),
+        )
+        return bounded * self.units.action_scale, after
 
     def _unbounded(self, step: LatentStep, target: Tensor) -> Tensor:
         chosen = self.parameters
@@ -147,11 +166,11 @@ class TactileServo:
         return chosen.gradient_gain * found if chosen.inverse == NEGATIVE_GRADIENT else found
 
 
-def _tensor(values: np.ndarray) -> Tensor:
+def as_states(values: np.ndarray) -> Tensor:
     """(S, T, D) array -> (S, D, T) tensor."""
     return torch.from_numpy(np.asarray(values, dtype=np.float64)).transpose(1, 2)
 
 
 def _array(values: Tensor) -> np.ndarray:
-    """The inverse of `_tensor`."""
+    """The inverse of `as_states`."""
     return values.transpose(1, 2).numpy()

@@ -27,6 +27,7 @@ class TouchUnits:
         pressure_scale: () counts.
         length: () m on the skin per unit of the map.
         action_scale: (6,) m/s three times, rad/s three times; actions have no offset.
+        likely_action: (6,) root mean squares of the demonstrated actions, m/s and rad/s by component.
     """
 
     signal_mean: np.ndarray
@@ -35,6 +36,7 @@ class TouchUnits:
     pressure_scale: np.ndarray
     length: np.ndarray
     action_scale: np.ndarray
+    likely_action: np.ndarray
 
     def signals(self, counts: np.ndarray) -> np.ndarray:
         """Standardised signals (..., E) of counts less their offset."""
@@ -50,7 +52,7 @@ def touch_units(dataset: TouchDataset, chains: Chains, length_m: float) -> Touch
 
     Args:
         dataset: samples of touch.
-        chains: of the training split; their actions give the scales.
+        chains: of the training split; their actions give the scales and the likely actions.
         length_m: m on the skin per unit of the map.
 
     Raises:
@@ -74,5 +76,6 @@ def touch_units(dataset: TouchDataset, chains: Chains, length_m: float) -> Touch
         pressure_mean=pressure.mean(),
         pressure_scale=pressure.std(),
         length=np.array(length_m),
-        action_scale=np.repeat(kinds, [LINEAR, chains.actions.shape[-1] - LINEAR]),
+        action_scale=np.repeat(kinds, [LINEAR, len(squared) - LINEAR]),
+        likely_action=np.sqrt(squared),
     )

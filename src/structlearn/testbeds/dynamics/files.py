@@ -12,14 +12,14 @@ import pandas as pd
 from structlearn.ground.artefacts import read_table
 from structlearn.recordings.joint_log import JointLog, read_joint_log
 from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models
-from structlearn.rigid_body.model_learning import Loss
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
+from structlearn.rigid_body.seeded_training import Form
+from structlearn.testbeds.dynamics.names import ROBOT
 
 RAW, DATA = Path("data/raw/dynamics"), Path("data/dynamics")
 
-ROBOT_LOG, PAYLOAD_LOG = RAW / ROBOT, RAW / "payload"
-"""Folders of the robot's log, the stand-in's or your own, and of the arm that picks something up."""
+ROBOT_LOGS, PAYLOAD_LOGS = RAW / ROBOT, RAW / "payload"
+"""A folder per robot, the stand-ins or your own, and per stand-in that picks something up."""
 
 TABLES = {
     "errors": DATA / "models/errors.parquet",
@@ -44,45 +44,48 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
     return {name: read_table(TABLES[name]) for name in names or TABLES}
 
 
-def read_engines(simulated: bool) -> pd.DataFrame:
+def robots() -> list[int]:
+    """Seeds of the robots whose logs there are; 0 is your own."""
+    return sorted(int(folder.name) for folder in ROBOT_LOGS.iterdir())
+
+
+def read_engines() -> pd.DataFrame:
     """Rows of `controlled_arm.agreement`, of the simulated logs and of reaches.
 
-    Args:
-        simulated: whether the robot's log is.
-
     Raises:
-        InputError: a file is missing or damaged.
+        InputError: a file is damaged.
     """
-    logs = [RAW / IDEAL, PAYLOAD_LOG, *([ROBOT_LOG] if simulated else [])]
-    tables = [read_table(folder / "agreement.parquet") for folder in (*logs, DATA / "tracking")]
-    return pd.concat(tables, ignore_index=True)
+    files = [*sorted(RAW.rglob("agreement.parquet")), DATA / "tracking/agreement.parquet"]
+    return pd.concat([read_table(file) for file in files], ignore_index=True)
 
 
-def read_robot_motion(cutoff_hz: float) -> tuple[Motion, float]:
-    """The robot's log as models learned from it, and the s between its samples.
+def read_robot_motion(robot: int, cutoff_hz: float) -> tuple[Motion, float]:
+    """A robot's log as models learned from it, and the s between its samples.
 
     Args:
+        robot: one of `robots`.
         cutoff_hz: of the low-pass that it goes through.
 
     Raises:
         InputError: the log is missing or cannot be learned from.
     """
-    log = read_joint_log(ROBOT_LOG / "log.mcap")
+    log = read_joint_log(ROBOT_LOGS / str(robot) / "log.mcap")
     signals = (log.time, log.positions, log.velocities, log.torques)
     motion = measured_motion(log.name, *signals, cutoff_hz=cutoff_hz)
     return motion, float(log.time[-1] - log.time[0]) / (len(motion) - 1)
 
 
 def read_payload_log() -> JointLog:
-    """The log of the arm that picks something up."""
-    return read_joint_log(PAYLOAD_LOG / "log.mcap")
+    """The log of the first robot that picks something up."""
+    first = min(int(folder.name) for folder in PAYLOAD_LOGS.iterdir())
+    return read_joint_log(PAYLOAD_LOGS / str(first) / "log.mcap")
 
 
-def read_robot_models(models: Sequence[str], loss: Loss) -> dict[str, DynamicsModels]:
-    """Models that learned from the robot's log, by name (`cov`, `cov_coulomb`).
+def read_robot_models(robot: int, models: Sequence[str], form: Form) -> dict[str, DynamicsModels]:
+    """Models that learned from a robot's log in a form, by name (`cov`, `cov_coulomb`).
 
     Raises:
         InputError: a file is missing or holds something else.
     """
-    folder = DATA / "models" / ROBOT / loss
+    folder = DATA / "models" / ROBOT / str(robot) / form
     return {name: read_dynamics_models(folder / f"{name}.safetensors") for name in models}

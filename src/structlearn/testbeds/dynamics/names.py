@@ -5,15 +5,18 @@ page's white ground and on the viewer's dark one.
 """
 
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
-from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
-
-IDEAL, ROBOT = "iiwa", "stand_in"
-"""Folders and keys: the arm as its URDF has it, and the stand-in for the robot, or a log of your own."""
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
+from structlearn.rigid_body.seeded_training import OURS, TEXT
 
 SINE, REACH = "sine", "reach"
 """Tasks."""
 
-ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-in (simulated)"}
+ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
+
+FORM_TITLES = {TEXT: "The text's form", OURS: "Ours"}
+
+SHOWN_FORM = OURS
+"""Of the models whose reaches and torques are shown: in it networks learned what they can."""
 
 LOSS_TITLES = {"raw": "Raw loss (the text's)", "normalised": "Loss normalised per joint"}
 

@@ -3,7 +3,8 @@
 The computing stages name their own files and use only what writes and reads recordings and the baseline.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,17 +23,17 @@ from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParamete
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters
 
 RAW = "data/raw/obstacles"
-BASELINE_FILE = "data/obstacles/dataset/baseline.safetensors"
+BASELINES_FILE = "data/obstacles/dataset/baselines.safetensors"
 SAMPLES_FILE = "data/obstacles/dataset/samples.parquet"
+PEOPLE_FILE = "data/obstacles/dataset/demonstrations.parquet"
 ERRORS_FILE = "data/obstacles/models/errors.parquet"
 SCORES_FILE = "data/obstacles/evaluation/scores.parquet"
 PATHS_FILE = "data/obstacles/evaluation/paths.parquet"
-PEOPLE_FILE = "data/obstacles/evaluation/demonstrations.parquet"
 
 REPORT, RECORDINGS = "reports/obstacles", "reports/recordings/obstacles"
 
 BASELINE = "baseline"
-"""Folder of the demonstrations without obstacle, and name of the primitive learned from them."""
+"""Folder of the demonstrations without obstacle, and name of the primitives learned from them."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,9 @@ class Evaluation:
     """What the models were put to.
 
     Attributes:
-        scores: of every unroll, see `avoidance_protocols.evaluate`.
-        paths: of the unrolls with limits at the goal, see there.
-        people: scores of the demonstrations, see `avoidance_protocols.demonstration_scores`.
+        scores: of every unroll, see `avoidance_protocols.evaluate`, with a column `person`.
+        paths: of the unrolls with limits at the goal, see there, of the person that is shown.
+        people: scores of the demonstrations, see `avoidance_protocols.demonstration_scores`, by `person`.
     """
 
     scores: pd.DataFrame
@@ -51,17 +52,21 @@ class Evaluation:
 
 
 def read_evaluation() -> Evaluation:
-    """Tables of the stage `obstacle_evaluate`. Raises InputError where one is missing, as all here."""
+    """Tables of the stages `obstacle_evaluate` and, of people, `obstacle_dataset`.
+
+    Raises:
+        InputError: one is missing, as all here.
+    """
     return Evaluation(read_table(SCORES_FILE), read_table(PATHS_FILE), read_table(PEOPLE_FILE))
 
 
 def read_samples() -> pd.DataFrame:
-    """What the models learn from, of the stage `obstacle_dataset`."""
+    """What the models learn from, by `person`, of the stage `obstacle_dataset`."""
     return read_table(SAMPLES_FILE)
 
 
 def read_errors() -> pd.DataFrame:
-    """How well the models fit, of the stage `obstacle_train`; see `avoidance_fits.learn`."""
+    """How well the models fit, by `person`, of the stage `obstacle_train`; see `avoidance_fits.learn`."""
     return read_table(ERRORS_FILE)
 
 
@@ -96,26 +101,26 @@ def read_scenarios(scenarios: Sequence[Scenario], folder: str | Path = RAW) -> l
     return parallel_map(read_demonstrations, folders, "read demonstrations", local=True)
 
 
-def read_unhindered() -> list[Demonstration]:
+def read_unhindered(folder: str | Path = RAW) -> list[Demonstration]:
     """Demonstrations without obstacle."""
-    return read_demonstrations(f"{RAW}/{BASELINE}")
+    return read_demonstrations(f"{folder}/{BASELINE}")
 
 
-def write_baseline(baseline: PositionPrimitive, path: str | Path) -> None:
-    """Publish the primitive of the unhindered reach."""
-    write_primitives([PosePrimitive(BASELINE, baseline)], path)
+def write_baselines(baselines: Mapping[int, PositionPrimitive], path: str | Path) -> None:
+    """Publish the primitives of the unhindered reach, by person."""
+    write_primitives([PosePrimitive(f"{BASELINE}_{person}", its) for person, its in baselines.items()], path)
 
 
-def read_baseline(path: str | Path = BASELINE_FILE) -> PositionPrimitive:
-    """Read the primitive of the unhindered reach.
+def read_baselines(path: str | Path = BASELINES_FILE) -> dict[int, PositionPrimitive]:
+    """Read the primitives of the unhindered reach, by person.
 
     Raises:
         InputError: the file is missing or holds something else.
     """
     primitives = read_primitives(path)
-    if [primitive.name for primitive in primitives] != [BASELINE]:
-        raise InputError(f"{path}: holds no baseline")
-    return primitives[0].position
+    if not all(re.fullmatch(rf"{BASELINE}_\d+", primitive.name) for primitive in primitives):
+        raise InputError(f"{path}: holds other primitives than baselines")
+    return {int(primitive.name.rpartition("_")[2]): primitive.position for primitive in primitives}
 
 
 def _record(

@@ -5,7 +5,14 @@ A picture colours either kinds of models (`KINDS`) or what they learned from (`S
 
 from dataclasses import dataclass
 
-from structlearn.avoidance.learned_models import ALL, HUMAN_INSPIRED, NETWORK, PHASE_MODULATED, SETTING
+from structlearn.avoidance.learned_models import (
+    ALL,
+    ENSEMBLE,
+    HUMAN_INSPIRED,
+    NETWORK,
+    PHASE_MODULATED,
+    SETTING,
+)
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     GOAL_CHANGE,
@@ -35,6 +42,7 @@ class Look:
 KINDS = {
     NO_MODEL: Look("no avoidance", BLACK),
     NETWORK: Look("network", BLUE),
+    ENSEMBLE: Look("ensemble", PURPLE),
     PHASE_MODULATED: Look("phase-modulated network", GREEN),
     HUMAN_INSPIRED: Look("Rai et al.", ORANGE),
 }

@@ -40,7 +40,7 @@ RUNS = {
     NOMINAL: Look("no feedback", GREEN),
     CORRECTED: Look("corrected by a person", BLUE),
     POINTWISE: Look("feedback, trained pointwise", VERMILION),
-    LEVEL: Look("feedback, also learned on the level board", PURPLE),
+    LEVEL: Look("feedback, level board too", PURPLE),
     UNROLLED: Look("feedback, trained in the unroll", ORANGE),
     BEFORE: Look("before refinement", SKY),
     AFTER: Look("after refinement", PURPLE),

@@ -28,7 +28,13 @@ REPORT, RECORDINGS = "reports/servoing", "reports/recordings/servoing"
 
 @dataclass(frozen=True)
 class OtherSkinTables:
-    """What `protocol.other_skins.with_other_skin` found, of all skins."""
+    """Of all other skins, with a column `skin`.
+
+    Attributes:
+        latent: see `tactile.latent_evaluation.latent_errors`.
+        directions: see `tactile.latent_evaluation.direction_errors`.
+        trials: see `protocol.servo_variants.Comparison`.
+    """
 
     latent: pd.DataFrame
     directions: pd.DataFrame
@@ -62,7 +68,12 @@ def closed_loops() -> Comparison:
 
 def other_skins() -> OtherSkinTables:
     """What was learned and servoed with other skins; always simulated."""
-    return OtherSkinTables(**_tables("skins", OtherSkinTables))
+    learned = MADE_BY["skins"][0]
+    return OtherSkinTables(
+        read_table(f"{learned}/latent.parquet"),
+        read_table(f"{learned}/directions.parquet"),
+        read_table(f"{MADE_BY['loops'][0]}/other_skins.parquet"),
+    )
 
 
 def _tables(source: str, kind: type) -> dict[str, pd.DataFrame]:

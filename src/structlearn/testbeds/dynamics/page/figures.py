@@ -11,9 +11,19 @@ from matplotlib.lines import Line2D
 from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, legend_above, styled
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
-from structlearn.rigid_body.seeded_training import SCHEDULED
+from structlearn.rigid_body.seeded_training import OURS, TEXT
 from structlearn.testbeds.dynamics import names
-from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, ROBOT_TITLES, colour, look
+from structlearn.testbeds.dynamics.names import (
+    FORM_TITLES,
+    IDEAL,
+    LOSS_TITLES,
+    REACH,
+    ROBOT,
+    ROBOT_TITLES,
+    SHOWN_FORM,
+    colour,
+    look,
+)
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracked_reaches import TrackedReach, tracked_reaches
 
@@ -28,6 +38,8 @@ SHOWN_REACHES = {
 }
 """Models whose reaches are drawn, by robot."""
 
+FORM_MARKERS = {TEXT: "o", OURS: "s"}
+
 MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 
 SHOWN_JOINTS = (1, 2, 4, 6)
@@ -40,20 +52,23 @@ WIDE = {"color": names.REFERENCE, "linewidth": 4.0}
 def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
     """The figures of the page by name, but for the still."""
     errors = results.errors
-    errors = errors[(errors["data"] == IDEAL) & (errors["optimiser"] == SCHEDULED)]
-    curves = errors.groupby(["loss", "model", "seed", "epoch"], sort=False)["nmse"].mean().reset_index()
+    errors = errors[errors["arm"] == IDEAL]
+    curves = errors.groupby(["form", "model", "seed", "epoch"], sort=False)["nmse"].mean().reset_index()
     robots = [robot for robot in ROBOT_TITLES if results.tracked(robot)]
     reaches = {
-        ROBOT_TITLES[robot]: tracked_reaches(results.paths, results.scores, robot, SHOWN_REACHES[robot])
+        ROBOT_TITLES[robot]: tracked_reaches(
+            results.paths, results.scores, robot, SHOWN_FORM, SHOWN_REACHES[robot]
+        )
         for robot in robots
     }
     joints = [joint for joint in SHOWN_JOINTS if joint in set(results.residuals["joint"])]
     return {
-        "training": [_training(results, curves, loss) for loss in results.training.losses],
+        "training": [_training(results, curves, form) for form in FORM_TITLES],
         "tracking": [_tracking(results, robot) for robot in robots],
         "reaches": [draw(its, title) for draw in (_off, _speeds) for title, its in reaches.items()],
         "online": [
-            _curves(results, results.online_curves, "batch", loss) for loss in results.learning_online.losses
+            _curves(results, results.online_curves, "batch", "loss", loss, LOSS_TITLES[loss])
+            for loss in results.learning_online.losses
         ],
         "bodies": [
             _bodies(results, results.base, ("value", "truth"), "Base parameters (kg m², kg m)"),
@@ -65,27 +80,29 @@ def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
 
 
 @styled
-def _curves(results: DynamicsResults, curves: pd.DataFrame, step: str, loss: str) -> Figure:
+def _curves(
+    results: DynamicsResults, curves: pd.DataFrame, step: str, column: str, value: str, title: str
+) -> Figure:
     """Geometric mean over seeds of each model's NMSE (mean over joints), and the range of the seeds."""
-    figure, panel = _panel(3.3, names.LOSS_TITLES[loss], step, "NMSE, mean over joints")
+    figure, panel = _panel(3.3, title, step, "NMSE, mean over joints")
     for model in results.kinds:
-        its = curves[(curves["loss"] == loss) & (curves["model"] == model)]
+        its = curves[(curves[column] == value) & (curves["model"] == model)]
         if its.empty:
             continue
         wide = np.log10(its.pivot_table(index=step, columns="seed", values="nmse")).ffill()
         panel.plot(wide.index, 10.0 ** wide.mean(axis=1), label=NAMES[model], **look(model))
         low, high = 10.0 ** wide.min(axis=1), 10.0 ** wide.max(axis=1)
         panel.fill_between(wide.index, low, high, color=colour(model), alpha=0.12, linewidth=0)
-    highest = curves["nmse"].max()  # of all losses: the panels have one scale
+    highest = curves["nmse"].max()  # of all panels: they have one scale
     panel.set(yscale="log", ylim=(0.5 * curves["nmse"].min(), min(2.0 * highest, HIGHEST_NMSE)))
     legend_above(figure, panel, columns=4)
     return figure
 
 
 @styled
-def _training(results: DynamicsResults, curves: pd.DataFrame, loss: str) -> Figure:
+def _training(results: DynamicsResults, curves: pd.DataFrame, form: str) -> Figure:
     """NMSE over the epochs in simulation."""
-    figure = _curves(results, curves, "epoch", loss)
+    figure = _curves(results, curves, "epoch", "form", form, FORM_TITLES[form])
     (panel,) = figure.axes
     panel.axhline(results.training.learning.threshold, color=BLACK, linestyle="--", linewidth=0.9)
     panel.set_xscale("symlog", linthresh=1.0)
@@ -97,25 +114,32 @@ def _training(results: DynamicsResults, curves: pd.DataFrame, loss: str) -> Figu
 
 @styled
 def _tracking(results: DynamicsResults, robot: str) -> Figure:
-    """NMSE of the tool's velocity in reaches, a dot per seed; hollow ones had to be stopped."""
-    figure, panel = _panel(3.2, ROBOT_TITLES[robot], "NMSE of the tool's velocity in reaches", "")
+    """NMSE of the tool's velocity in reaches, a mark per seed or robot; hollow ones had to be stopped."""
+    figure, panel = _panel(3.6, ROBOT_TITLES[robot], "NMSE of the tool's velocity in reaches", "")
     models = results.tracked(robot)
     for row, model in enumerate(models):
-        runs = results.runs(robot, model, REACH)
-        offsets = np.linspace(-0.22, 0.22, len(runs)) if len(runs) > 1 else [0.0]
-        for offset, run in zip(offsets, runs.itertuples(), strict=True):
-            fill = "none" if run.stopped else "full"
-            panel.plot(
-                run.velocity_nmse, row + offset, "o", color=colour(model), fillstyle=fill, markersize=5
-            )
+        known = model in (GROUND_TRUTH, DEFAULT)
+        for form, marker in FORM_MARKERS.items():
+            if known and form == OURS:
+                continue
+            runs = results.runs(robot, model, REACH, form)
+            offsets = (0.0 if known else -0.17 if form == TEXT else 0.17) + np.linspace(-0.1, 0.1, len(runs))
+            for offset, run in zip(offsets, runs.itertuples(), strict=True):
+                fill = "none" if run.stopped else "full"
+                panel.plot(
+                    run.velocity_nmse, row + offset, marker, color=colour(model), fillstyle=fill, markersize=4
+                )
     panel.set_yticks(range(len(models)), [model_name(model) for model in models])
     panel.set_xscale("log")
     panel.invert_yaxis()
     panel.grid(axis="y", visible=False)
-    dot = {"marker": "o", "markersize": 5, "linestyle": "", "color": BLACK}
-    fills = {"full": "ran through", "none": "had to be stopped"}
-    handles = [Line2D([], [], label=label, fillstyle=fill, **dot) for fill, label in fills.items()]
-    figure.legend(handles=handles, loc="outside upper left", ncols=2)
+    mark = {"markersize": 4, "linestyle": "", "color": BLACK}
+    handles = [
+        Line2D([], [], label=FORM_TITLES[form], marker=marker, **mark)
+        for form, marker in FORM_MARKERS.items()
+    ]
+    handles.append(Line2D([], [], label="had to be stopped", marker="o", fillstyle="none", **mark))
+    figure.legend(handles=handles, loc="outside upper left", ncols=3)
     return figure
 
 
@@ -148,7 +172,8 @@ def _bodies(results: DynamicsResults, table: pd.DataFrame, columns: tuple[str, s
     """What the structures learned over what is true, of the first seed."""
     figure, panel = _panel(3.3, title, "of the arm", "learned")
     learned, true = columns
-    its = table[(table["loss"] == results.tracking.loss) & (table["seed"] == 0)].set_index("model")
+    first = table["seed"] == table["seed"].min()
+    its = table[(table["form"] == TEXT) & first].set_index("model")
     for model, marker in MARKERS.items():
         rows = its[its.index == model]
         marked = {"marker": marker, "fillstyle": "none", "color": colour(model), "label": NAMES[model]}
@@ -179,14 +204,18 @@ def _friction(results: DynamicsResults, joint: int) -> Figure:
 
 @styled
 def _payload(results: DynamicsResults) -> Figure:
-    """What is learned of a payload, as share of what it really has."""
+    """What is learned of a payload, as share of what it really has, a thin line per robot."""
     payload, mass = results.payload, results.carried.mass_kg
     figure, panel = _panel(2.5, "Learned of the payload", "time (s)", "share of the truth")
-    time, truth = payload["time_s"], mass * np.linalg.norm(results.carried.point_m)
-    moment = np.linalg.norm(payload[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
+    truth = mass * np.linalg.norm(results.carried.point_m)
+    time = payload["time_s"].drop_duplicates()
     panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)
-    panel.plot(time, payload["mass_kg"] / mass, label="mass", **look("cov"))
-    panel.plot(time, moment / truth, color=colour("cov"), linestyle=":", label="first moment")
+    for place, (_, its) in enumerate(payload.groupby("seed")):
+        moment = np.linalg.norm(its[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
+        thin = {"color": colour("cov"), "linewidth": 0.9}
+        label = ("mass", "first moment") if place == 0 else (None, None)
+        panel.plot(its["time_s"], its["mass_kg"] / mass, label=label[0], **thin)
+        panel.plot(its["time_s"], moment / truth, linestyle=":", label=label[1], **thin)
     panel.set_ylim(-0.1, 1.6)
     legend_above(figure, panel)
     return figure
@@ -194,11 +223,11 @@ def _payload(results: DynamicsResults) -> Figure:
 
 @styled
 def _payload_errors(results: DynamicsResults) -> Figure:
-    """What the models make of torques that they have not learned from yet."""
-    payload = results.payload
-    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE")
-    panel.plot(payload["time_s"], payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))
-    panel.plot(payload["time_s"], payload["nmse_learned"], label="learned online", **look("cov"))
+    """What the models make of torques that they have not learned from yet, mean over robots."""
+    payload = results.payload.groupby("time_s")[["nmse_fixed", "nmse_learned"]].mean()
+    figure, panel = _panel(2.5, "Torques of the next batch", "time (s)", "NMSE, mean over robots")
+    panel.plot(payload.index, payload["nmse_fixed"], label="model of the empty arm", **look(GROUND_TRUTH))
+    panel.plot(payload.index, payload["nmse_learned"], label="learned online", **look("cov"))
     panel.set_yscale("log")
     legend_above(figure, panel)
     return figure

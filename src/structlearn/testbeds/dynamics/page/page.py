@@ -10,7 +10,7 @@ from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, model_name
-from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
+from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page.evidence import evidence, unmet
 from structlearn.testbeds.dynamics.page.figures import drawings
 from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
@@ -49,7 +49,7 @@ def dynamics_page(
         sources=SOURCES,
         parameters=parameters,
         recordings="../recordings/dynamics",
-        simulated=results.stand_in is not None,
+        simulated=results.simulated,
     )
 
 
@@ -73,25 +73,25 @@ def publish_dynamics(
 def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, object]:
     """What the page's sentences and claims name, beside the metrics."""
     rows = {name: table.frame.to_dict("records") for name, table in shown.items()}
-    payload = results.payload[results.payload["time_s"] > results.pick_up_s]
+    after = results.payload[results.payload["time_s"] > results.pick_up_s]
     return metrics(results) | {
         "results": results,
         "published": published(),
-        "simulated": results.stand_in is not None,
+        "simulated": results.simulated,
         "training": results.training,
         "overspeed": OVERSPEED,
         "compared_s": COMPARED_S,
         "stopped_nmse": STOPPED_NMSE,
         "settled_share": SETTLED_SHARE,
+        "tried": results.trials is not None,
         "joints": int(results.errors["joint"].max()),
         "epochs": {row["model"]: row for row in rows["epochs"]},
         "online": {row["model"]: row for row in rows["online"]},
-        "stopped": _stopped(results, IDEAL, SINE, REACH),
-        "robot_stopped": _stopped(results, ROBOT, REACH),
-        "unmet": [model_name(model) for model in unmet(results, IDEAL)],
-        "robot_unmet": [
-            f"{model_name(model)} ({results.robot_error(model):.2f})" for model in unmet(results, ROBOT)
-        ],
+        "stopped": {arm: _stopped(results, arm) for arm in (IDEAL, ROBOT)},
+        "unmet": {
+            form: {arm: [model_name(model) for model in unmet(results, arm, form)] for arm in (IDEAL, ROBOT)}
+            for form in FORM_TITLES
+        },
         "impossible": [
             f"{row['model']} {row['links'] - row['possible']} of {row['links']}"
             for row in rows["bodies"]
@@ -101,20 +101,20 @@ def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, obj
         "best_base": min(rows["base_errors"], key=lambda row: row["base"]),
         "friction": _friction(results),
         "payload": {
-            "mass_kg": payload["mass_kg"].iloc[-1],
-            "fixed": payload["nmse_fixed"].mean(),
-            "learned": payload["nmse_learned"].mean(),
+            "fixed": after["nmse_fixed"].mean(),
+            "learned": after["nmse_learned"].mean(),
             "distance_m": np.linalg.norm(results.carried.point_m),
         },
     }
 
 
-def _stopped(results: DynamicsResults, robot: str, *tasks: str) -> list[str]:
-    """`DeLaN 4 of 10`, of models with runs that had to be stopped."""
-    counts = {model: results.stopped(robot, model, *tasks) for model in results.tracked(robot)}
+def _stopped(results: DynamicsResults, arm: str) -> list[str]:
+    """`DeLaN, ours 4 of 10`, of models with runs that had to be stopped."""
+    every = [(model, form) for model in results.tracked(arm) for form in FORM_TITLES]
+    counts = {key: results.stopped(arm, *key) for key in every}
     return [
-        f"{model_name(model)} {count} of {results.count(robot, model, *tasks)}"
-        for model, count in counts.items()
+        f"{model_name(model)} ({FORM_TITLES[form].lower()}) {count} of {results.count(arm, model, form)}"
+        for (model, form), count in counts.items()
         if count
     ]
 

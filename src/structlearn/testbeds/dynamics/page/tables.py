@@ -1,5 +1,7 @@
 """Tables of the dynamics testbed: published beside reproduced, and what was learned beside the truth."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 
@@ -7,12 +9,12 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.prose import with_spread
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
-from structlearn.rigid_body.seeded_training import PLAIN, SCHEDULED
-from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
+from structlearn.rigid_body.seeded_training import LOSSES, OURS, TEXT
+from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
 from structlearn.testbeds.dynamics.page.results import published
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 
-PRINTED, HERE = "dissertation", "here"
+PRINTED = "dissertation"
 
 SCORES = {
     "sine_position": (SINE, "position_nmse"),
@@ -24,7 +26,7 @@ SCORES = {
 
 SCORE_HEADINGS = {
     "source": "",
-    "nmse": "NMSE on the log",
+    "nmse": "NMSE on the logs",
     "sine_position": "sines, q",
     "sine_velocity": "q̇",
     "reach_position": "reaches, x",
@@ -39,13 +41,6 @@ DIFFERENCES = ("recursion_n_m", "regressor_n_m", "compiled_n_m")
 
 DETAILED = "cov"
 """Structure whose learned bodies are listed."""
-
-TRAININGS = {
-    "raw": ("raw", SCHEDULED),
-    "normalised": ("normalised", SCHEDULED),
-    "plain": ("raw", PLAIN),
-}
-"""Columns of the table of epochs: loss and optimiser."""
 
 
 def tables(results: DynamicsResults) -> dict[str, Table]:
@@ -63,7 +58,8 @@ def tables(results: DynamicsResults) -> dict[str, Table]:
         "friction": _friction(results),
         "agreement": Table(results.agreement, dict.fromkeys(DIFFERENCES, ".1e") | {"largest_n_m": ".0f"}),
     }
-    return found | ({"robot": _scores(results, ROBOT)} if results.tracked(ROBOT) else {})
+    found |= {"robot": _scores(results, ROBOT)} if results.tracked(ROBOT) else {}
+    return found | ({"optimisers": _optimisers(results.trials)} if results.trials is not None else {})
 
 
 def epochs_text(outcome: pd.DataFrame) -> str:
@@ -84,40 +80,52 @@ def _scores(results: DynamicsResults, robot: str) -> Table:
     """Table III.1 or III.2: `model`, `source`, `epochs`, the columns of `SCORES` as texts, `stopped` runs."""
     printed = published()["simulation" if robot == IDEAL else "robot"]
     rows = []
-    for model in results.tracked(robot):
+    for model in in_order({*results.tracked(robot), *printed}):
         name = model_name(model)
         if model in printed:
             row = dict(zip(published()["columns"], printed[model], strict=True))
             nmse = published()["robot_nmse"].get(model)
             rows.append({"model": name, "source": PRINTED, "nmse": nmse} | row)
-        row = {"model": name, "source": HERE, "epochs": epochs_text(results.outcome(robot, model))}
-        row["nmse"] = f"{results.robot_error(model):.3f}"
-        for column, (task, score) in SCORES.items():
-            runs = results.runs(robot, model, task)
-            unstable = results.stopped(robot, model, task) == len(runs)
-            row[column] = "unstable" if unstable else _spread(runs[score], ".3f")
-        count = results.count(robot, model)
-        rows.append(row | {"stopped": f"{results.stopped(robot, model)} of {count}"})
+        for form in (TEXT,) if model in (GROUND_TRUTH, DEFAULT) else (TEXT, OURS):
+            outcome, count = results.outcome(robot, model, form), results.count(robot, model, form)
+            if count or len(outcome):
+                source = "here" if model in (GROUND_TRUTH, DEFAULT) else FORM_TITLES[form].lower()
+                row = {"model": name, "source": source, "epochs": epochs_text(outcome)}
+                row["nmse"] = f"{results.robot_error(model, form).mean():.3f}"
+                for column, (task, score) in SCORES.items():
+                    row[column] = _score(results.runs(robot, model, task, form), score)
+                rows.append(row | {"stopped": f"{results.stopped(robot, model, form)} of {count}"})
     frame = pd.DataFrame(rows)[["model", "source", "epochs", "nmse", *SCORES, "stopped"]]
     frame = frame.drop(columns="nmse") if robot == IDEAL else frame
-    return Table(frame, {}, SCORE_HEADINGS, frozenset(np.flatnonzero(frame["source"] == HERE).tolist()))
+    return Table(frame, {}, SCORE_HEADINGS, frozenset(np.flatnonzero(frame["source"] != PRINTED).tolist()))
+
+
+def _score(runs: pd.DataFrame, score: str) -> str:
+    """Mean and spread; a model that did not meet the criterion was not tracked with."""
+    if runs.empty:
+        return "not tested"
+    return "unstable" if (runs["stopped"] != "").all() else _spread(runs[score], ".3f")
 
 
 def _epochs(results: DynamicsResults) -> Table:
-    """Epochs to the threshold in simulation, with both losses and both optimisers, as texts by `model`."""
+    """Epochs to the threshold in simulation, in both forms, as texts by `model`."""
     rows = []
     for model in results.kinds:
-        every = {column: results.outcome(IDEAL, model, *how) for column, how in TRAININGS.items()}
-        row = {"model": model_name(model)} | {column: epochs_text(its) for column, its in every.items()}
-        row["raw_but_last"] = _counted(every["raw"]["epochs_but_last"].dropna(), len(every["raw"]))
+        text, ours = (results.outcome(IDEAL, model, form) for form in (TEXT, OURS))
+        row = {"model": model_name(model), "text": epochs_text(text), "ours": epochs_text(ours)}
+        row["text_but_last"] = _counted(text["epochs_but_last"].dropna(), len(text)) if len(text) else ""
         rows.append(row)
-    headings = {
-        "raw": "raw loss",
-        "raw_but_last": "but for the last joint",
-        "normalised": "normalised loss",
-        "plain": "raw loss, plain Adam",
-    }
+    headings = {"text": "text's form", "text_but_last": "but for the last joint", "ours": "ours"}
     return Table(pd.DataFrame(rows)[["model", *headings]], headings=headings)
+
+
+def _optimisers(trials: pd.DataFrame) -> Table:
+    """Epochs by kind, and how DeLaN ended, a row per trial of our optimiser."""
+    kinds = in_order(name.removeprefix("epochs_") for name in trials if name.startswith("epochs_"))
+    columns = {f"epochs_{kind}": model_name(kind) for kind in kinds}
+    columns["worst_delan"] = f"{model_name('delan')}, worst NMSE"
+    frame = trials.groupby("variant", sort=False)[list(columns)].mean().reset_index()
+    return Table(frame, dict.fromkeys(columns, ".1f") | {"worst_delan": ".2g"}, columns)
 
 
 def _online(results: DynamicsResults) -> Table:
@@ -125,8 +133,8 @@ def _online(results: DynamicsResults) -> Table:
     rows = []
     for model in in_order(results.online["model"].unique()):
         row = {"model": model_name(model)}
-        for loss in results.online["loss"].unique():
-            scores = results.online_scores(loss).loc[model]
+        for form, loss in LOSSES.items():
+            scores = results.online_scores(form).loc[model]
             row |= {f"final_{loss}": scores["final"].mean(), f"course_{loss}": 10.0 ** scores["speed"].mean()}
         rows.append(row)
     frame = pd.DataFrame(rows)
@@ -137,7 +145,7 @@ def _bodies(results: DynamicsResults) -> Table:
     """Per `model`: number of learned `links`, and how many of them meet each of `CONDITIONS`, and all."""
     rows = []
     for model in _structures(results):
-        met = _of_loss(results, results.links, model)[CONDITIONS]
+        met = _of(results.links, model)[CONDITIONS]
         row = {"model": model_name(model), "links": len(met)} | met.sum().to_dict()
         rows.append(row | {"possible": int(met.all(axis=1).sum())})
     return Table(pd.DataFrame(rows))
@@ -145,7 +153,7 @@ def _bodies(results: DynamicsResults) -> Table:
 
 def _links(results: DynamicsResults) -> Table:
     """Learned masses, centres and largest moments of `DETAILED` beside the truth, mean ± std over seeds."""
-    its = _of_loss(results, results.links, DETAILED)
+    its = _of(results.links, DETAILED)
     axes = [f"centre_{axis}_m" for axis in "xyz"]
     away = its[axes].to_numpy() - its[[f"true_{axis}" for axis in axes]].to_numpy()
     its = its.assign(away=np.linalg.norm(away, axis=1))
@@ -165,7 +173,7 @@ def _links(results: DynamicsResults) -> Table:
 
 def _base_parameters(results: DynamicsResults) -> Table:
     """Base parameters of `DETAILED`: `parameter`, `truth`, `learned` (mean over seeds) and its `std`."""
-    by = _of_loss(results, results.base, DETAILED).groupby("parameter", sort=False)
+    by = _of(results.base, DETAILED).groupby("parameter", sort=False)
     columns = {"truth": by["truth"].first(), "learned": by["value"].mean(), "std": by["value"].std()}
     return Table(pd.DataFrame(columns).reset_index(), dict.fromkeys(columns, ".4f"))
 
@@ -179,23 +187,30 @@ def _base_errors(results: DynamicsResults) -> Table:
             ("base", results.base, "value", "truth"),
             ("mass", results.links, "mass_kg", "true_mass_kg"),
         ):
-            its = _of_loss(results, table, model).query(f"{true} != 0.0")
+            its = _of(table, model).query(f"{true} != 0.0")
             row[column] = float(((its[learned] - its[true]) / its[true]).abs().median())
         rows.append(row)
     return Table(pd.DataFrame(rows), {"base": ".1%", "mass": ".1%"})
 
 
 def _robot_errors(results: DynamicsResults) -> Table:
-    """NMSE on the robot's log, mean over seeds: `model`, `joint_1` ..., `mean`; strong: did not learn."""
-    models, rows = in_order([*results.known["model"], *results.robot_models]), []
-    for model in models:
-        known = results.known[results.known["model"] == model].set_index("joint")["nmse"]
-        errors = known if len(known) else results.kept_errors(ROBOT, model).mean()
-        row = {"model": model_name(model)} | {f"joint_{joint}": error for joint, error in errors.items()}
-        rows.append(row | {"mean": errors.mean()})
+    """NMSE on robots' logs, mean over robots: `model`, `form`, `joint_1` ..., `mean`; strong: known."""
+    rows = []
+    for model in in_order(results.known["model"].unique()):
+        errors = results.known[results.known["model"] == model].groupby("joint")["nmse"].mean()
+        rows.append(_joint_errors(model, "", errors))
+    known = frozenset(range(len(rows)))
+    for model, form in product(results.robot_models, (TEXT, OURS)):
+        errors = results.kept_errors(ROBOT, model, form)
+        if len(errors):
+            rows.append(_joint_errors(model, FORM_TITLES[form].lower(), errors.mean()))
     frame = pd.DataFrame(rows)
-    known = frozenset(place for place, model in enumerate(models) if model in (GROUND_TRUTH, DEFAULT))
-    return Table(frame, dict.fromkeys(frame.columns[1:], ".3f"), strong=known)
+    return Table(frame, dict.fromkeys(frame.columns[2:], ".3f"), strong=known)
+
+
+def _joint_errors(model: str, form: str, errors: pd.Series) -> dict[str, object]:
+    joints = {f"joint_{joint}": error for joint, error in errors.items()}
+    return {"model": model_name(model), "form": form} | joints | {"mean": errors.mean()}
 
 
 def _friction(results: DynamicsResults) -> Table:
@@ -214,8 +229,9 @@ def _structures(results: DynamicsResults) -> list[str]:
     return [kind for kind in results.kinds if kind in STRUCTURES]
 
 
-def _of_loss(results: DynamicsResults, table: pd.DataFrame, model: str) -> pd.DataFrame:
-    return table[(table["model"] == model) & (table["loss"] == results.tracking.loss)]
+def _of(table: pd.DataFrame, model: str) -> pd.DataFrame:
+    """What a model learned in the text's form."""
+    return table[(table["model"] == model) & (table["form"] == TEXT)]
 
 
 def _spread(values: pd.Series, number_format: str) -> str:

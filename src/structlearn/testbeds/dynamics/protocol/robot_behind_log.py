@@ -1,4 +1,4 @@
-"""What is known of the robot behind a log, beside what was learned from it: errors and friction."""
+"""What is known of the robots behind logs, beside what was learned from them: errors and friction."""
 
 from collections.abc import Mapping
 
@@ -49,24 +49,24 @@ def known_errors(robot: Robot, mechanics: Mechanics | None, motion: Motion) -> p
 
 
 def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics | None) -> pd.DataFrame:
-    """Friction that models learned.
+    """Friction that models learned of one robot.
 
     Args:
-        models: by name; those that learned no friction have no rows.
+        models: by name, the first one of each; those that learned no friction have no rows.
         mechanics: what really rubs; None: nobody knows.
 
     Returns:
-        `model`, `seed`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
+        `model`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
     """
     rows = []
     for name, its in models.items():
-        for seed, coefficients in enumerate(its.friction_coefficients()):
-            learned = friction_rows(coefficients, its.friction)
-            for term in (term for term in TERMS if term in its.friction):
-                true = np.full(len(coefficients), np.nan) if mechanics is None else getattr(mechanics, term)
-                for joint, value in enumerate(learned[TERMS.index(term)]):
-                    rows.append((name, seed, joint + 1, term, value, true[joint]))
-    return pd.DataFrame(rows, columns=["model", "seed", "joint", "term", "value", "truth"])
+        coefficients = its.friction_coefficients()[0]
+        learned = friction_rows(coefficients, its.friction)
+        for term in (term for term in TERMS if term in its.friction):
+            true = np.full(len(coefficients), np.nan) if mechanics is None else getattr(mechanics, term)
+            for joint, value in enumerate(learned[TERMS.index(term)]):
+                rows.append((name, joint + 1, term, value, true[joint]))
+    return pd.DataFrame(rows, columns=["model", "joint", "term", "value", "truth"])
 
 
 def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_hz: float) -> pd.DataFrame:

@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from structlearn.rigid_body.model_names import COULOMB, STRICT, in_order
+from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT, STRICT, in_order
 from structlearn.rigid_body.online_learning import OnlineParameters
-from structlearn.rigid_body.seeded_training import SCHEDULED, DynamicsTrainingParameters
-from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT, SINE
-from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
+from structlearn.rigid_body.seeded_training import LOSSES, TEXT, DynamicsTrainingParameters, Form
+from structlearn.testbeds.dynamics.names import REACH, SINE
+from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
@@ -18,27 +18,32 @@ from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
 STOPPED_NMSE = 1.0
 """What a run that had to be stopped counts at least: the error of an arm that does not move."""
 
-SETTLED_SHARE = 0.05
-"""Of a payload's mass; within it the learned mass counts as right."""
+SETTLED_SHARE = 0.1
+"""Of a payload's mass; within it the learned mass counts as right, batch by batch."""
 
 
 @dataclass(frozen=True)
 class DynamicsResults:
     """What the stages of the testbed wrote, and what follows from it.
 
+    Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
+
     Attributes:
         errors, outcomes: of trainings, see `rigid_body.seeded_training.train`.
         links, base: learned inertias and base parameters beside the truth, see `rigid_body.inertia_tables`,
-            with `model` and `loss`.
+            with `model` and `form`.
         scores, paths: see `protocol.tracking.track`.
-        online, payload: see `rigid_body.online_learning`.
+        online, payload: see `rigid_body.online_learning`; the payload's with `seed`.
         agreement: a row per URDF, see `rigid_body.agreement`, with `robot`.
         engines: how far the compiled arm is from PyBullet's, see `world.controlled_arm.agreement`.
-        known, friction, residuals: of the robot's log, see `protocol.robot_behind_log`.
-        stand_in: the simulated robot; None: the robot's log is your own.
+        known, friction: of robots' logs, see `protocol.robot_behind_log`, with `seed`.
+        residuals: likewise, of the first robot.
+        simulated: whether robots are; else the one log is your own.
+        stand_in: what simulated robots have in common.
         motion: the sines.
         training, learning_online, tracking: how models were trained, how online, how put to the test.
         carried: the payload.
+        trials: of our optimiser, the table of the study `dynamics/optimiser`; None: not run.
     """
 
     errors: pd.DataFrame
@@ -54,76 +59,83 @@ class DynamicsResults:
     known: pd.DataFrame
     friction: pd.DataFrame
     residuals: pd.DataFrame
-    stand_in: StandInParameters | None
+    simulated: bool
+    stand_in: StandInParameters
     motion: SineParameters
     training: DynamicsTrainingParameters
     learning_online: OnlineParameters
     tracking: TrackingParameters
     carried: PayloadParameters
+    trials: pd.DataFrame | None = None
 
     @cached_property
     def kinds(self) -> list[str]:
         """Kinds of models that were trained, in the order of tables."""
-        return in_order(self.outcomes["model"].unique())
+        return in_order(self.outcomes["model"].str.removesuffix(COULOMB).unique())
 
     @cached_property
     def strict(self) -> list[str]:
         """Those of `STRICT` that were trained."""
         return [kind for kind in self.kinds if kind in STRICT]
 
-    def outcome(
-        self, data: str, model: str, loss: str | None = None, optimiser: str = SCHEDULED
-    ) -> pd.DataFrame:
+    @cached_property
+    def robots(self) -> list[int]:
+        """Seeds of the robots."""
+        return sorted(int(seed) for seed in self.outcomes[self.outcomes["arm"] == ROBOT]["seed"].unique())
+
+    def outcome(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
         """Outcomes of a model (`cov`, `cov_coulomb`) by seed; empty where it was not trained.
 
         Epochs not reached are replaced by the most that it was given: a lower bound; `reached` says which.
         """
-        rows = self._trained(self.outcomes, data, model, loss, optimiser)
+        rows = _of(self.outcomes, arm, model, form)
         limits = self.training.epochs
-        limit = limits.by_loss[loss or self.tracking.loss] if data == IDEAL else limits.robot
-        epochs, reached = rows["epochs"].fillna(limit), rows["epochs"].notna()
-        return rows.assign(epochs=epochs, reached=reached).set_index("seed").sort_index()
+        epochs = rows["epochs"].fillna(limits.simulation if arm == IDEAL else limits.robot)
+        return rows.assign(epochs=epochs, reached=rows["epochs"].notna()).set_index("seed").sort_index()
 
-    def kept_errors(self, data: str, model: str) -> pd.DataFrame:
+    def kept_errors(self, arm: str, model: str, form: Form = TEXT) -> pd.DataFrame:
         """NMSE by seed (rows) and joint (columns, from 1) of the models that were kept."""
-        rows = self._trained(self.errors, data, model)
-        needed = self._trained(self.outcomes, data, model).set_index("seed")["epochs"]
-        kept = rows["seed"].map(needed).fillna(rows["epoch"].max())
+        rows = _of(self.errors, arm, model, form)
+        last = rows["epoch"].max()
+        needed = _of(self.outcomes, arm, model, form).set_index("seed")["epochs"]
+        kept = rows["seed"].map(needed).fillna(last) if arm == IDEAL else last
         return rows[rows["epoch"] == kept].pivot_table(index="seed", columns="joint", values="nmse")
 
-    def runs(self, robot: str, model: str, task: str) -> pd.DataFrame:
-        """Scores of a model in a task, by seed; those of stopped runs are at least `STOPPED_NMSE`."""
-        found = self._runs.get((robot, model, task))
-        return self.scores.set_index("seed").iloc[:0] if found is None else found
+    def runs(self, arm: str, model: str, task: str, form: Form = TEXT) -> pd.DataFrame:
+        """Scores of a model in a task, by seed; those of stopped runs are at least `STOPPED_NMSE`.
 
-    def tracked(self, robot: str) -> list[str]:
-        """Models that were put to the test with a robot, in the order of tables."""
-        return in_order(self.scores.loc[self.scores["robot"] == robot, "model"].unique())
+        Models that did not meet the criterion have none.
+        """
+        keys = ((arm, model, task, its) for its in (KNOWN, form))
+        empty = self.scores.set_index("seed").iloc[:0]
+        return next((self._runs[key] for key in keys if key in self._runs), empty)
 
-    def stopped(self, robot: str, model: str, *tasks: str) -> int:
+    def tracked(self, arm: str) -> list[str]:
+        """Models that were put to the test with an arm in any form, in the order of tables."""
+        return in_order(self.scores.loc[self.scores["robot"] == arm, "model"].unique())
+
+    def stopped(self, arm: str, model: str, form: Form = TEXT, *tasks: str) -> int:
         """Number of runs of a model in some tasks (default: sines and reaches) that had to be stopped."""
-        every = (self.runs(robot, model, task)["stopped"] != "" for task in tasks or (SINE, REACH))
+        every = (self.runs(arm, model, task, form)["stopped"] != "" for task in tasks or (SINE, REACH))
         return int(sum(stopped.sum() for stopped in every))
 
-    def count(self, robot: str, model: str, *tasks: str) -> int:
+    def count(self, arm: str, model: str, form: Form = TEXT, *tasks: str) -> int:
         """Number of runs of a model in some tasks (default: sines and reaches)."""
-        return sum(len(self.runs(robot, model, task)) for task in tasks or (SINE, REACH))
+        return sum(len(self.runs(arm, model, task, form)) for task in tasks or (SINE, REACH))
 
-    def velocity(self, model: str, robot: str = IDEAL) -> pd.Series:
+    def velocity(self, arm: str, model: str, form: Form = TEXT) -> pd.Series:
         """NMSE of the tool's velocity in reaches, by seed."""
-        return self.runs(robot, model, REACH)["velocity_nmse"]
+        return self.runs(arm, model, REACH, form)["velocity_nmse"]
 
-    def robot_error(self, model: str) -> float:
-        """NMSE on the robot's log, mean over joints and seeds, of a known or a learned model."""
-        known = self.known[self.known["model"] == model]
-        return float(known["nmse"].mean() if len(known) else self.outcome(ROBOT, model)["nmse_mean"].mean())
+    def robot_error(self, model: str, form: Form = TEXT) -> pd.Series:
+        """NMSE on robots' logs, mean over joints, of a known or a learned model, by robot."""
+        known = self.known[self.known["model"] == model].groupby("seed")["nmse"].mean()
+        return known if len(known) else self.outcome(ROBOT, model, form)["nmse_mean"]
 
     @cached_property
     def robot_models(self) -> list[str]:
-        """Models that learned from the robot's log, in the order of tables."""
-        outcomes = self.outcomes[self.outcomes["data"] == ROBOT]
-        names = outcomes["model"] + np.where(outcomes["friction"] == "coulomb", COULOMB, "")
-        return in_order(names.unique())
+        """Models that learned from robots' logs, in the order of tables."""
+        return in_order(self.outcomes.loc[self.outcomes["arm"] == ROBOT, "model"].unique())
 
     @cached_property
     def online_curves(self) -> pd.DataFrame:
@@ -131,10 +143,10 @@ class DynamicsResults:
         keys = ["loss", "model", "seed", "batch"]
         return self.online.groupby(keys, sort=False)["nmse"].mean().reset_index()
 
-    def online_scores(self, loss: str | None = None) -> pd.DataFrame:
+    def online_scores(self, form: Form = TEXT) -> pd.DataFrame:
         """Of learning online, by model and seed: `final` NMSE, and `speed`, mean log10 NMSE of batches."""
         curves = self.online_curves
-        curves = curves[(curves["loss"] == (loss or self.tracking.loss)) & (curves["batch"] > 0)]
+        curves = curves[(curves["loss"] == LOSSES[form]) & (curves["batch"] > 0)]
         curves = curves.assign(logarithm=np.log10(curves["nmse"]))
         by = curves.sort_values("batch").groupby(["model", "seed"])
         return pd.DataFrame({"final": by["nmse"].last(), "speed": by["logarithm"].mean()})
@@ -146,32 +158,38 @@ class DynamicsResults:
 
     @cached_property
     def pick_up_s(self) -> float:
-        """When the payload is picked up."""
-        return self.carried.at_share * self.motion.duration_s
+        """When payloads are picked up."""
+        return self.carried.at_share * self.motion.cut(self.stand_in.log_s).duration_s
 
     @cached_property
-    def settling_s(self) -> float | None:
-        """Time from the pick-up until the learned mass stays right; None if it does not."""
-        payload = self.payload[self.payload["time_s"] > self.pick_up_s]
+    def settling_s(self) -> pd.Series:
+        """By robot, time from the pick-up until the learned mass stays right; NaN if it does not."""
+        after = self.payload[self.payload["time_s"] > self.pick_up_s]
+        return pd.Series({seed: self._settling_s(its) for seed, its in after.groupby("seed")})
+
+    def _settling_s(self, payload: pd.DataFrame) -> float:
         wrong = (payload["mass_kg"] - self.carried.mass_kg).abs() > SETTLED_SHARE * self.carried.mass_kg
         if wrong.iloc[-1]:
-            return None
+            return np.nan
         settled = payload["time_s"][~wrong[::-1].cummax()[::-1]]
         return float(settled.iloc[0] - self.pick_up_s)
 
     @cached_property
-    def _runs(self) -> dict[tuple[str, str, str], pd.DataFrame]:
+    def mass_errors(self) -> pd.Series:
+        """By robot, share by which the payload's mass is wrong, averaged over the second half of its time."""
+        late = 0.5 * (self.pick_up_s + self.payload["time_s"].max())
+        mass = self.payload[self.payload["time_s"] > late].groupby("seed")["mass_kg"].mean()
+        return (mass / self.carried.mass_kg - 1.0).abs()
+
+    @cached_property
+    def _runs(self) -> dict[tuple[str, str, str, str], pd.DataFrame]:
         """See `runs`, by its arguments; pages ask for them hundreds of times."""
         columns = ["position_nmse", "velocity_nmse"]
         scores = self.scores.sort_values("seed").set_index("seed")
         counted = scores[columns].fillna(STOPPED_NMSE).clip(lower=STOPPED_NMSE)
         scores = scores.assign(**counted.where(scores["stopped"] != "", scores[columns]))
-        return dict(iter(scores.groupby(["robot", "model", "task"])))
+        return dict(iter(scores.groupby(["robot", "model", "task", "form"])))
 
-    def _trained(
-        self, table: pd.DataFrame, data: str, model: str, loss: str | None = None, optimiser: str = SCHEDULED
-    ) -> pd.DataFrame:
-        kind = model.removesuffix(COULOMB)
-        mask = (table["data"] == data) & (table["model"] == kind) & (table["optimiser"] == optimiser)
-        mask &= (table["friction"] == "coulomb") == (model != kind)
-        return table[mask & (table["loss"] == (loss or self.tracking.loss))]
+
+def _of(table: pd.DataFrame, arm: str, model: str, form: Form) -> pd.DataFrame:
+    return table[(table["arm"] == arm) & (table["model"] == model) & (table["form"] == form)]

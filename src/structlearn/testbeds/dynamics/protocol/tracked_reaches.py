@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.rigid_body.model_names import model_name
+from structlearn.rigid_body.seeded_training import Form
+from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
 
 
 @dataclass(frozen=True)
@@ -48,18 +50,24 @@ class TrackedReach:
 
 
 def tracked_reaches(
-    paths: pd.DataFrame, scores: pd.DataFrame, robot: str, models: Sequence[str], joints: Sequence[str] = ()
+    paths: pd.DataFrame,
+    scores: pd.DataFrame,
+    robot: str,
+    form: Form,
+    models: Sequence[str],
+    joints: Sequence[str] = (),
 ) -> list[TrackedReach]:
     """The reaches of each model's shown seed; models that did not track with this robot are left out.
 
     Args:
-        paths: of `tracking.track`, one seed per model.
-        scores: of `tracking.track`; the model's first row is that seed's.
+        paths: of `tracking.track`, of the shown seed, which is the first.
+        scores: of `tracking.track`.
         robot: the arm's name there.
+        form: of the models that were learned.
         models: keys in their order.
         joints: columns of the paths.
     """
-    chosen = [(model, *(_chosen(table, robot, model) for table in (paths, scores))) for model in models]
+    chosen = [(model, *(_chosen(table, robot, form, model) for table in (paths, scores))) for model in models]
     return [_reach(model, path, score, joints) for model, path, score in chosen if len(path)]
 
 
@@ -72,8 +80,9 @@ def _reach(model: str, rows: pd.DataFrame, scores: pd.DataFrame, joints: Sequenc
     return TrackedReach(model, time, angles, tool, wanted, float(first["velocity_nmse"]), first["stopped"])
 
 
-def _chosen(table: pd.DataFrame, robot: str, model: str) -> pd.DataFrame:
-    return table[(table["robot"] == robot) & (table["model"] == model) & (table["task"] == "reach")]
+def _chosen(table: pd.DataFrame, robot: str, form: Form, model: str) -> pd.DataFrame:
+    reaches = table[(table["robot"] == robot) & (table["model"] == model) & (table["task"] == "reach")]
+    return reaches[reaches["form"].isin((form, KNOWN))]
 
 
 def _speed(points: np.ndarray, time: np.ndarray) -> np.ndarray:

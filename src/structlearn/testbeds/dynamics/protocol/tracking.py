@@ -1,6 +1,6 @@
 """How well an arm follows with a model in its controller: sines it learned from, and reaches (III.4)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -15,7 +15,6 @@ from structlearn.rigid_body.any_model import InverseDynamics, bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import compiled_model
 from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import Loss
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.simulation.arm import Engine
 from structlearn.testbeds.dynamics.world.arm_motion import (
@@ -35,25 +34,25 @@ from structlearn.testbeds.dynamics.world.reaching import (
 )
 
 SHOWN_RATE_HZ = 25.0
-SHOWN_SEED = 0
 """Of the paths that are kept to be looked at."""
+
+KNOWN = ""
+"""Form of a model that is known instead of learned."""
 
 
 class TrackingParameters(Parameters):
     """Models and tasks.
 
     Attributes:
-        models: file names of models without suffix, tracked on the arm and on the stand-in.
-        robot_models: tracked on the stand-in only: those with Coulomb friction.
-        loss: with which they were learned; the text's is `raw`.
-        seeds: of goals, for the models that are known instead of learned.
+        models: those that are tracked with on all arms, in each form.
+        robot_models: tracked with on robots only: those with Coulomb friction.
+        sine_s: first part of the sines that is tracked.
         reaching: the reaches.
     """
 
     models: tuple[str, ...]
     robot_models: tuple[str, ...]
-    loss: Loss
-    seeds: int = Field(ge=1)
+    sine_s: float = Field(gt=0)
     reaching: ReachingParameters
 
 
@@ -63,12 +62,14 @@ class Candidate:
 
     Attributes:
         name: of the model.
+        form: of its training; `KNOWN` for one that was not learned.
         seeds: of the goals it reaches for; a learned model has that of its training, one that was not learned
             has all.
         model: itself.
     """
 
     name: str
+    form: str
     seeds: tuple[int, ...]
     model: InverseDynamics
 
@@ -79,6 +80,8 @@ class Testbed:
 
     Attributes:
         name: of the arm.
+        seeds: of the goals; a robot has its own alone.
+        shown: seed of the paths that are kept.
         arm: itself; the gains of the joints come from its URDF.
         motion: the sines.
         reaching: the reaches.
@@ -87,6 +90,8 @@ class Testbed:
     __test__ = False  # not a test, whatever pytest thinks of its name
 
     name: str
+    seeds: tuple[int, ...]
+    shown: int
     arm: SimulatedArm
     motion: SineParameters
     reaching: ReachingParameters
@@ -98,31 +103,40 @@ class Testbed:
         return joint_feedback(robot.tree, robot.inertias, self.motion.feedback)
 
 
-def known(testbed: Testbed, seeds: int) -> list[Candidate]:
+def known(testbed: Testbed) -> list[Candidate]:
     """What is known of an arm: the truth, and the URDF where the truth is another."""
     robot, true = testbed.arm.robot, testbed.arm.mechanics
-    truth = Candidate("ground_truth", tuple(range(seeds)), _true_model(testbed))
+    truth = Candidate("ground_truth", KNOWN, testbed.seeds, _true_model(testbed))
     if true.inertias is robot.inertias:
         return [truth]
     default = bodies_model(inverse_dynamics(robot.tree, robot.inertias))
-    return [truth, Candidate("default", truth.seeds, default)]
+    return [truth, Candidate("default", KNOWN, testbed.seeds, default)]
 
 
-def learned(testbed: Testbed, models: Mapping[str, DynamicsModels]) -> list[Candidate]:
-    """Learned models by name, one candidate per seed."""
+def learned(
+    testbed: Testbed, outcomes: pd.DataFrame, read: Callable[[str, str], DynamicsModels]
+) -> list[Candidate]:
+    """Learned models, one candidate for each that met the criterion: of others nothing would follow.
+
+    Args:
+        testbed: the arm.
+        outcomes: of `seeded_training.train`, those of this arm.
+        read: models of a form and name, in the order of the outcomes.
+    """
     return [
-        Candidate(name, (seed,), compiled_model(group, seed, testbed.arm.robot.tree))
-        for name, group in models.items()
-        for seed in range(group.count)
+        Candidate(name, form, (row.seed,), compiled_model(read(form, name), place, testbed.arm.robot.tree))
+        for (form, name), rows in outcomes.groupby(["form", "model"], sort=False)
+        for place, row in enumerate(rows.itertuples())
+        if row.met
     ]
 
 
 def engine_agreement(testbed: Testbed) -> pd.DataFrame:
-    """A row of `controlled_arm.agreement`, of the reaches of seed 0 with the true model."""
+    """A row of `controlled_arm.agreement`, of the reaches of the first seed with the true model."""
     model = _true_model(testbed)
 
     def both(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
-        moved = _reach(replace(testbed, arm=replace(testbed.arm, engine=engine)), model, SHOWN_SEED)[0]
+        moved = _reach(replace(testbed, arm=replace(testbed.arm, engine=engine)), model, testbed.seeds[0])[0]
         return moved.q, moved.torques
 
     return pd.DataFrame([{"robot": testbed.name} | agreement(both)])
@@ -139,30 +153,31 @@ def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFra
         candidates: the models.
 
     Returns:
-        scores: a row per model, seed and task: `robot`, `model`, `seed`, `task` (`sine`, `reach`),
+        scores: a row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
             `position_nmse`, `velocity_nmse` (NaN where it was stopped), `stopped` (empty where it ran
             through), `duration_s`.
-        paths: of each model's seed 0, 25 Hz: `robot`, `model`, `task`, `time_s`, a column per joint in
+        paths: of the shown seed, 25 Hz: `robot`, `model`, `form`, `task`, `time_s`, a column per joint in
             rad, `tool_x` ... and `wanted_x` ... in m.
     """
     tables = parallel_map(partial(_track_one, testbed), candidates, f"tracking, {testbed.name}")
     scores, paths = zip(*tables, strict=True)
-    return pd.concat(scores, ignore_index=True), pd.concat(chain.from_iterable(paths), ignore_index=True)
+    none = pd.DataFrame()  # robots but one have no paths that are kept
+    return pd.concat(scores, ignore_index=True), pd.concat([none, *chain(*paths)], ignore_index=True)
 
 
 def _track_one(testbed: Testbed, candidate: Candidate) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
-    """Scores of one model, and paths of the shown seed; the sines are the same for all seeds and run once."""
+    """Scores of one model, and paths of the shown seed; the sines are the same for all goals and run once."""
     motion = testbed.motion
     rows, paths = [], []
     moved, path, errors = _follow_sines(testbed, candidate.model)
     rows += [_score(candidate, seed, "sine", moved, errors, motion) for seed in candidate.seeds]
-    if SHOWN_SEED in candidate.seeds:
+    if testbed.shown in candidate.seeds:
         wanted, _ = tool_motion(testbed.arm.robot.tree, testbed.reaching.tool_m, path.q, path.qd)
         paths.append(_path(testbed, candidate, "sine", moved, wanted))
     for seed in candidate.seeds:
         moved, wanted, errors = _reach(testbed, candidate.model, seed)
         rows.append(_score(candidate, seed, "reach", moved, errors, motion))
-        if seed == SHOWN_SEED:
+        if seed == testbed.shown:
             paths.append(_path(testbed, candidate, "reach", moved, wanted))
     scores = pd.DataFrame(rows)
     scores.insert(0, "robot", testbed.name)
@@ -221,6 +236,7 @@ def _score(
 ) -> dict[str, object]:
     return {
         "model": candidate.name,
+        "form": candidate.form,
         "seed": seed,
         "task": task,
         "position_nmse": errors[0],
@@ -235,7 +251,7 @@ def _path(testbed: Testbed, candidate: Candidate, task: str, moved: Run, wanted:
     tree = testbed.arm.robot.tree
     q, qd = moved.q[::every], moved.qd[::every]
     tool, _ = tool_motion(tree, testbed.reaching.tool_m, q, qd)
-    columns = {"robot": testbed.name, "model": candidate.name, "task": task}
+    columns = {"robot": testbed.name, "model": candidate.name, "form": candidate.form, "task": task}
     columns["time_s"] = np.arange(len(q)) * every / testbed.motion.rate_hz
     columns |= dict(zip(tree.names, q.T, strict=True))
     for place, letter in enumerate("xyz"):

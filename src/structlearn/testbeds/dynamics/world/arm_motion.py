@@ -9,9 +9,10 @@ joint takes, and at the measured velocity that drives a light wrist away within 
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
@@ -35,22 +36,67 @@ class FeedbackParameters(Parameters):
     damping_ratio: float = Field(gt=0)
 
 
-class SineParameters(Parameters):
-    """The reference and how stiffly it is tracked.
+class SineMotion(Parameters):
+    """Sines in all joints at once.
 
     Attributes:
         duration_s: of the motion.
-        rate_hz: of control and log.
         periods_s: of each joint's sine; an arm with fewer joints takes the first ones.
         amplitudes: share of each joint's half range, about the middle of its range.
-        feedback: of the joints.
     """
 
     duration_s: float = Field(gt=0, le=3600)
-    rate_hz: float = Field(ge=100, le=2000)
     periods_s: tuple[float, ...]
     amplitudes: tuple[float, ...]
+
+
+class SineParameters(SineMotion):
+    """A motion, and how it is tracked.
+
+    Attributes:
+        rate_hz: of control and log.
+        feedback: of the joints.
+    """
+
+    rate_hz: float = Field(ge=100, le=2000)
     feedback: FeedbackParameters
+
+    def cut(self, duration_s: float) -> "SineParameters":
+        """Its first part."""
+        return self.model_copy(update={"duration_s": min(self.duration_s, duration_s)})
+
+
+class ArmMotionParameters(Parameters):
+    """The motion on which schedules are chosen, and the one that is scored.
+
+    Attributes:
+        use: which of them arms are moved along.
+        tuning: of trials.
+        test: of the dissertation; no joint swings as in `tuning`.
+        rate_hz: of control and log.
+        feedback: of the joints.
+    """
+
+    use: Literal["tuning", "test"]
+    tuning: SineMotion
+    test: SineMotion
+    rate_hz: float
+    feedback: FeedbackParameters
+
+    @model_validator(mode="after")
+    def _are_apart(self) -> "ArmMotionParameters":
+        for name in ("periods_s", "amplitudes"):
+            pairs = zip(getattr(self.tuning, name), getattr(self.test, name), strict=False)
+            alike = [joint for joint, (one, other) in enumerate(pairs, start=1) if one == other]
+            if alike:
+                raise ValueError(f"{name}: joints {alike} swing alike in `tuning` and in `test`")
+        return self
+
+    @property
+    def used(self) -> SineParameters:
+        """The motion that `use` names."""
+        motion = getattr(self, self.use)
+        return SineParameters(**motion.model_dump(), rate_hz=self.rate_hz, feedback=self.feedback)
 
 
 @dataclass(frozen=True)

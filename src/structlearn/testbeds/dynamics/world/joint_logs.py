@@ -28,6 +28,8 @@ from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
 
 SIMULATED = "simulated"
 
+STAND_IN = "stand-in with friction, ripple, latency and other inertias"
+
 COMPARED_S = 8.0
 """First part of a motion that both engines run; in it all joints move, and some of them turn back."""
 
@@ -39,7 +41,7 @@ class PayloadParameters(Parameters):
         mass_kg: its mass.
         point_m: its centre of mass in the last joint's frame.
         radius_m: of gyration.
-        at_share: share of the motion after which it is picked up.
+        at_share: share of the log after which it is picked up.
     """
 
     mass_kg: float = Field(gt=0)
@@ -57,10 +59,10 @@ class MotionSourceParameters(Parameters):
     """Where the log of the robot comes from.
 
     Attributes:
-        source: `simulated`: the stand-in's; or your robot's own log, an .mcap file or a folder with one.
+        source: `simulated`: the stand-ins'; or your robot's own log, an .mcap file or a folder with one.
         topic: joint states of your log, with position, velocity and effort.
         max_gap_s: longest hole in your log that is bridged by interpolation.
-        payload: picked up by the simulated arm in a log of its own.
+        payload: picked up by the stand-ins in logs of their own.
     """
 
     source: str = Field(min_length=1)
@@ -76,35 +78,48 @@ def ideal_log(robot: Robot, motion: SineParameters, engine: Engine) -> JointLog:
 
 
 def stand_in_log(
-    robot: Robot, parameters: StandInParameters, motion: SineParameters, engine: Engine
+    robot: Robot, parameters: StandInParameters, seed: int, motion: SineParameters, engine: Engine
 ) -> JointLog:
-    """Sines of the stand-in for the real robot, tracked with the URDF's model (III.4.2)."""
-    mechanics = stand_in(robot.tree, robot.inertias, parameters)
-    remark = {
-        "arm": "stand-in with friction, ripple, latency and other inertias",
-        "seed": str(parameters.seed),
-    }
-    log = _sine_log("sine", SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, engine), motion, remark)
-    return replace(log, torques=measured_torques(log.torques, robot.tree, parameters))
+    """Sines of a stand-in for the real robot, tracked with the URDF's model (III.4.2)."""
+    mechanics = stand_in(robot.tree, robot.inertias, parameters, seed)
+    motion = motion.cut(parameters.log_s)
+    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, engine)
+    log = _sine_log("sine", arm, motion, {"arm": STAND_IN, "seed": str(seed)})
+    return replace(log, torques=measured_torques(log.torques, robot.tree, parameters, [seed, 1]))
 
 
 def payload_log(
-    robot: Robot, parameters: PayloadParameters, motion: SineParameters, engine: Engine
+    robot: Robot,
+    parameters: StandInParameters,
+    seed: int,
+    payload: PayloadParameters,
+    motion: SineParameters,
+    engine: Engine,
 ) -> JointLog:
-    """Sines of the arm as its URDF has it, which picks up a body that its controller does not know."""
-    tick = round(parameters.at_share * motion.duration_s * motion.rate_hz)
+    """The same once more, with a body picked up on the way that the controller does not know."""
+    mechanics = stand_in(robot.tree, robot.inertias, parameters, seed)
+    motion = motion.cut(parameters.log_s)
+    tick = round(payload.at_share * motion.duration_s * motion.rate_hz)
     remark = {
-        "arm": "as in its URDF",
-        "payload": f"{parameters.mass_kg:g} kg from {tick / motion.rate_hz:g} s on",
+        "arm": STAND_IN,
+        "seed": str(seed),
+        "payload": f"{payload.mass_kg:g} kg from {tick / motion.rate_hz:g} s on",
     }
-    mechanics, dt = ideal(robot.inertias), 1.0 / motion.rate_hz
-    arm = SimulatedArm(robot, mechanics, dt, engine, parameters.body, tick)
-    return _sine_log("payload", arm, motion, remark)
+    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, engine, payload.body, tick)
+    log = _sine_log("payload", arm, motion, remark)
+    return replace(log, torques=measured_torques(log.torques, robot.tree, parameters, [seed, 2]))
+
+
+def compared_log(
+    log: Callable[[SineParameters, Engine], JointLog], motion: SineParameters, engine: Engine
+) -> tuple[JointLog, pd.DataFrame]:
+    """A log, and how far both engines are apart in its first part."""
+    return log(motion, engine), log_agreement(log, motion)
 
 
 def log_agreement(log: Callable[[SineParameters, Engine], JointLog], motion: SineParameters) -> pd.DataFrame:
     """A row of `controlled_arm.agreement` of a log of the first `COMPARED_S`."""
-    piece = motion.model_copy(update={"duration_s": min(COMPARED_S, motion.duration_s)})
+    piece = motion.cut(COMPARED_S)
 
     def both(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
         made = log(piece, engine)

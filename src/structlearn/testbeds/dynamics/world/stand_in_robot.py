@@ -11,6 +11,8 @@ because larger gears rub and ripple more. No number is chosen to fit an outcome:
   axis), one tick of latency: assumptions, with no source but judgement.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from pydantic import Field
 
@@ -24,7 +26,8 @@ class StandInParameters(Parameters):
     """The stand-in; reasons are in the module's header.
 
     Attributes:
-        seed: of the links' true inertias and of the sensors' noise.
+        log_s: of each robot's logs, the first part of the motion; the text's is about 240 s of one robot.
+        latency_ticks: control ticks between command and torque.
         rated_n_m: torque of each joint's drive; an arm with fewer joints takes the first ones.
         viscous_share: viscous friction at 1 rad/s, share of the rated torque.
         coulomb_share: Coulomb friction, share of the rated torque.
@@ -33,10 +36,10 @@ class StandInParameters(Parameters):
         ripple_per_turn: periods of the ripple per turn of a joint, two per turn of a harmonic drive's motor.
         mass_spread: std of the log of a link's mass over the URDF's.
         centre_spread_m: std per axis of a link's centre of mass about the URDF's.
-        latency_ticks: control ticks between command and torque.
     """
 
-    seed: int = Field(ge=0)
+    log_s: float = Field(gt=0)
+    latency_ticks: int = Field(ge=0, le=20)
     rated_n_m: tuple[float, ...]
     viscous_share: float = Field(ge=0)
     coulomb_share: float = Field(ge=0)
@@ -45,11 +48,12 @@ class StandInParameters(Parameters):
     ripple_per_turn: float = Field(gt=0)
     mass_spread: float = Field(ge=0)
     centre_spread_m: float = Field(ge=0)
-    latency_ticks: int = Field(ge=0, le=20)
 
 
-def stand_in(tree: KinematicTree, default: LinkInertias, parameters: StandInParameters) -> Mechanics:
-    """The stand-in of an arm.
+def stand_in(
+    tree: KinematicTree, default: LinkInertias, parameters: StandInParameters, seed: int
+) -> Mechanics:
+    """One of the stand-ins of an arm.
 
     A link that weighs more is denser: its inertia grows with its mass, and stays that of a real body.
 
@@ -57,12 +61,13 @@ def stand_in(tree: KinematicTree, default: LinkInertias, parameters: StandInPara
         tree: the arm.
         default: inertias of its URDF, which the robot's default model believes.
         parameters: see there.
+        seed: of the robot: of its links' true inertias.
 
     Raises:
         InputError: there are fewer rated torques than joints.
     """
     rated = rated_torques(tree, parameters)
-    rng = np.random.default_rng([parameters.seed, 0])
+    rng = np.random.default_rng([seed, 0])
     count = len(tree.names)
     factor = np.exp(rng.normal(0.0, parameters.mass_spread, count))
     shift = rng.normal(0.0, parameters.centre_spread_m, (count, 3))
@@ -79,10 +84,12 @@ def stand_in(tree: KinematicTree, default: LinkInertias, parameters: StandInPara
     )
 
 
-def measured_torques(torques: np.ndarray, tree: KinematicTree, parameters: StandInParameters) -> np.ndarray:
-    """Torques (T, n) in N m as the stand-in's sensors report them."""
-    rng = np.random.default_rng([parameters.seed, 1])
-    return torques + parameters.noise_share * rated_torques(tree, parameters) * rng.normal(size=torques.shape)
+def measured_torques(
+    torques: np.ndarray, tree: KinematicTree, parameters: StandInParameters, seed: Sequence[int]
+) -> np.ndarray:
+    """Torques (T, n) in N m as a stand-in's sensors report them; the seed is that of the noise."""
+    noise = parameters.noise_share * rated_torques(tree, parameters)
+    return torques + noise * np.random.default_rng(seed).normal(size=torques.shape)
 
 
 def rated_torques(tree: KinematicTree, parameters: StandInParameters) -> np.ndarray:

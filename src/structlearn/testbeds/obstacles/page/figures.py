@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from structlearn.avoidance.avoidance_dataset import to_local
-from structlearn.avoidance.learned_models import ALL, HUMAN_INSPIRED, NETWORK, SETTING
+from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, obstacle
 from structlearn.palette import BLACK, BLUE, LIGHT_GREY, SKY, VERMILION
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, styled
@@ -26,7 +26,7 @@ from structlearn.testbeds.obstacles.names import (
     SOURCES,
     model_name,
 )
-from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting
+from structlearn.testbeds.obstacles.page.results import FEW_HITS, OURS, TEXT, ObstacleResults, example_setting
 from structlearn.testbeds.obstacles.page.tables import FITS
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import MOVING, NO_MODEL, TRAINED, UNSEEN
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, SituationKey, of_model
@@ -78,10 +78,10 @@ class Outline:
 
 def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures of the page by name; `largest_nmse` is the published one."""
-    setting = example_setting(results.found.scores)
+    setting = example_setting(results.found.scores, results.population.shown)
     kinds = (NETWORK, HUMAN_INSPIRED)
     contenders = ((NO_MODEL, "", [""]), (HUMAN_INSPIRED, "per setting", [SETTING]))
-    contenders += ((NETWORK, "per setting", [SETTING]), (NETWORK, "per shape", SHAPES))
+    contenders += ((NETWORK, "per setting", [SETTING]), (ENSEMBLE, "per shape", SHAPES))
     example = _to_scale([_example_panel(results, shape, setting) for shape in SHAPES])
     closest = closest_panel(results, setting)
     closest.set_figheight(example[0].get_figheight())
@@ -89,7 +89,8 @@ def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing 
         "still": still(results, setting),
         "example": [*example, closest],
         "fit": [fit_panel(results, kind, column, largest_nmse) for column in FITS for kind in kinds],
-        "people": [people_panel(results, *contender) for contender in contenders],
+        "people": [Raster(people_panel(results, *contender)) for contender in contenders],
+        "hits": hits_panel(results),
         "unseen": _to_scale([_unseen_panel(results, source) for source in (*SHAPES, ALL)]),
         "beyond": [one for pair in (GRID[:2], GRID[2:]) for one in _beyond_panels(results, pair)],
         "distances": [Raster(distances_panel(results, protocol)) for protocol in GRID],
@@ -101,7 +102,7 @@ def still(results: ObstacleResults, setting: int) -> np.ndarray:
     lanes = []
     for scenario in (one for one in results.scenarios if one.setting == setting):
         bare = _reach(results, SituationKey(TRAINED, scenario.shape, setting))
-        demonstrated = results.shown[scenario.shape][0].position
+        demonstrated = results.demonstrations[scenario.shape][0].position
         lanes.append(Lane(scenario.obstacle, demonstrated, bare.position))
     return reaches_still(lanes, results.baseline)
 
@@ -116,7 +117,7 @@ def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
     along = np.stack([obstacle.centre[:, 0] for obstacle in situation.obstacles])
     between = ((along > 0.0) & (along < length)).all(axis=0)
     chosen = between & (situation.speed == situation.speed[between].max(initial=0.0))
-    bare = results.rows(protocol)[chosen if between.any() else np.ones_like(between)]
+    bare = results.shown_rows(protocol)[chosen if between.any() else np.ones_like(between)]
     row = bare.loc[bare["obstacle_distance"].idxmin()]
     return int(row["scenario"]), float(row["speed_m_s"])
 
@@ -124,10 +125,10 @@ def worst(results: ObstacleResults, protocol: str) -> tuple[int, float]:
 def _example_panel(results: ObstacleResults, shape: str, setting: int) -> Figure:
     """Paths past an obstacle: demonstrations, no avoidance, models that learned all settings of the shape."""
     (solid,) = (one.obstacle for one in results.scenarios if (one.shape, one.setting) == (shape, setting))
-    paths = [to_local(one.position, results.baseline) for one in results.shown[shape]]
+    paths = [to_local(one.position, results.baseline) for one in results.demonstrations[shape]]
     curves = [Curve(path, DEMONSTRATIONS.colour, style=THIN) for path in paths[1:]]
     curves.append(Curve(paths[0], DEMONSTRATIONS.colour, DEMONSTRATIONS.name, THIN))
-    for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK):
+    for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK, ENSEMBLE):
         source = "" if kind == NO_MODEL else shape
         reach = _reach(results, SituationKey(TRAINED, shape, setting), kind, source)
         curves += _curves(results, reach, KINDS[kind].colour, KINDS[kind].name)
@@ -136,17 +137,20 @@ def _example_panel(results: ObstacleResults, shape: str, setting: int) -> Figure
 
 
 def _unseen_panel(results: ObstacleResults, source: str) -> Figure:
-    """The grid of unseen spheres, and the path of a network past each of them."""
-    centres, hit = results.situations[UNSEEN].obstacles[0].centre, results.rows(UNSEEN)["hit"]
+    """The grid of unseen spheres, and the path of an ensemble past each of them."""
+    centres, hit = results.situations[UNSEEN].obstacles[0].centre, results.shown_rows(UNSEEN)["hit"]
     outlines = [
         Outline(centre + BALL, (HIT if its else FREE).colour, 0.5, filled=False)
         for its, centre in sorted(zip(hit, centres.tolist(), strict=True))
     ]
     keys = [SituationKey(UNSEEN, "sphere", number) for number in range(1, len(hit) + 1)]
-    paths = [_reach(results, key, NETWORK, source).position[::2] for key in keys]  # enough for small pictures
-    curves = [Curve(to_local(path, results.baseline), SOURCES[source].colour, style=THIN) for path in paths]
+    paths = [
+        _reach(results, key, ENSEMBLE, source).position[::2] for key in keys
+    ]  # enough for small pictures
+    colour = SOURCES[source].colour
+    curves = [Curve(to_local(path, results.baseline), colour, style=THIN) for path in paths]
     curves += _curves(results, _reach(results, keys[0]), BLACK, KINDS[NO_MODEL].name)
-    return two_views(capitalised(model_name(NETWORK, source)), outlines, curves)
+    return two_views(capitalised(model_name(ENSEMBLE, source)), outlines, curves)
 
 
 def _beyond_panels(results: ObstacleResults, protocols: Sequence[str]) -> list[Figure]:
@@ -154,14 +158,14 @@ def _beyond_panels(results: ObstacleResults, protocols: Sequence[str]) -> list[F
 
 
 def _beyond_panel(results: ObstacleResults, protocol: str) -> Figure:
-    """The network of all shapes beside no avoidance, where that comes closest."""
+    """The ensemble of all shapes beside no avoidance, where that comes closest."""
     number, speed = worst(results, protocol)
     situation, duration = results.situations[protocol], results.baseline.duration
     place = int(np.flatnonzero((situation.numbers == number) & (situation.speed == speed))[0])
     key = SituationKey(protocol, situation.obstacle, number, speed)
-    avoiding = _reach(results, key, NETWORK, ALL)
+    avoiding = _reach(results, key, ENSEMBLE, ALL)
     curves = _curves(results, _reach(results, key), BLACK, KINDS[NO_MODEL].name)
-    curves += _curves(results, avoiding, SOURCES[ALL].colour, model_name(NETWORK, ALL))
+    curves += _curves(results, avoiding, SOURCES[ALL].colour, model_name(ENSEMBLE, ALL))
     times = np.linspace(0.0, duration, MOMENTS) if protocol == MOVING else [duration]
     outlines = []
     for count, time in enumerate(times, start=1):
@@ -207,8 +211,9 @@ def two_views(title: str, outlines: Iterable[Outline], curves: Sequence[Curve]) 
 
 @styled
 def closest_panel(results: ObstacleResults, setting: int) -> Figure:
-    """Closest distance to the obstacle of one setting, by shape, of people and models."""
-    people = results.found.people[results.found.people["scenario"] == setting]
+    """Closest distance to the obstacle of one setting, by shape, of the person shown and of models."""
+    people = results.found.people
+    people = people[(people["scenario"] == setting) & (people["person"] == results.population.shown)]
     rows = [(DEMONSTRATIONS.name, DEMONSTRATIONS.colour, "o", people)]
     for kind, sources, words, marker in (
         (NO_MODEL, [""], "", "o"),
@@ -216,10 +221,12 @@ def closest_panel(results: ObstacleResults, setting: int) -> Figure:
         (HUMAN_INSPIRED, SHAPES, ", per shape", "D"),
         (NETWORK, [SETTING], ", per setting", "o"),
         (NETWORK, SHAPES, ", per shape", "D"),
+        (ENSEMBLE, SHAPES, ", per shape", "D"),
     ):
-        scored = results.rows(TRAINED, kind, sources)
-        look = (f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker)
-        rows.append((*look, scored[scored["scenario"] == setting]))
+        scored = results.rows(TRAINED, kind, sources, person=results.population.shown)
+        its = scored[scored["scenario"] == setting]
+        if len(its):  # there are models per setting of some settings only
+            rows.append((f"{KINDS[kind].name}{words}", KINDS[kind].colour, marker, its))
     figure = canvas(3.3, PANEL_WIDTH)
     panel = figure.subplots()
     for words, colour, marker, its in rows:
@@ -253,17 +260,18 @@ def fit_panel(results: ObstacleResults, kind: str, column: str, largest_nmse: fl
 
 @styled
 def people_panel(results: ObstacleResults, kind: str, words: str, sources: Sequence[str]) -> Figure:
-    """Closest distance of the unroll over that of people, a dot for each scenario."""
-    people = results.found.people.groupby(["obstacle", "scenario"])["obstacle_distance"].mean()
+    """Closest distance of the unroll over that of its person, a dot for each scenario of everybody."""
+    keys = ["person", "obstacle", "scenario"]
+    people = results.demonstrated.groupby(keys)["obstacle_distance"].mean()
     top = 1.05 * float(people.max())
     figure = canvas(2.8, PANEL_WIDTH)
     panel = figure.subplots()
     panel.plot([-1, top], [-1, top], color=LIGHT_GREY, linewidth=0.9)
     panel.axhline(0.0, color=HIT.colour, **DASHED)
-    scored = results.rows(TRAINED, kind, sources).set_index(["obstacle", "scenario"])
+    scored = results.rows(TRAINED, kind, sources).set_index(keys)
     for shape, marker in zip(SHAPES, "os^", strict=True):
-        its = scored.loc[[shape], "obstacle_distance"]
-        look = {"markersize": 4, "markeredgewidth": 0, "alpha": 0.65, "color": KINDS[kind].colour}
+        its = scored.loc[scored.index.get_level_values("obstacle") == shape, "obstacle_distance"]
+        look = {"markersize": 3, "markeredgewidth": 0, "alpha": 0.5, "color": KINDS[kind].colour}
         panel.plot(people.loc[its.index], its, marker, label=shape, **look)
     # most of what matters is below two radii: a scale that is linear there and shrinks the rest
     panel.set(xlim=(-1, top), ylim=(-1, top))
@@ -279,6 +287,29 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
 
 
 @styled
+def hits_panel(results: ObstacleResults) -> Figure:
+    """How many unseen spheres everyone's models hit: a dot for each person, by form and source."""
+    figure = canvas(2.8, PANEL_WIDTH)
+    panel = figure.subplots()
+    sources = (*SHAPES, ALL)
+    for place, (form, words) in enumerate(((TEXT, "as in the text"), (OURS, "ours"))):
+        for row, source in enumerate(sources):
+            hits, _ = results.hits_by_person(UNSEEN, form, source)
+            # person by person from top to bottom: dots of as many hits lie side by side
+            height = row + 0.4 * place - 0.2 + np.linspace(-0.13, 0.13, len(hits))
+            label = f"{KINDS[form[0]].name}, {words}" if row == 0 else None
+            panel.plot(hits, height, "o", markersize=4, color=KINDS[form[0]].colour, label=label)
+    panel.axvline(FEW_HITS + 0.5, color=HIT.colour, **DASHED)
+    panel.grid(axis="y", visible=False)
+    count = len(results.situations[UNSEEN].numbers)
+    panel.set(title="Hits by person", xlabel=f"unseen spheres hit, of {count}")
+    panel.set(ylim=(len(sources) - 0.5, -0.5))
+    panel.set_yticks(range(len(sources)), [SOURCES[source].name for source in sources])
+    figure.legend(loc="outside lower left", ncols=2, columnspacing=1.2)
+    return figure
+
+
+@styled
 def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
     """Closest distance on the grid of spheres, a dot for each unroll, hits in red and counted."""
     pairs = results.contenders
@@ -287,10 +318,10 @@ def distances_panel(results: ObstacleResults, protocol: str) -> Figure:
     for row, (kind, source) in enumerate(pairs):
         scored = results.rows(protocol, kind, source)
         # number by number from top to bottom: nothing is drawn at random
-        height = row + np.linspace(-0.25, 0.25, len(scored))
+        height = row + np.linspace(-0.3, 0.3, len(scored))
         colours = np.where(scored["hit"], VERMILION, KINDS[kind].colour)
         distance = scored["obstacle_distance"].clip(upper=FARTHEST)
-        panel.scatter(distance, height, s=5, c=colours, linewidths=0, alpha=0.75)
+        panel.scatter(distance, height, s=2, c=colours, linewidths=0, alpha=0.6)
         hits = int(scored["hit"].sum())
         weight = "bold" if hits else "normal"
         panel.text(FARTHEST + 1.1, row, f"{hits}", ha="right", va="center", weight=weight)

@@ -5,11 +5,11 @@ from typing import Any
 
 import pandas as pd
 
-from structlearn.avoidance.learned_models import ALL, HUMAN_INSPIRED, NETWORK, SETTING
+from structlearn.avoidance.learned_models import ALL, ENSEMBLE, HUMAN_INSPIRED, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.reporting.document import Table
-from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, model_name
-from structlearn.testbeds.obstacles.page.results import ObstacleResults
+from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, KINDS, RULES, SITUATIONS, SOURCES, model_name
+from structlearn.testbeds.obstacles.page.results import OURS, TEXT, ObstacleResults
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     LIMITED,
     MOVING,
@@ -44,9 +44,12 @@ HEADINGS = {
     **{"goal_limited": "limits", "late_goal_text": "late, text", "late_goal_limited": "limits"},
     **{"moving_0.1": "0.1 m/s", "moving_0.2": "0.2 m/s", "pair": "two", "goal_change": "moving goal"},
     **{"detour_unseen": "detour, unseen", "detour_moving": "moving", "detour_pair": "two"},
+    "none": KINDS[NO_MODEL].name,
+    **{f"{source}_text": f"{SOURCES[source].name}, text" for source in (*SHAPES, ALL)},
+    **{f"{source}_ours": "ours" for source in (*SHAPES, ALL)},
 }
 COMPARED = ("obstacle", "model", "source", "nmse_train", "nmse_test", "goal_max", "goal_mean")
-COMPARED += ("late_goal_max", "obstacle_min", "obstacle_mean", "hits")
+COMPARED += ("late_goal_max", "obstacle_min", "obstacle_mean", "hits", "of")
 """Columns of the tables that stand beside the dissertation's, in their order."""
 
 Row = dict[str, Any]
@@ -55,9 +58,11 @@ Row = dict[str, Any]
 def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, Table]:
     """All tables by name, with those that the page links to as CSV only; `published` is the YAML."""
     keys = ["protocol", "speed_m_s", "rules", "model", "learned_from", "obstacle"]
-    groups = results.found.scores.groupby(keys, sort=False)
+    scores = results.found.scores
+    groups = scores[scores["person"].isin(results.people)].groupby(keys, sort=False)
     everything = [dict(zip(keys, key, strict=True)) | summary(rows) for key, rows in groups]
     frames = {
+        "people": people(results),
         "per_setting": per_setting(results, published["per_setting"]),
         "per_shape": per_shape(results, published["per_shape"]),
         "unseen": unseen(results, published["unseen"]),
@@ -66,10 +71,23 @@ def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, 
         "all_shapes": all_shapes(results),
         "hits": hits(results),
         "fit_per_scenario": results.fits,
-        "detours": results.detours.rename_axis(["obstacles", "model", "learned_from"]).reset_index(),
         "summary": pd.DataFrame(everything),
     }
     return {name: Table(frame, FORMATS, HEADINGS, _strong(frame)) for name, frame in frames.items()}
+
+
+def people(results: ObstacleResults) -> pd.DataFrame:
+    """How many unseen spheres everyone's models hit.
+
+    Returns:
+        Per `person`: `none` without avoidance, then `<source>_text` and `<source>_ours` for each shape and
+        all, of single networks with the text's rules and of ensembles with limits at the goal.
+    """
+    columns = {"person": results.people, "none": results.hits_by_person(UNSEEN, (NO_MODEL, LIMITED), "")[0]}
+    for source in (*SHAPES, ALL):
+        columns[f"{source}_text"] = results.hits_by_person(UNSEEN, TEXT, source)[0]
+        columns[f"{source}_ours"] = results.hits_by_person(UNSEEN, OURS, source)[0]
+    return pd.DataFrame(columns)
 
 
 def per_setting(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
@@ -77,30 +95,43 @@ def per_setting(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.Data
     rows = []
     for kind in (NO_MODEL, HUMAN_INSPIRED, NETWORK):
         source = "" if kind == NO_MODEL else SETTING
-        rows += _beside(results, {"model": KINDS[kind].name}, printed[kind], TRAINED, kind, source)
-    people = {PRINTED: printed["demonstrations"], HERE: summary(results.found.people)}
+        labels = {"model": KINDS[kind].name}
+        rows.append(labels | {"source": PRINTED, "of": len(results.scenarios)} | printed[kind])
+        rows += _rows(results, labels, kind, TRAINED, source)
+    here = summary(results.demonstrated) | {"of": len(results.demonstrated)}
+    people = {PRINTED: printed["demonstrations"], HERE: here}
     name = DEMONSTRATIONS.name
     return _compared(rows + [{"model": name, "source": words} | its for words, its in people.items()])
 
 
 def per_shape(results: ObstacleResults, printed: Mapping[str, Mapping[str, Row]]) -> pd.DataFrame:
-    """Table IV.2: a network for the settings of each shape; `nmse_train` and `nmse_test` over y and z."""
+    """Table IV.2: models for the settings of each shape; `nmse_train` and `nmse_test` over y and z."""
     rows = []
     for shape in SHAPES:
-        fits = {f"nmse_{part}": results.fit(NETWORK, shape, shape, part) for part in ("train", "test")}
-        across = {name: row["nmse_across"] for name, row in fits.items()}
-        for kind, source, nmse in ((NO_MODEL, "", {}), (NETWORK, shape, across)):
-            labels = {"obstacle": shape, "model": KINDS[kind].name} | nmse
-            rows += _beside(results, labels, printed[shape][kind], TRAINED, kind, source, shape)
+        for kind in (NO_MODEL, NETWORK, ENSEMBLE):
+            labels = {"obstacle": shape, "model": KINDS[kind].name}
+            if kind in printed[shape]:
+                rows.append(labels | {"source": PRINTED, "of": len(results.scenarios) // len(SHAPES)})
+                rows[-1] |= printed[shape][kind]
+            if kind != NO_MODEL:
+                fits = {
+                    part: results.fit(kind, shape, shape, part)["nmse_across"] for part in ("train", "test")
+                }
+                labels |= {f"nmse_{part}": errors.mean() for part, errors in fits.items()}
+            rows += _rows(results, labels, kind, TRAINED, "" if kind == NO_MODEL else shape, shape)
     return _compared(rows)
 
 
 def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame:
-    """Table IV.3: networks past unseen spheres, by what they learned from."""
-    rows = _beside(results, {"model": KINDS[NO_MODEL].name}, printed[NO_MODEL], UNSEEN, NO_MODEL, "")
+    """Table IV.3: models past unseen spheres, by what they learned from."""
+    spheres = len(results.situations[UNSEEN].numbers)
+    labels = {"model": KINDS[NO_MODEL].name}
+    rows = [labels | {"source": PRINTED, "of": spheres} | printed[NO_MODEL]]
+    rows += _rows(results, labels, NO_MODEL, UNSEEN, "")
     for shape in SHAPES:
-        labels = {"model": model_name(NETWORK, shape)}
-        rows += _beside(results, labels, printed[shape], UNSEEN, NETWORK, shape)
+        rows.append({"model": model_name(NETWORK, shape), "source": PRINTED, "of": spheres} | printed[shape])
+        for kind in (NETWORK, ENSEMBLE):
+            rows += _rows(results, {"model": model_name(kind, shape)}, kind, UNSEEN, shape)
     return _compared(rows)
 
 
@@ -145,8 +176,7 @@ def limits(results: ObstacleResults) -> pd.DataFrame:
         row |= {f"hits_{name}": int(its["hit"].sum()) for name, its in found.items()}
         for column in ("goal", "late_goal"):
             row |= {f"{column}_{name}": its[f"{column}_distance_m"].max() for name, its in found.items()}
-        sources = found["limited"]["learned_from"].unique()
-        row["excursion"] = results.excursions.loc[(protocol, kind)].loc[sources].max()
+        row["excursion"] = found["limited"]["excursion_m"].max()
         rows.append(row | {"restrained": found["limited"]["restrained"].mean()})
     return pd.DataFrame(rows)
 
@@ -155,7 +185,8 @@ def all_shapes(results: ObstacleResults) -> pd.DataFrame:
     """A model of all shapes beside those of one shape, on the settings of each `obstacle`.
 
     Returns:
-        Per `obstacle` and `model`: `nmse_x`, `nmse_y`, `nmse_z` held out, `hits`, `obstacle_min`, `goal_max`.
+        Per `obstacle` and `model`: `nmse_x`, `nmse_y`, `nmse_z` held out, means over people, `hits` of all of
+        them, `obstacle_min`, `goal_max`.
     """
     groups = [(shape, kind, source) for shape in SHAPES for kind in KINDS for source in (shape, ALL)]
     rows = []
@@ -163,7 +194,7 @@ def all_shapes(results: ObstacleResults) -> pd.DataFrame:
         scored = results.rows(TRAINED, kind, source, obstacle=shape)
         if len(scored):
             row = {"obstacle": shape, "model": model_name(kind, source)}
-            row |= results.fit(kind, source, shape)[["nmse_x", "nmse_y", "nmse_z"]].to_dict()
+            row |= results.fit(kind, source, shape)[["nmse_x", "nmse_y", "nmse_z"]].mean().to_dict()
             rows.append(row | summary(scored))
     columns = ["obstacle", "model", "nmse_x", "nmse_y", "nmse_z", "hits", "obstacle_min", "goal_max"]
     return pd.DataFrame(rows)[columns]
@@ -187,26 +218,26 @@ def hits(results: ObstacleResults) -> pd.DataFrame:
             for speed, count in its.groupby("speed_m_s")["hit"].sum().items():
                 row[f"{protocol}_{speed:g}" if protocol == MOVING else protocol] = int(count)
         row["closest"] = min(its["obstacle_distance"].min() for its in every.values())
-        detours = results.detours["mean"]
-        row |= {f"detour_{name}": detours.get((name, kind, source)) for name in (UNSEEN, MOVING, PAIR)}
+        row |= {f"detour_{name}": every[name]["detour_m"].mean() for name in (UNSEEN, MOVING, PAIR)}
         rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _beside(
+def _rows(
     results: ObstacleResults,
     labels: Row,
-    printed: Row,
-    protocol: str,
     kind: str,
+    protocol: str,
     source: str,
     obstacle: str | None = None,
 ) -> list[Row]:
-    """Rows of a model: as printed, and with either rules; without coupling term these are one."""
+    """Rows of a model with either rules; without coupling term these are one."""
     rules = {LIMITED: HERE} if kind == NO_MODEL else {its: f"{HERE}, {words}" for its, words in RULES.items()}
-    found = {words: results.rows(protocol, kind, source, its, obstacle) for its, words in rules.items()}
-    here = [labels | {"source": words} | summary(scored) for words, scored in found.items()]
-    return [labels | {"source": PRINTED} | printed, *here]
+    rows = []
+    for its, words in rules.items():
+        scored = results.rows(protocol, kind, source, its, obstacle)
+        rows.append(labels | {"source": words} | summary(scored) | {"of": len(scored)})
+    return rows
 
 
 def _compared(rows: Sequence[Row]) -> pd.DataFrame:

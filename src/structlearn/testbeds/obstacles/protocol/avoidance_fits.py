@@ -1,20 +1,22 @@
 """All avoidance models of the testbed, and how well they fit (tables IV.1 and IV.2, figure IV.10).
 
-Every model learns from the same demonstrations and is tested on the same others, whether it learns one
-scenario, all of one shape, or all there are.
+Everybody's models learn from the own demonstrations and are tested on the same others, whether they learn one
+scenario, all of one shape, or all there are. Models of each of 120 scenarios for everybody would take longer
+than all the rest, so settings are dealt out: each is learned by one person (`own_scenarios`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.features import CouplingModel
+from structlearn.avoidance.avoidance_network import AvoidanceNetworks
+from structlearn.avoidance.human_inspired import HumanInspiredModels
 from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
 from structlearn.avoidance.network_training import (
-    by_scenario,
     fit_errors,
     fit_human_inspired_models,
     fit_networks,
@@ -25,111 +27,154 @@ from structlearn.avoidance.phase_modulated_training import train_phase_modulated
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
-from structlearn.testbeds.obstacles.world.scenarios import Scenario
+from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 
 @dataclass(frozen=True)
-class _Lessons:
-    """Datasets that a model each is learned from, and what the table of errors says of them.
+class _Lesson:
+    """What one model is learned from.
 
     Attributes:
-        datasets: all samples.
-        tests: (S,) mask of the samples of each that test.
-        keys: columns `obstacle` and `scenario` of each.
+        person: who demonstrated.
+        learned_from: `SETTING`, a shape or `ALL`.
+        obstacle: shape of the obstacles; that of none where there are several.
+        setting: its number; 0 for all of them.
+        dataset: all samples.
+        test: (S,) mask of those that test.
     """
 
-    datasets: Sequence[AvoidanceDataset]
-    tests: Sequence[np.ndarray]
-    keys: pd.DataFrame
+    person: int
+    learned_from: str
+    obstacle: str
+    setting: int
+    dataset: AvoidanceDataset
+    test: np.ndarray
 
     @property
-    def training(self) -> list[AvoidanceDataset]:
-        return [one.where(~mask) for one, mask in zip(self.datasets, self.tests, strict=True)]
-
-    def errors(
-        self, models: Sequence[CouplingModel], model: str, learned_from: Sequence[str]
-    ) -> pd.DataFrame:
-        found = fit_errors(self.datasets, self.tests, models)
-        place = found.pop("model").to_numpy()
-        keys = self.keys.iloc[place].reset_index(drop=True)
-        source = np.array(learned_from, dtype=object)[place]
-        return pd.concat([keys.assign(model=model, learned_from=source), found], axis=1)
+    def training(self) -> AvoidanceDataset:
+        return self.dataset.where(~self.test)
 
 
 def learn(
-    dataset: AvoidanceDataset, scenarios: Sequence[Scenario], parameters: AvoidanceTrainingParameters
-) -> tuple[AvoidanceModels, pd.DataFrame]:
-    """Train every model.
+    datasets: Mapping[int, AvoidanceDataset],
+    scenarios: Sequence[Scenario],
+    parameters: AvoidanceTrainingParameters,
+    modulated: int,
+) -> tuple[dict[int, AvoidanceModels], pd.DataFrame]:
+    """Train every model of everybody.
 
     Args:
-        dataset: samples of all demonstrations.
-        scenarios: by their numbers in the dataset.
+        datasets: by person, samples of all demonstrations.
+        scenarios: by their numbers in the datasets.
         parameters: see there.
+        modulated: the person who gets phase-modulated networks; no claim rests on them.
 
     Returns:
-        The models, and the columns of `models.fit_errors` per `model`, what it was `learned_from`, the
-        `obstacle` whose samples the errors are of, its `scenario` (number of the setting; 0 for all of them)
-        and `part`. The network of all shapes has a row for each.
+        The models by person, and the columns of `network_training.fit_errors` per `person`, `model`, what it
+        was `learned_from`, the `obstacle` whose samples the errors are of, its `scenario` (number of the
+        setting; 0 for all of them) and `part`. Models of all shapes have a row for each shape.
 
     Raises:
-        InputError: scenarios and dataset do not belong together; too few samples; a constant target.
+        InputError: scenarios and datasets do not belong together; too few samples; a constant target.
     """
+    own = own_scenarios(scenarios, list(datasets))
+    lessons = [
+        lesson
+        for person, dataset in datasets.items()
+        for lesson in _lessons(
+            person, dataset, held_out_rows(dataset, parameters.split), scenarios, own[person]
+        )
+    ]
+    of_setting = [one for one in lessons if one.learned_from == SETTING]
+    of_shape = [one for one in lessons if one.learned_from not in (SETTING, ALL)]
+    across = sorted([one for one in lessons if one.learned_from != SETTING], key=_longest_first)
+    steered = [*of_shape, *of_setting]
+    modulating = [one for one in across if one.person == modulated]
+
+    networks = fit_networks(_training(across), parameters.across_settings, "networks across settings")
+    ensembles = fit_networks(_training(across), parameters.ensemble, "ensembles across settings")
+    own_networks = fit_networks(_training(of_setting), parameters.per_setting, "networks per setting")
+    human_inspired = fit_human_inspired_models(_training(steered), "human-inspired models")
+    work = [(one, parameters) for one in _training(modulating)]
+    found = parallel_map(_phase_modulated, work, "phase-modulated networks")
+
+    models = {
+        person: AvoidanceModels(
+            networks=_models(across, networks, person) | _models(of_setting, own_networks, person),
+            ensembles=_models(across, ensembles, person),
+            human_inspired=_models(steered, human_inspired, person),
+            phase_modulated={
+                one.learned_from: model
+                for one, model in zip(modulating, found, strict=True)
+                if person == modulated
+            },
+        )
+        for person in datasets
+    }
+    return models, _errors(models, [one for one in lessons if one.learned_from != ALL])
+
+
+def _lessons(
+    person: int,
+    dataset: AvoidanceDataset,
+    test: np.ndarray,
+    scenarios: Sequence[Scenario],
+    own: np.ndarray,
+) -> Iterator[_Lesson]:
+    """The own scenarios of a person one by one, all scenarios of each shape, all there are."""
     if set(dataset.scenario) != set(range(len(scenarios))):
         raise InputError(f"the samples are not those of {len(scenarios)} scenarios; run all stages")
-    test = held_out_rows(dataset, parameters.split)
-    settings, shapes = _per_setting(dataset, test, scenarios), _per_shape(dataset, test, scenarios)
-    names = list(shapes.keys["obstacle"])
-    everything = [dataset.where(~test)]
 
-    # the longest first
-    of_all = fit_networks(everything, parameters.all_shapes, "network of all shapes")
-    of_shapes = fit_networks(shapes.training, parameters.per_shape, "networks per shape")
-    of_settings = fit_networks(settings.training, parameters.per_setting, "networks per setting")
-    steered = fit_human_inspired_models([*shapes.training, *settings.training], "human-inspired models")
-    work = [(one, parameters) for one in (*everything, *shapes.training)]
-    modulated = parallel_map(_phase_modulated, work, "phase-modulated networks")
+    def lesson(places: Sequence[int], learned_from: str, obstacle: str = "", setting: int = 0) -> _Lesson:
+        rows = np.isin(dataset.scenario, places)
+        return _Lesson(person, learned_from, obstacle, setting, dataset.where(rows), test[rows])
 
-    places = range(len(names))
-    models = AvoidanceModels(
-        networks={SETTING: of_settings, ALL: of_all}
-        | {name: of_shapes.take([place]) for name, place in zip(names, places, strict=True)},
-        human_inspired={SETTING: steered.take(np.arange(len(names), len(steered)))}
-        | {name: steered.take([place]) for name, place in zip(names, places, strict=True)},
-        phase_modulated=dict(zip([ALL, *names], modulated, strict=True)),
-    )
-    return models, _errors(models, settings, shapes)
+    for place in own:
+        yield lesson([place], SETTING, scenarios[place].shape, scenarios[place].setting)
+    for shape in dict.fromkeys(scenario.shape for scenario in scenarios):
+        its = [place for place, scenario in enumerate(scenarios) if scenario.shape == shape]
+        yield lesson(its, shape, shape)
+    yield lesson(range(len(scenarios)), ALL)
 
 
-def _errors(models: AvoidanceModels, settings: _Lessons, shapes: _Lessons) -> pd.DataFrame:
-    names = list(shapes.keys["obstacle"])
-    tables = []
-    for kind, found in models.kinds.items():
-        if SETTING in found:
-            each = [found[SETTING].take([place]) for place in range(len(settings.datasets))]
-            tables.append(settings.errors(each, kind, [SETTING] * len(each)))
-        tables.append(shapes.errors([found[name] for name in names], kind, names))
-        if ALL in found:
-            tables.append(shapes.errors([found[ALL]] * len(names), kind, [ALL] * len(names)))
-    return pd.concat(tables, ignore_index=True)
+def _longest_first(lesson: _Lesson) -> int:
+    return -len(lesson.dataset)
 
 
-def _per_setting(dataset: AvoidanceDataset, test: np.ndarray, scenarios: Sequence[Scenario]) -> _Lessons:
-    keys = pd.DataFrame(
-        {
-            "obstacle": [scenario.shape for scenario in scenarios],
-            "scenario": [scenario.setting for scenario in scenarios],
-        }
-    )
-    tests = [test[dataset.scenario == place] for place in range(len(scenarios))]
-    return _Lessons(by_scenario(dataset), tests, keys)
+def _training(lessons: Sequence[_Lesson]) -> list[AvoidanceDataset]:
+    return [one.training for one in lessons]
 
 
-def _per_shape(dataset: AvoidanceDataset, test: np.ndarray, scenarios: Sequence[Scenario]) -> _Lessons:
-    shapes = np.array([scenario.shape for scenario in scenarios])
-    names = list(dict.fromkeys(shapes.tolist()))
-    masks = [shapes[dataset.scenario] == name for name in names]
-    keys = pd.DataFrame({"obstacle": names, "scenario": 0})
-    return _Lessons([dataset.where(mask) for mask in masks], [test[mask] for mask in masks], keys)
+def _models(
+    lessons: Sequence[_Lesson], stack: AvoidanceNetworks | HumanInspiredModels, person: int
+) -> dict[str, AvoidanceNetworks | HumanInspiredModels]:
+    """The models of one person in a stack with one per lesson, by what they learned from."""
+    places: dict[str, list[int]] = {}
+    for place, one in enumerate(lessons):
+        if one.person == person:
+            places.setdefault(one.learned_from, []).append(place)
+    return {source: stack.take(its) for source, its in places.items()}
+
+
+def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -> pd.DataFrame:
+    """Errors on every lesson of the models that learned it, or more."""
+    keys, scored = [], []
+    for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
+        for place, one in enumerate(same):
+            for kind, found in models[person].kinds.items():
+                for name in (source, ALL) if source != SETTING else (source,):
+                    if name in found:
+                        model = found[name].take([place]) if source == SETTING else found[name]
+                        names = (person, kind, name, one.obstacle, one.setting)
+                        keys.append(dict(zip(KEYS, names, strict=True)))
+                        scored.append((one.dataset, one.test, model))
+    found = fit_errors(*zip(*scored, strict=True))
+    rows = pd.DataFrame(keys).iloc[found.pop("model")].reset_index(drop=True)
+    return pd.concat([rows, found], axis=1)
+
+
+KEYS = ("person", "model", "learned_from", "obstacle", "scenario")
+"""Columns of the table of errors that say of which model, and on which samples."""
 
 
 def _phase_modulated(work: tuple[AvoidanceDataset, AvoidanceTrainingParameters]) -> PhaseModulatedAvoidance:

@@ -99,14 +99,49 @@ class Situations:
     scenarios: np.ndarray | None = None
     goal_change: GoalChange | None = None
 
+    def where(self, rows: np.ndarray) -> Self:
+        """Some reaches past obstacles at rest, by a mask (B,)."""
+        obstacles = tuple(
+            replace(one, points=one.points[rows], centre=one.centre[rows], radius=one.radius[rows])
+            for one in self.obstacles
+        )
+        scenarios = None if self.scenarios is None else self.scenarios[rows]
+        kept = {"numbers": self.numbers[rows], "speed": self.speed[rows], "scenarios": scenarios}
+        return replace(self, obstacles=obstacles, **kept)
+
+
+@dataclass(frozen=True)
+class Learner:
+    """What one person's demonstrations taught.
+
+    Attributes:
+        person: seed.
+        baseline: the unhindered reach.
+        models: of coupling terms.
+        own: (K,) ascending numbers of the scenarios that there are models per setting of.
+    """
+
+    person: int
+    baseline: PositionPrimitive
+    models: AvoidanceModels
+    own: np.ndarray
+
 
 @dataclass(frozen=True)
 class Contender:
-    """A coupling model under its name and what it learned from (`learned_models.AvoidanceModels`)."""
+    """A coupling model in the reaches that it is meant for.
+
+    Attributes:
+        model: its kind.
+        learned_from: see `learned_models.AvoidanceModels`.
+        coupling: the model.
+        rows: (B,) mask of the reaches of a batch.
+    """
 
     model: str
     learned_from: str
     coupling: CouplingModel
+    rows: np.ndarray
 
 
 def situations(
@@ -195,55 +230,61 @@ def goal_change(baseline: PositionPrimitive, parameters: AvoidanceEvaluationPara
     return replace(unseen(baseline), protocol=GOAL_CHANGE, goal_change=change)
 
 
-def contenders(models: AvoidanceModels, situation: Situations) -> Iterator[Contender]:
+def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
     """No model, and all that are meant for a situation.
 
-    Demonstrated scenarios: the model of each, of their shape, of all shapes. Others: of every shape, of all.
+    Demonstrated scenarios: the model of each that has one, of their shape, of all shapes. Others: of every
+    shape, of all.
     """
-    yield Contender(NO_MODEL, "", no_coupling)
+    every = np.ones(len(situation.numbers), dtype=bool)
+    yield Contender(NO_MODEL, "", no_coupling, every)
     shapes = SHAPES if situation.scenarios is None else (situation.obstacle,)
-    for kind, found in models.kinds.items():
+    for kind, found in learner.models.kinds.items():
         if situation.scenarios is not None and SETTING in found:
-            yield Contender(kind, SETTING, found[SETTING].take(situation.scenarios))
-        yield from (Contender(kind, name, found[name]) for name in (*shapes, ALL) if name in found)
+            rows = np.isin(situation.scenarios, learner.own)
+            if rows.any():
+                stack = found[SETTING].take(np.searchsorted(learner.own, situation.scenarios[rows]))
+                yield Contender(kind, SETTING, stack, rows)
+        yield from (Contender(kind, name, found[name], every) for name in (*shapes, ALL) if name in found)
 
 
 def evaluate(
-    situation: Situations,
-    models: AvoidanceModels,
-    baseline: PositionPrimitive,
-    parameters: AvoidanceEvaluationParameters,
+    work: tuple[Learner, Situations], parameters: AvoidanceEvaluationParameters, with_paths_of: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Unroll all contenders.
 
     Args:
-        situation: where.
-        models: what was learned.
-        baseline: the unhindered reach.
+        work: whose, and where.
         parameters: see there.
+        with_paths_of: person whose paths are wanted.
 
     Returns:
-        Scores: the columns of `avoidance_scores.scores` per `protocol`, `rules` (post-processing), `model`,
-        `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; trained and unseen obstacles with
-        both kinds of rules.
-        Paths: per sample of the unrolls with the rules `limited` the same keys, `time_s`, positions `x_m`,
-        `y_m`, `z_m` in the base frame and coupling terms `coupling_x`, `coupling_y`, `coupling_z` that acted,
-        local frame, m.
+        Scores: the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules` (post-processing),
+        `model`, `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; trained and unseen obstacles
+        with both kinds of rules.
+        Paths: per sample of the unrolls with the rules `limited` the same keys without the person, `time_s`,
+        positions `x_m`, `y_m`, `z_m` in the base frame and coupling terms `coupling_x`, `coupling_y`,
+        `coupling_z` that acted, local frame, m. There are none of other people.
     """
+    learner, situation = work
     rules = {LIMITED: parameters.postprocessing}
     if situation.protocol in (TRAINED, UNSEEN):
         published = {"passed_decay_per_m2": parameters.postprocessing.passed_decay_per_m2}
         rules[PUBLISHED] = TEXT_ONLY.model_copy(update=published)
+    bare = unrolled(situation, no_coupling, learner.baseline, parameters, parameters.postprocessing)
     scores, paths = [], []
-    for contender in contenders(models, situation):
-        keys = situation_keys(situation).assign(model=contender.model, learned_from=contender.learned_from)
+    for contender in contenders(learner, situation):
+        its = situation if contender.rows.all() else situation.where(contender.rows)
+        keys = situation_keys(its).assign(model=contender.model, learned_from=contender.learned_from)
         for name, postprocessing in rules.items():
-            found = unrolled(situation, contender.coupling, baseline, parameters, postprocessing)
-            its = avoidance_scores.scores(found, situation.obstacles)
-            scores.append(pd.concat([keys.assign(rules=name), its], axis=1))
-            if name == LIMITED:
+            found = bare  # whatever the rules
+            if contender.model != NO_MODEL:
+                found = unrolled(its, contender.coupling, learner.baseline, parameters, postprocessing)
+            scored = avoidance_scores.scores(found, its.obstacles, bare.path.position[contender.rows])
+            scores.append(pd.concat([keys.assign(person=learner.person, rules=name), scored], axis=1))
+            if name == LIMITED and learner.person == with_paths_of:
                 paths.append(_path_table(keys, found, parameters.kept_every))
-    return pd.concat(scores, ignore_index=True), pd.concat(paths, ignore_index=True)
+    return pd.concat(scores, ignore_index=True), pd.concat(paths or [pd.DataFrame()], ignore_index=True)
 
 
 def unrolled(

@@ -56,18 +56,20 @@ def closest_approaches(
     return np.min(unitless, axis=0), np.min(clearance, axis=0)
 
 
-def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch]) -> pd.DataFrame:
+def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndarray) -> pd.DataFrame:
     """One row per scenario of a batch of unrolls.
 
     Args:
         paths: unrolled for at least `LATE_FACTOR` durations.
         obstacles: those they were unrolled with.
+        bare: (B, T, 3) m, where the hand would be without avoidance.
 
     Returns:
         Columns `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest to the cloud), all over
-        the prescribed duration; `goal_distance_m` at its end, `late_goal_distance_m` at `LATE_FACTOR`
-        durations; `restrained`: share of the samples up to the prescribed end whose coupling term was changed
-        for the goal.
+        the prescribed duration, as `detour_m`: the largest distance from where the hand would be without
+        avoidance; `goal_distance_m` at its end, `late_goal_distance_m` at `LATE_FACTOR` durations,
+        `excursion_m`: the largest from the prescribed end on; `restrained`: share of the samples up to the
+        prescribed end whose coupling term was changed for the goal.
 
     Raises:
         InputError: the paths end too early.
@@ -87,7 +89,9 @@ def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch]) -> pd.DataFra
             "obstacle_distance": distance,
             "hit": distance <= 0.0,
             "clearance_m": clearance,
+            "detour_m": np.linalg.norm(position - bare, axis=-1)[:, :end].max(axis=1),
             "goal_distance_m": to_goal[:, end - 1],
+            "excursion_m": to_goal[:, end - 1 :].max(axis=1),
             "late_goal_distance_m": to_goal[:, late - 1],
             "restrained": (paths.asked != paths.coupling)[:, :end].any(axis=-1).mean(axis=1),
         }
@@ -130,7 +134,8 @@ def summary(rows: pd.DataFrame, nmse_train: float | None = None, nmse_test: floa
 
     Returns:
         `goal_max`, `goal_mean` (m), `obstacle_min`, `obstacle_mean` (unitless), `hits`, `clearance_min_m`,
-        with `late_goal_max` (m) of unrolls and `nmse_train`, `nmse_test` where given.
+        with `late_goal_max`, `detour_mean`, `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where
+        given.
 
     Raises:
         InputError: there are no rows.
@@ -147,5 +152,6 @@ def summary(rows: pd.DataFrame, nmse_train: float | None = None, nmse_test: floa
     }
     if "late_goal_distance_m" in rows:
         row["late_goal_max"] = float(rows["late_goal_distance_m"].max())
+        row |= {f"detour_{name}": float(rows["detour_m"].agg(name)) for name in ("mean", "max")}
     fits = {"nmse_train": nmse_train, "nmse_test": nmse_test}
     return row | {name: float(value) for name, value in fits.items() if value is not None}

@@ -2,7 +2,7 @@
 
 from pydantic import PositiveInt
 
-from structlearn.avoidance.network_training import NetworkParameters, SplitParameters
+from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.params import Parameters
 
@@ -13,15 +13,15 @@ class AvoidanceTrainingParameters(Parameters):
     Attributes:
         split: which demonstrations test.
         per_setting: network of one scenario.
-        per_shape: network of all scenarios with one shape.
-        all_shapes: network of all scenarios.
+        across_settings: network of all scenarios with one shape, or of all scenarios.
+        ensemble: likewise, the mean of several.
         phase_modulated: training of the phase-modulated networks.
         phase_modulated_hidden: nodes of their regular hidden layers.
     """
 
     split: SplitParameters
     per_setting: NetworkParameters
-    per_shape: NetworkParameters
-    all_shapes: NetworkParameters
+    across_settings: NetworkParameters
+    ensemble: EnsembleParameters
     phase_modulated: TrainingParameters
     phase_modulated_hidden: tuple[PositiveInt, ...]

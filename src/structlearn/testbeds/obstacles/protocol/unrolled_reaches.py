@@ -10,7 +10,9 @@ import pandas as pd
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, NO_MODEL, Situations
-from structlearn.testbeds.obstacles.protocol.path_scores import MODEL, PLACE, POSITION
+
+KEYS = ["protocol", "obstacle", "scenario", "speed_m_s", "model", "learned_from"]
+"""Columns of an evaluation that name an unroll of one person."""
 
 
 class SituationKey(NamedTuple):
@@ -59,7 +61,7 @@ def reaches_by_situation(
     """The unrolls of an evaluation with limits at the goal.
 
     Args:
-        paths: of `avoidance_protocols.evaluate`.
+        paths: of `avoidance_protocols.evaluate`, of one person.
         scores: likewise, those of the same post-processing are taken.
         baseline: whose local frame the coupling terms are in.
 
@@ -67,14 +69,13 @@ def reaches_by_situation(
         By situation the reaches of all models, in the order in which they were evaluated: that without
         avoidance first.
     """
-    keys = [*PLACE, *MODEL[1:]]
-    limited = scores[scores["rules"] == LIMITED].set_index(keys)
+    limited = scores[scores["rules"] == LIMITED].set_index(KEYS)
     scored = limited[["obstacle_distance", "hit", "goal_distance_m"]].to_dict("index")
     axes = baseline_axes(baseline)
     reaches: dict[SituationKey, list[Reach]] = {}
-    for key, rows in paths.groupby(keys, sort=False):
+    for key, rows in paths.groupby(KEYS, sort=False):
         coupling = rows[["coupling_x", "coupling_y", "coupling_z"]].to_numpy(float)
-        time, position = rows["time_s"].to_numpy(float), rows[POSITION].to_numpy(float)
+        time, position = rows["time_s"].to_numpy(float), rows[["x_m", "y_m", "z_m"]].to_numpy(float)
         reach = Reach(*key[4:], time, position, coupling, coupling @ axes.T, **scored[key])
         reaches.setdefault(SituationKey(*key[:4]), []).append(reach)
     return reaches

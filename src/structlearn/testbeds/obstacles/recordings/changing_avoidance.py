@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes
-from structlearn.avoidance.learned_models import NETWORK
+from structlearn.avoidance.learned_models import ENSEMBLE
 from structlearn.palette import BLUE
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.testbeds.obstacles.names import FREE, HIT, SITUATIONS, SOURCES
@@ -27,7 +27,7 @@ from structlearn.testbeds.obstacles.recordings.avoidance_scene import (
     send_sphere,
     send_trail,
 )
-from structlearn.testbeds.obstacles.recordings.unseen_avoidance import hits_table, network_legend
+from structlearn.testbeds.obstacles.recordings.unseen_avoidance import ensemble_legend, hits_table
 from structlearn.viewer.notes import notes_view, send_notes
 from structlearn.viewer.rrd import entity, layout, plot, recording, rgba, scene_view, send_curve, time_column
 
@@ -36,7 +36,7 @@ SHOWN = 3
 
 EXPLAINED = {
     MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
-    PAIR: "Two spheres stand beside the reach; the coupling terms of both are added.",
+    PAIR: "Two spheres stand beside the reach; along each axis the strongest push either way acts.",
     GOAL_CHANGE: "A sphere stands beside the reach, and the goal (the dark blue point) moves on the way.",
 }
 
@@ -107,7 +107,7 @@ def _send_scene(
     group: Group,
     baseline: PositionPrimitive,
 ) -> rrb.Vertical:
-    """Log one reach past its spheres by every network; a scene and the distances below it."""
+    """Log one reach past its spheres by every ensemble; a scene and the distances below it."""
     heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"
     if situation.speed[index]:
         heading += f", {situation.speed[index]:g} m/s"
@@ -124,7 +124,7 @@ def _send_scene(
         sphere = f"{scene}/spheres/{number}"
         send_sphere(stream, sphere, cloud, radii[number], [time_column(bare.time)], path, colours)
     _send_goal(stream, f"{scene}/goal", situation, baseline)
-    drawn = [bare, *of_model(group, NETWORK)]
+    drawn = [bare, *of_model(group, ENSEMBLE)]
     for reach in drawn:
         label, colour = SOURCES[reach.learned_from].name, SOURCES[reach.learned_from].colour
         send_paths(stream, entity(*parts, "ahead", label), [reach.position], colour, PALE)
@@ -151,9 +151,9 @@ def _send_goal(
 
 def _notes(title: str, protocol: str, groups: Sequence[Group]) -> str:
     return (
-        f"# {title}\n\n{EXPLAINED[protocol]} Play the time line. Everything is simulated: networks that "
-        "learned from simulated people with one sphere, cube or cylinder at rest are unrolled, without a "
+        f"# {title}\n\n{EXPLAINED[protocol]} Play the time line. Everything is simulated: ensembles that "
+        "learned from a simulated person with one sphere, cube or cylinder at rest are unrolled, without a "
         "robot. Arrows are the coupling term; pale lines are the paths to come.\n\n"
-        f"{network_legend(groups)}\n\nShown are {len(shown_reaches(groups))} of {len(groups)} reaches; "
+        f"{ensemble_legend(groups)}\n\nShown are {len(shown_reaches(groups))} of {len(groups)} reaches; "
         f"without avoidance each of them hits.\n\n{hits_table(groups)}"
     )

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes
-from structlearn.avoidance.learned_models import NETWORK
+from structlearn.avoidance.learned_models import ENSEMBLE
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.testbeds.obstacles.names import FREE, HIT, SOURCES, model_name
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import Situations
@@ -43,8 +43,8 @@ def write_unseen_avoidance(
 ) -> None:
     """Write reaches past unseen spheres as a recording.
 
-    The first tab shows all paths of each network at once; the second one sphere at a time with the paths of
-    all networks, and how close they get to every sphere.
+    The first tab shows all paths of each ensemble at once; the second one sphere at a time with the paths of
+    all ensembles, and how close they get to every sphere.
 
     Args:
         path: of the .rrd file.
@@ -54,7 +54,7 @@ def write_unseen_avoidance(
         title: heading, different for every recording.
     """
     centres = in_base_frame(situation.obstacles[0].centre, baseline)
-    networks = networks_of(groups)
+    ensembles = ensembles_of(groups)
     with recording(path, title) as stream:
         send_notes(stream, _notes(title, groups))
         steps = [rr.TimeColumn(SPHERE, sequence=situation.numbers)]
@@ -62,7 +62,7 @@ def write_unseen_avoidance(
         bare = [without_avoidance(group) for group in groups]
         send_paths(stream, entity(BARE.name), [bare[0].position], BARE.colour, width=2.0)
         _send_closest(stream, bare, steps)
-        for source, its in networks.items():
+        for source, its in ensembles.items():
             positions, colour = [reach.position for reach in its], SOURCES[source].colour
             send_paths(stream, entity("all", source), positions, colour, 0.7, 0.7)
             look = rr.LineStrips3D.from_fields(colors=rgba([colour]), radii=-1.5)
@@ -73,29 +73,29 @@ def write_unseen_avoidance(
         texts = [_table(*pair) for pair in zip(situation.numbers, groups, strict=True)]
         columns = rr.TextDocument.columns(text=texts, media_type=[rr.MediaType.MARKDOWN] * len(texts))
         stream.send_columns(notes_path(SPHERE), steps, columns)
-        stream.send_blueprint(_blueprint(networks, centres))
+        stream.send_blueprint(_blueprint(ensembles, centres))
 
 
-def networks_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
-    """Reaches of networks in all situations, by what they learned from in the order of names."""
-    every = [reach for group in groups for reach in of_model(group, NETWORK)]
+def ensembles_of(groups: Sequence[Group]) -> dict[str, list[Reach]]:
+    """Reaches of ensembles in all situations, by what they learned from in the order of names."""
+    every = [reach for group in groups for reach in of_model(group, ENSEMBLE)]
     found = {source: [reach for reach in every if reach.learned_from == source] for source in SOURCES}
     return {source: its for source, its in found.items() if its}
 
 
 def hits_table(groups: Sequence[Group]) -> str:
-    """How often each network hits, and the reach without avoidance, in Markdown."""
+    """How often each ensemble hits, and the reach without avoidance, in Markdown."""
     counts = {BARE.name: sum(without_avoidance(group).hit for group in groups)}
-    for source, its in networks_of(groups).items():
-        counts[model_name(NETWORK, source)] = sum(reach.hit for reach in its)
+    for source, its in ensembles_of(groups).items():
+        counts[model_name(ENSEMBLE, source)] = sum(reach.hit for reach in its)
     rows = [f"| {name} | {count} |" for name, count in counts.items()]
     return f"| hits | of {len(groups)} |\n|---|---|\n" + "\n".join(rows) + "\n"
 
 
-def network_legend(groups: Sequence[Group]) -> str:
-    """Colours of networks and spheres, in Markdown."""
-    networks = {model_name(NETWORK, source): SOURCES[source].colour for source in networks_of(groups)}
-    return legend(networks | {look.name: look.colour for look in (BARE, HIT, FREE)})
+def ensemble_legend(groups: Sequence[Group]) -> str:
+    """Colours of ensembles and spheres, in Markdown."""
+    ensembles = {model_name(ENSEMBLE, source): SOURCES[source].colour for source in ensembles_of(groups)}
+    return legend(ensembles | {look.name: look.colour for look in (BARE, HIT, FREE)})
 
 
 def _send_spheres(
@@ -126,29 +126,29 @@ def _send_closest(stream: rr.RecordingStream, reaches: Group, steps: Sequence[rr
 def _table(number: int, group: Group) -> str:
     rows = [
         f"| {SOURCES[one.learned_from].name} | {one.obstacle_distance:.2f} | {'hit' if one.hit else ''} |"
-        for one in [without_avoidance(group), *of_model(group, NETWORK)]
+        for one in [without_avoidance(group), *of_model(group, ENSEMBLE)]
     ]
     return f"## Sphere {number}\n\n| path | closest (radii) | |\n|---|---|---|\n" + "\n".join(rows)
 
 
-def _blueprint(networks: dict[str, list[Reach]], centres: np.ndarray) -> rrb.Blueprint:
-    points = np.concatenate([centres, *(its[0].position for its in networks.values())])
+def _blueprint(ensembles: dict[str, list[Reach]], centres: np.ndarray) -> rrb.Blueprint:
+    points = np.concatenate([centres, *(its[0].position for its in ensembles.values())])
     one = scene_view(
-        f"one sphere and all networks (simulated); step on the time line '{SPHERE}'",
+        f"one sphere and all ensembles (simulated); step on the time line '{SPHERE}'",
         ["/one/**", entity(BARE.name), "/centres"],
         points,
     )
     closest = plot("closest approach to each sphere (radii from its surface; below 0: hit)", ["/closest/**"])
     beside = rrb.Vertical(closest, notes_view(SPHERE, name="this sphere"), row_shares=[1, 1])
     stepped = rrb.Horizontal(one, beside, column_shares=[4, 3], name="one by one")
-    everything = np.concatenate([reach.position for its in networks.values() for reach in its])
+    everything = np.concatenate([reach.position for its in ensembles.values() for reach in its])
     scenes = [
         scene_view(
-            f"{model_name(NETWORK, source)}: {len(its)} paths (simulated)",
+            f"{model_name(ENSEMBLE, source)}: {len(its)} paths (simulated)",
             [entity("all", source), entity(BARE.name), "/centres"],
             everything,
         )
-        for source, its in networks.items()
+        for source, its in ensembles.items()
     ]
     together = rrb.Horizontal(
         rrb.Grid(*scenes, grid_columns=2), notes_view(), column_shares=[4, 1], name="all paths"
@@ -159,6 +159,7 @@ def _blueprint(networks: dict[str, list[Reach]], centres: np.ndarray) -> rrb.Blu
 def _notes(title: str, groups: Sequence[Group]) -> str:
     return (
         f"# {title}\n\n{len(groups)} spheres close round the reach, which nobody has shown. One is there at "
-        "a time; the balls are the centres of all. Everything is simulated: networks that learned from "
-        f"simulated people are unrolled, without a robot.\n\n{network_legend(groups)}\n\n{hits_table(groups)}"
+        "a time; the balls are the centres of all. Everything is simulated: ensembles of networks that "
+        "learned from a simulated person are unrolled, without a robot.\n\n"
+        f"{ensemble_legend(groups)}\n\n{hits_table(groups)}"
     )

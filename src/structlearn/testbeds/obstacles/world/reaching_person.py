@@ -18,6 +18,7 @@ import structlearn
 from structlearn.avoidance.shapes import SHAPES, Obstacle
 from structlearn.ground import minimum_jerk
 from structlearn.ground.params import Parameters
+from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
 
@@ -58,7 +59,8 @@ class AvoiderParameters(Parameters):
     Attributes:
         baseline_count: demonstrations without obstacle.
         count: demonstrations per scenario.
-        seed: of the person; with scenario and number it seeds each demonstration on its own.
+        seed: of the person that is recorded and shown; with scenario and number it seeds each demonstration
+            on its own. The others are people with other seeds (`obstacle_people`).
         rate_hz: of motion capture.
         movement_s: median duration of the movement itself.
         movement_cv: its std of the log; timed movements vary by 5 to 10 %.
@@ -72,7 +74,7 @@ class AvoiderParameters(Parameters):
         clearance_spread: relative.
         perception_m: of the perceived place of the obstacle, per axis.
         preferred_deg: side that the person likes best, across the reach: 0 is to the left, 90 upwards.
-        preference_m: a detour there may be so much longer than one at right angles to it. With 0.05
+        preference_m: a detour there may be so much longer than one at right angles to it. With little of it
             neighbouring settings are often passed on different sides, and a network learns the mean of both,
             which leads into the obstacle.
         indecision_m: scale of the chance in that choice, as a length of detour.
@@ -125,6 +127,20 @@ def demonstrate(
         InputError: an obstacle contains start or goal, or the reach has no direction.
     """
     return [_recordings(scenario, scene, person) for scenario in scenarios]
+
+
+def demonstrations(
+    scenarios: Sequence[Scenario | None], scene: SceneParameters, person: AvoiderParameters
+) -> list[list[Demonstration]]:
+    """The same as everything downstream sees them, of people who are not recorded into files."""
+    origin = {"origin": "simulated", "seed": str(person.seed)}
+    return [
+        [
+            Demonstration(f"{number:02d}", time, position, provenance=origin)
+            for number, (time, position) in enumerate(reaches(scenario, scene, person), start=1)
+        ]
+        for scenario in scenarios
+    ]
 
 
 def reaches(

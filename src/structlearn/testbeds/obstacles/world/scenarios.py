@@ -8,9 +8,10 @@ beside the reach, at up to 0.25 m of height difference.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from structlearn.avoidance.shapes import HALF_SIZE_M, SHAPES, Obstacle, Shape, obstacle, ringed_sphere
 from structlearn.ground.errors import InputError
@@ -34,8 +35,8 @@ FAR_CLEARANCE_M = 0.25
 """Between the line of the reach and the centre of a far obstacle: nobody makes a detour for it."""
 
 END_CLEARANCE_M = 0.06
-"""Between start or goal and the surface of any obstacle: a hand has to fit there. The unseen spheres are as
-close. With 0.09 m most of those that networks hit were close to the ends, where nobody had shown any."""
+"""Between start or goal and the surface of any obstacle: a hand has to fit there, and the unseen spheres are
+as close."""
 
 GRID_ALONG = np.array([-1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0]) / 6.0
 """Seven points from start to goal, the two at the ends pushed one spacing outwards."""
@@ -53,6 +54,7 @@ class SceneParameters(Parameters):
         settings: positions of the obstacle; each is used with every shape.
         near_share: of the settings, whose obstacle is near the line of the reach.
         seed: of the positions.
+        tuning_seed: of other positions, on which constants were chosen.
     """
 
     start_m: Metres
@@ -60,6 +62,13 @@ class SceneParameters(Parameters):
     settings: int = Field(ge=1, le=1000)
     near_share: float = Field(ge=0, le=1)
     seed: int = Field(ge=0)
+    tuning_seed: int = Field(ge=0)
+
+    @model_validator(mode="after")
+    def _are_apart(self) -> Self:
+        if self.seed == self.tuning_seed:
+            raise ValueError(f"scene {self.seed} is the one that constants were chosen on")
+        return self
 
     @property
     def start(self) -> np.ndarray:
@@ -114,6 +123,22 @@ def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> 
         for shape in shapes
         for number, (centre, yaw) in enumerate(zip(centres, yaws, strict=True), start=1)
     ]
+
+
+def own_scenarios(scenarios: Sequence[Scenario], people: Sequence[int]) -> dict[int, np.ndarray]:
+    """Who learns models per setting of which scenarios: settings go round, with all their shapes.
+
+    Models of every setting of everybody would take longer to train than all others together.
+
+    Args:
+        scenarios: by their numbers in the datasets.
+        people: seeds.
+
+    Returns:
+        By person the numbers of the scenarios, ascending.
+    """
+    turn = np.array([(scenario.setting - 1) % len(people) for scenario in scenarios])
+    return {person: np.flatnonzero(turn == place) for place, person in enumerate(people)}
 
 
 def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:

@@ -80,6 +80,16 @@ class BoardResults(ExecutionResults):
         return steps
 
     @cached_property
+    def felt_counts(self) -> pd.Series:
+        """By `setting_deg`, rms over channels and time of the deviation from what was expected, counts.
+
+        Of executions without feedback: on the level board it is how much one contact differs from another.
+        """
+        nominal = self.traces[self.traces["model"] == NOMINAL]
+        squares = nominal.filter(like="channel_").pow(2).mean(axis=1)
+        return squares.groupby(nominal["setting_deg"]).mean().pow(0.5)
+
+    @cached_property
     def coupling(self) -> pd.DataFrame:
         """Mean coupling term of the pointwise model over a primitive, and its step from setting to setting.
 

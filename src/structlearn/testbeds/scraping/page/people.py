@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import Claim, Evidence, Found, by_case, difference, mean
+from structlearn.reporting.claims import Claim, Evidence, Found, by_case, difference, geometric_mean, mean
 from structlearn.reporting.prose import level_name, rounded
 from structlearn.reporting.studies import Study
 from structlearn.segmentation.result import RESULT
@@ -33,6 +33,15 @@ MODEL_PAIRS = {
     "more_nodes": (("pmnn_100", "pmnn_6"),),
 }
 """Pairs (better, worse) of representations that a claim is made of."""
+
+
+SUMMARISED = {
+    mean: ("pmnn_prim2_generalization_nmse", "pmnn_prim3_generalization_nmse"),
+    geometric_mean: tuple(
+        f"cost_ratio_{model}_over_nominal_{tilt}" for model in ("feedback", "level") for tilt in (0, 10)
+    ),
+}
+"""Keys of `summary` by the mean that is taken of them."""
 
 
 @dataclass(frozen=True)
@@ -187,6 +196,18 @@ def _executions(people: People, adapted: Sequence[str], settings_deg: Sequence[f
 
 def _by_primitive(people: People, key: str, adapted: Sequence[str]) -> Found:
     return by_case(mean, {one: (people.numbers(f"{key}_{people.number(one)}"),) for one in adapted})
+
+
+def summary(people: People) -> Metrics:
+    """Key figures over people, with the ends of their 95 % intervals; ratios by their geometric mean."""
+    values: Metrics = {}
+    for make, keys in SUMMARISED.items():
+        for key in keys:
+            numbers = people.numbers(key)
+            found = make(numbers)
+            values |= {f"people_{key}": found.value, "people": len(numbers)}
+            values |= {f"people_{key}_low": found.low, f"people_{key}_high": found.high}
+    return values
 
 
 def known(

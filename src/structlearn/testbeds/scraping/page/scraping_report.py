@@ -172,6 +172,7 @@ def scraping_report(
         report.drawings |= feedback_drawings(feedback, studied)
         report.tables |= tables.feedback_tables(feedback, printed)
         report.metrics |= feedback.metrics()
+        report.metrics |= people.known(people.summary, studied)
         settings = feedback.board.settings_deg if feedback.board is not None else []
         found, of_one = (
             people.known(people.feedback_evidence, one, feedback.adapted, settings)

@@ -15,6 +15,7 @@ from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, can
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.latent_variants import NO_INVERSE, STRUCTURES
 from structlearn.testbeds.servoing import names
+from structlearn.testbeds.servoing.page.evidence import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import KEYS, rows_of
@@ -229,11 +230,9 @@ def _success(results: ServoingResults, form: str) -> Figure:
     for group, structure in enumerate(STRUCTURES):
         for place, (name, colour) in enumerate(names.INVERSE_COLOURS.items()):
             for shift, with_loss in ((-0.2, True), (0.2, False)):
-                row = (
-                    100
-                    * results.trials.rate(Variant(form, name, structure, with_loss))[["rate", "low", "high"]]
-                )
-                _bars(axes, 4 * group + place + shift, row["rate"], row[["low", "high"]], colour, with_loss)
+                share = rate(results.trials, Variant(form, name, structure, with_loss))
+                value, *ends = (100 * one for one in (share.value, share.low, share.high))
+                _bars(axes, 4 * group + place + shift, value, ends, colour, with_loss)
     _bar_groups(
         axes, [names.STRUCTURE_NAMES[structure] for structure in STRUCTURES], legend=form == names.TEXT.form
     )

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.ground.metrics import mean_interval, wilson_interval
-from structlearn.reporting.claims import in_words, judge, read_claims, share
+from structlearn.ground.metrics import mean_interval
+from structlearn.reporting.claims import in_words, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
-from structlearn.reporting.prose import interval, with_interval
+from structlearn.reporting.prose import with_interval
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.files import MADE_BY
 from structlearn.testbeds.servoing.page import tables
-from structlearn.testbeds.servoing.page.evidence import evidence
+from structlearn.testbeds.servoing.page.evidence import evidence, over_people, rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
-from structlearn.testbeds.servoing.protocol.servo_variants import CHANGES, QUICK_FILTER, Variant
+from structlearn.testbeds.servoing.protocol.servo_variants import AS_DATA, CHANGES, Variant
 
 PACKAGE = "structlearn.testbeds.servoing.page"
 
@@ -57,12 +57,13 @@ def _facts(results: ServoingResults) -> dict[str, object]:
         "tested": tables.test_chains(results).itertuples,
         "test_chain": TEST_CHAIN,
         "changes": CHANGES,
-        "quick_filter": QUICK_FILTER,
+        "as_data": AS_DATA,
         "square_mm": SQUARE_MM,
         "like": replace,
         "over_seeds": over_seeds,
         "reached": reached,
-        "chance": chance,
+        "over_people": lambda key: in_words(over_people(results.people, key), ".2f"),
+        "unless_run": "" if results.people else "; study servoing/people",
     }
     if results.simulated:
         errors = results.contact_errors
@@ -78,10 +79,4 @@ def over_seeds(values: np.ndarray, number_format: str) -> str:
 
 def reached(trials: ControllerScores, variant: Variant) -> str:
     """`99.8 % [98.9, 100.0]`: share of targets that a controller reaches, with its interval."""
-    row = trials.rate(variant)
-    return in_words(share(int(row["successes"]), int(row["trials"])), "share")
-
-
-def chance(count: int, n: int) -> str:
-    """`[0.0, 0.8]`: 95 % interval in % of the chance of what happened `count` times in `n`."""
-    return interval(*(100 * end for end in wilson_interval(count, n)))
+    return in_words(rate(trials, variant), "share")

@@ -1,7 +1,7 @@
 """What the stages of the servoing testbed found, and its metrics."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import yaml
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
+from structlearn.reporting.studies import Study
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.flat_maps import map_laying
 from structlearn.tactile.latent_variants import FORWARD_OF
@@ -20,10 +21,16 @@ from structlearn.testbeds.servoing.names import OURS, TEXT
 from structlearn.testbeds.servoing.protocol.contact_errors import contact_errors
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
-from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Comparison, Variant
+from structlearn.testbeds.servoing.protocol.servo_variants import AS_DATA, Comparison
 
 PUBLISHED = yaml.safe_load(Path(__file__).with_name("published.yaml").read_text(encoding="utf-8"))
 """Numbers as the dissertation prints them."""
+
+STUDIES = ("people", "controller", "loss_weights")
+"""What the page quotes of trials beside the pipeline, `benchmarks/studies/servoing`."""
+
+AS_IT_STANDS = "as it stands"
+"""Variant of a study in which nothing is changed."""
 
 HEADLINES = (
     "reconstruction_nmse_test",
@@ -52,6 +59,7 @@ class ServoingResults:
         comparison: closed loops; only with the simulated finger that demonstrated.
         skin_tables: all of it with fingers of another shape, always simulated.
         chosen: parameters by their key in `params.yaml`.
+        studies: what was tried beside the pipeline, by name; None where it was not.
     """
 
     dataset: TouchDataset
@@ -60,6 +68,7 @@ class ServoingResults:
     comparison: Comparison | None
     skin_tables: OtherSkinTables
     chosen: Mapping[str, Parameters]
+    studies: Mapping[str, Study | None]
 
     @property
     def simulated(self) -> bool:
@@ -81,6 +90,11 @@ class ServoingResults:
         """Closed loops with other skins, by skin."""
         groups = self.skin_tables.trials.groupby("skin", sort=False)
         return {str(name): ControllerScores(rows) for name, rows in groups}
+
+    @property
+    def people(self) -> Study | None:
+        """All that is reported here, of other people with other sensors."""
+        return self.studies["people"]
 
     @cached_property
     def pairs(self) -> int:
@@ -115,8 +129,9 @@ class ServoingResults:
         All are means over seeds on the test split, of latent spaces with structure where nothing else is
         said. `forward_nmse_chain3_*` are of the non-linear model that was trained with NJ; cosine distances
         ask for the latent state that followed, each inverse model with the forward model trained with it.
-        `contact_point_error_mm` is the median of pressed samples. `servo_*` are of the resting controller
-        with NJ. What only a simulation tells is not there if the demonstrations were recorded.
+        `contact_point_error_mm` is the median of pressed samples. `servo_*` are of the resting controller,
+        with NJ where nothing else is said; `*_published` of the text's. What only a simulation tells is not
+        there if the demonstrations were recorded.
         """
         models = self.models
         values: Metrics = {
@@ -130,6 +145,10 @@ class ServoingResults:
             "forward_nmse_chain3_struct": models.forwards("NL", "NJ").mean(),
             "forward_nmse_chain3_nostruct": models.forwards("NL", "NJ", structure=False).mean(),
         }
+        for column in ("plane", "third", "pressure", "electrodes"):
+            for name, structure in (("struct", True), ("nostruct", False)):
+                error = models.forwards("NL", "NJ", structure, column=column).mean()
+                values[f"forward_nmse_chain3_{column}_{name}"] = error
         values |= {f"cosine_distance_{name.lower()}": models.cosines(name).mean() for name in FORWARD_OF}
         values["cosine_distance_nj_without_loss"] = models.cosines("NJ", with_loss=False).mean()
         if self.simulated:
@@ -140,15 +159,19 @@ class ServoingResults:
 
     def _loop_metrics(self, loops: ControllerScores) -> Metrics:
         ours = loops.rate(OURS)
-        others = {f"servo_success_rate_{name}": its.rate(OURS)["rate"] for name, its in self.skins.items()}
+        rates = {f"{name}": (its, OURS) for name, its in self.skins.items()}
+        rates |= {f"{name}_published": (its, TEXT) for name, its in self.skins.items()}
+        for ending, nj in (("", OURS), ("_published", TEXT)):
+            rates |= {f"{name.lower()}{ending}": (loops, replace(nj, inverse=name)) for name in ("LL", "NG")}
+            rates[f"nostruct{ending}"] = loops, replace(nj, structure=False)
+            rates[f"as_data{ending}"] = loops, replace(nj, change=AS_DATA)
+        others = {f"servo_success_rate_{key}": its.rate(one)["rate"] for key, (its, one) in rates.items()}
         return {
             "servo_trials": int(ours["trials"]),
-            "servo_success_rate": ours["rate"],
             "servo_success_rate_published": loops.rate(TEXT)["rate"],
-            "servo_success_rate_ll": loops.rate(Variant(RESTING, "LL"))["rate"],
-            "servo_success_rate_ng": loops.rate(Variant(RESTING, "NG"))["rate"],
-            "servo_success_rate_nostruct": loops.rate(Variant(RESTING, "NJ", structure=False))["rate"],
+            "servo_success_rate": ours["rate"],
             "servo_reach_s": ours["reach_s"] if np.isfinite(ours["reach_s"]) else None,
             "servo_path_ratio": ours["path_ratio"] if np.isfinite(ours["path_ratio"]) else None,
-            "servo_contacts_lost": int(ours["lifted"] + ours["off_skin"]),
+            "servo_contacts_lost": int(loops.counts(OURS)["lost"].sum()),
+            "servo_contacts_lost_published": int(loops.counts(TEXT)["lost"].sum()),
         } | others

@@ -13,8 +13,11 @@ from structlearn.testbeds.servoing.names import (
     SKIN_NAMES,
     TEXT,
 )
+from structlearn.testbeds.servoing.page.evidence import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
+from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import skin_table
+from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 
 MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}
 
@@ -39,7 +42,7 @@ LOOP_COLUMNS = {
 def tables(results: ServoingResults) -> dict[str, Table]:
     """All tables by name."""
     models, skins = results.models, results.skin_tables
-    loops = {SKIN_NAMES[name]: one.table() for name, one in results.skins.items()}
+    loops = {SKIN_NAMES[name]: loop_table(one) for name, one in results.skins.items()}
     learned = skin_table(skins.latent, skins.directions)
     found = {
         "data": Table(data(results)),
@@ -50,7 +53,17 @@ def tables(results: ServoingResults) -> dict[str, Table]:
         "other_skins": _rounded(learned.assign(skin=learned["skin"].map(SKIN_NAMES)), ".4f", LATENT_NAMES),
         "other_skin_loops": _loops(pd.concat(loops, names=["skin", None]).reset_index("skin")),
     }
-    return found if results.trials is None else found | {"loops": _loops(results.trials.table())}
+    return found if results.trials is None else found | {"loops": _loops(loop_table(results.trials))}
+
+
+def loop_table(trials: ControllerScores) -> pd.DataFrame:
+    """A row for each controller, see `ControllerScores.table`; `low` to `high`: interval of its rate."""
+    table = trials.table()
+    found = [rate(trials, Variant(**keys)) for keys in table[list(vars(TEXT))].to_dict("records")]
+    place = table.columns.get_loc("rate") + 1
+    table.insert(place, "low", [one.low for one in found])
+    table.insert(place + 1, "high", [one.high for one in found])
+    return table
 
 
 def _rounded(frame: pd.DataFrame, number_format: str, headings: dict[str, str] | None = None) -> Table:

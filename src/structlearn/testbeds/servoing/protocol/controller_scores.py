@@ -36,10 +36,12 @@ class ControllerScores:
         """Targets reached per seed (S,), in %."""
         return 100 * rows_of(self.trials, variant).groupby("seed")["success"].mean().to_numpy()
 
-    def lost(self, variant: Variant) -> int:
-        """In how many trials the finger was in the air, or the contact beyond the ends of the skin."""
+    def counts(self, variant: Variant) -> pd.DataFrame:
+        """Numbers by seed: `trials`, `success`, and `lost`, once in the air or beyond the ends of skin."""
         rows = rows_of(self.trials, variant)
-        return int((rows["lifted"] | rows["off_skin"]).sum())
+        lost = rows["lifted"] | rows["off_skin"]
+        groups = rows.assign(lost=lost, trials=1).groupby("seed")
+        return groups[["trials", "success", "lost"]].sum()
 
     def only_pressed_wrong(self, variant: Variant, position_mm: float) -> int:
         """How many of the missed targets the contact is within a distance of: only its pressure is off."""
@@ -50,24 +52,14 @@ class ControllerScores:
         """A row for each controller.
 
         Returns:
-            `KEYS`; `trials`, `successes`, `rate` with its Wilson interval `low` to `high`; medians of
-            successes `reach_s` and `path_ratio`; numbers of trials `lifted` and `off_skin`;
-            `rate_<motion>`; medians of all `position_error_mm` and `pressure_error`.
+            `KEYS`; `trials`, `successes`, `rate`; medians of successes `reach_s` and `path_ratio`; numbers
+            of trials `lifted` and `off_skin`; `rate_<motion>`; medians of all `position_error_mm` and
+            `pressure_error`.
         """
         motions = success_rates(self.trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
         motions = motions[self.trials["motion"].unique()].add_prefix("rate_")
         errors = self.trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
-        columns = [
-            "trials",
-            "successes",
-            "rate",
-            "low",
-            "high",
-            "reach_s",
-            "path_ratio",
-            "lifted",
-            "off_skin",
-        ]
+        columns = ["trials", "successes", "rate", "reach_s", "path_ratio", "lifted", "off_skin"]
         return self.rates[columns].join(motions).join(errors).reset_index()
 
 

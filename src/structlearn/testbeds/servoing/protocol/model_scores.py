@@ -22,6 +22,10 @@ TEST_CHAIN = 3
 """Steps of prediction on which forward models are compared; they learn from two (II.4.4)."""
 
 
+PARTS = ("plane", "third", "electrodes", "pressure")
+"""What else is known of a prediction: parts of the latent state, and the touch that it is decoded to."""
+
+
 @dataclass(frozen=True)
 class ModelScores:
     """What is known of the trained models; arrays are over S seeds.
@@ -29,6 +33,7 @@ class ModelScores:
     Attributes:
         latent: see `tactile.latent_evaluation.latent_errors`.
         forward: see `tactile.latent_evaluation.forward_errors`.
+        decoded: see `tactile.latent_evaluation.decoded_errors`.
         directions: see `tactile.latent_evaluation.direction_errors`.
         curve: key figures while training, see `tactile.latent_comparison.LatentComparison`.
         latent_map: see `tactile.latent_evaluation.latent_map`.
@@ -36,6 +41,7 @@ class ModelScores:
 
     latent: pd.DataFrame
     forward: pd.DataFrame
+    decoded: pd.DataFrame
     directions: pd.DataFrame
     curve: pd.DataFrame
     latent_map: pd.DataFrame
@@ -51,13 +57,18 @@ class ModelScores:
         return rows.sort_values("seed")[column].to_numpy()
 
     def forwards(
-        self, forward: str, trained_with: str, structure: bool = True, steps: int = TEST_CHAIN
+        self,
+        forward: str,
+        trained_with: str,
+        structure: bool = True,
+        steps: int = TEST_CHAIN,
+        column: str = "nmse",
     ) -> np.ndarray:
-        """Forward NMSE (S,)."""
-        table = self.forward
+        """Forward NMSE (S,), or another column of `forward` or `decoded`."""
+        table = self.forward if column in self.forward else self.decoded
         mask = (table["forward"] == forward) & (table["trained_with"] == trained_with)
         mask &= (table["structure"] == structure) & (table["steps"] == steps)
-        return table[mask].sort_values("seed")["nmse"].to_numpy()
+        return table[mask].sort_values("seed")[column].to_numpy()
 
     def relative_forwards(
         self, forward: str, trained_with: str, structure: bool = True, steps: int = TEST_CHAIN
@@ -123,7 +134,7 @@ class ModelScores:
 
         Returns:
             `model`, `space`, `steps`, `nmse` (mean over seeds), `half` (of its 95 % interval), `relative`
-            and `relative_half`: over the error of the prediction that nothing moves.
+            and `relative_half`: over the error of the prediction that nothing moves; and means of `PARTS`.
         """
         rows = []
         for kind in (STILL, *DYNAMICS):
@@ -132,8 +143,9 @@ class ModelScores:
                     case = (*kind, structure, steps)
                     names = (dynamics_name(*kind), STRUCTURE_NAMES[structure], steps)
                     nmse, relative = self.forwards(*case), self.relative_forwards(*case)
-                    rows.append((*names, *mean_interval(nmse), *mean_interval(relative)))
-        columns = ["model", "space", "steps", "nmse", "half", "relative", "relative_half"]
+                    parts = [self.forwards(*case, part).mean() for part in PARTS]
+                    rows.append((*names, *mean_interval(nmse), *mean_interval(relative), *parts))
+        columns = ["model", "space", "steps", "nmse", "half", "relative", "relative_half", *PARTS]
         return pd.DataFrame(rows, columns=columns)
 
     def direction_table(self) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Which other skins are demonstrated on, and how much less is trained for them."""
+"""Which other skins are demonstrated on, and how many models learn from it."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters
 
 
 class OtherSkin(Parameters):
@@ -23,16 +24,16 @@ class OtherSkin(Parameters):
 
 
 class OtherSkinsParameters(Parameters):
-    """Other skins, and how much less is trained for them.
+    """Other skins; all else is as for the first one.
 
     Attributes:
         skins: by name.
-        bins: of geodesic distances.
         seeds: of latent spaces and dynamics.
-        steps: of training.
     """
 
     skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
-    bins: PositiveInt
     seeds: PositiveInt
-    steps: PositiveInt
+
+    def person_with(self, skin: str, person: ToucherParameters) -> ToucherParameters:
+        """A person who demonstrates on another skin."""
+        return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.ground.metrics import wilson_interval
 from structlearn.ground.params import Parameters
 from structlearn.tactile.skin_paths import path_length, skin_distance
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
@@ -100,16 +99,15 @@ def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         by: these columns.
 
     Returns:
-        A row per group, in the order of the trials: `trials`, `successes`, `rate` with the Wilson interval
-        `low` to `high` (95 %), `reach_s` and `path_ratio` (path over shortest path) as medians of successes,
-        and the numbers `lifted` and `off_skin`.
+        A row per group, in the order of the trials: `trials`, `successes`, `rate`, `reach_s` and `path_ratio`
+        (path over shortest path) as medians of successes, and the numbers `lifted` and `off_skin`.
     """
     reached = trials.assign(
         path_ratio=(trials["path_mm"] / trials["geodesic_mm"]).where(trials["success"]),
         reach_s=trials["reach_s"].where(trials["success"]),
     )
     groups = reached.groupby(list(by), sort=False)
-    table = groups.agg(
+    return groups.agg(
         trials=("success", "size"),
         successes=("success", "sum"),
         rate=("success", "mean"),
@@ -118,8 +116,6 @@ def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
         lifted=("lifted", "sum"),
         off_skin=("off_skin", "sum"),
     ).reset_index()
-    low, high = wilson_interval(table["successes"].to_numpy(), table["trials"].to_numpy())
-    return table.assign(low=low, high=high)
 
 
 def success_by_tolerance(

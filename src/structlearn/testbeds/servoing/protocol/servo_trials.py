@@ -1,8 +1,8 @@
 """Which controllers are compared in closed loop, from which contacts to which, and what is kept of it.
 
-Published controllers are those of the text as they stand: the inverse model at about 3 Hz, electrodes behind
-the low-pass that the training data saw. Resting ones act more cautiously (`tactile.resting_servo`), see
-quicker electrodes and act more often. All of them meet the same trials, so that they are compared in pairs.
+Published controllers are those of the text as they stand; resting ones correct their model
+(`tactile.resting_servo`). Both see the same electrodes and act equally often, oftener than the models step:
+the text says nothing of either at run time. All of them meet the same trials, so they are compared in pairs.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,12 +24,10 @@ from structlearn.tactile.units import TouchUnits
 from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, progress, scored
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     ALL_ALIKE,
+    AS_DATA,
     DERIVATIVE,
     PUBLISHED,
-    QUICK_FILTER,
-    SLOW_ACTIONS,
-    SLOW_FILTER,
-    WHOLE_WAY,
+    UNCORRECTED,
     Comparison,
     ServoTrialParameters,
     Variant,
@@ -55,12 +53,10 @@ class Taught:
     Attributes:
         models: latent spaces and dynamics of S seeds.
         units: that they see touch in.
-        likely: (6,) scales of demonstrated actions, see `tactile.resting_servo.demonstrated_actions`.
     """
 
     models: LatentModels
     units: TouchUnits
-    likely: np.ndarray
 
 
 def compare(
@@ -128,25 +124,21 @@ def make_controller(
     variant: Variant, taught: Taught, parameters: ServoTrialParameters, sample_hz: float
 ) -> tuple[TactileServo, LoopParameters]:
     """A controller of all seeds, and its timing; electrodes are read `sample_hz` times per second."""
-    published, resting = parameters.published, parameters.resting
-    form = published if variant.form == PUBLISHED else resting
-    loop, own = form.loop, form.model_dump(include={"action_penalty", "gradient_gain", "largest_action"})
+    form = parameters.published if variant.form == PUBLISHED else parameters.resting
+    own = form.model_dump(include={"action_penalty", "gradient_gain", "largest_action"})
     servo_parameters = ServoParameters(
         inverse=variant.inverse, trained_with_inverse=variant.with_loss, horizon=variant.horizon, **own
     )
-    other = resting if variant.change == QUICK_FILTER else published
-    if variant.change in (QUICK_FILTER, SLOW_FILTER):
-        loop = loop.model_copy(update={"cutoff_hz": other.loop.cutoff_hz})
-    if variant.change == SLOW_ACTIONS:
-        loop = loop.model_copy(update={"samples_per_action": other.loop.samples_per_action})
+    loop = parameters.loop_of_data if variant.change == AS_DATA else parameters.loop
     # The models predict steps of this length, also where an action is replaced before its step is over.
-    whole = (taught.models, taught.units, variant.structure, servo_parameters, sample_hz / TEST_STRIDE)
+    steps = sample_hz / TEST_STRIDE, max(1, round(TEST_STRIDE / loop.samples_per_action))
+    whole = (taught.models, taught.units, variant.structure, servo_parameters, *steps)
     if variant.form == PUBLISHED:
         return TactileServo(*whole), loop
     caution = Caution(
-        likely=None if variant.change == ALL_ALIKE else taught.likely,
-        spread=0.0 if variant.change == DERIVATIVE else resting.spread,
-        approach=1.0 if variant.change == WHOLE_WAY else resting.approach,
+        by_likelihood=variant.change != ALL_ALIKE,
+        spread=0.0 if variant.change == DERIVATIVE else parameters.resting.spread,
+        correction=0.0 if variant.change == UNCORRECTED else parameters.resting.correction,
     )
     return RestingServo(*whole, caution), loop
 

@@ -13,10 +13,11 @@ from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 PUBLISHED, RESTING = "published", "resting"
 """Forms of the controllers."""
 
-QUICK_FILTER = "quick filter"
-SLOW_FILTER, SLOW_ACTIONS, WHOLE_WAY = "slow filter", "slow actions", "whole way"
-ALL_ALIKE, DERIVATIVE = "all actions alike", "derivative at rest"
-CHANGES = (SLOW_FILTER, SLOW_ACTIONS, WHOLE_WAY, ALL_ALIKE, DERIVATIVE)
+AS_DATA = "filter and rate of the data"
+"""What is changed of either form: the loop is that of the preparation of the data."""
+
+ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"
+CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
 """What is taken from the resting controller, one at a time."""
 
 
@@ -24,34 +25,30 @@ class PublishedParameters(Parameters):
     """Controllers as published; the action limit and the gain are in the networks' units.
 
     Attributes:
-        loop: timing.
         action_penalty: beta (eq. II.12).
         gradient_gain: alpha of NG (eq. II.14).
         largest_action: bound of |a|, in root mean squares of the demonstrated actions.
     """
 
-    loop: LoopParameters
     action_penalty: float = Field(gt=0)
     gradient_gain: float = Field(gt=0)
     largest_action: float = Field(gt=0)
 
 
 class RestingParameters(Parameters):
-    """Controllers that act more cautiously (`tactile.resting_servo`).
+    """Controllers that correct their model (`tactile.resting_servo`).
 
     Attributes:
-        loop: timing.
         action_penalty: beta, for actions in units of likely ones.
         largest_action: bound of |a|, in root mean squares of the demonstrated actions.
-        approach: part of the way to the target that a step is to go.
         spread: half the distance over which slopes are taken, in likely actions.
+        correction: kappa, by how much of what a step missed the slopes are corrected.
     """
 
-    loop: LoopParameters
     action_penalty: float = Field(gt=0)
     largest_action: float = Field(gt=0)
-    approach: float = Field(gt=0, le=1)
     spread: float = Field(gt=0)
+    correction: float = Field(gt=0, lt=2)
 
 
 class ServoTrialParameters(Parameters):
@@ -66,8 +63,10 @@ class ServoTrialParameters(Parameters):
         rest_s: before a target is read, and before a trial starts.
         follow_s: time constant with which the robot takes up a velocity.
         horizon: steps of the controllers that look further ahead than one.
+        loop: timing, of both forms.
+        loop_of_data: low-pass of the data, one action per step of prediction; to see what these cost.
         published: controllers as published.
-        resting: more cautious ones.
+        resting: those that correct their model.
         tolerance: when a target counts as reached.
         shown: trials per seed whose paths are kept.
     """
@@ -80,6 +79,8 @@ class ServoTrialParameters(Parameters):
     rest_s: float = Field(gt=0)
     follow_s: float = Field(gt=0)
     horizon: int = Field(ge=2)
+    loop: LoopParameters
+    loop_of_data: LoopParameters
     published: PublishedParameters
     resting: RestingParameters
     tolerance: ToleranceParameters
@@ -132,9 +133,12 @@ def variants(horizon: int) -> list[Variant]:
         for with_loss in (True, False)
         for inverse in FORWARD_OF
     ]
-    further = [
-        Variant(form, inverse, horizon=horizon) for form in (PUBLISHED, RESTING) for inverse in ("LL", "NJ")
-    ]
-    quick = [Variant(PUBLISHED, inverse, change=QUICK_FILTER) for inverse in FORWARD_OF]
+    further = [Variant(RESTING, inverse, horizon=horizon) for inverse in ("LL", "NJ")]
+    slow = [Variant(PUBLISHED, inverse, change=AS_DATA) for inverse in FORWARD_OF]
     without = [Variant(RESTING, "NJ", change=change) for change in CHANGES]
-    return every + further + quick + without
+    return every + further + slow + without
+
+
+def variants_of_other_skins() -> list[Variant]:
+    """Those that are also compared with other skins."""
+    return [Variant(form, inverse) for form in (PUBLISHED, RESTING) for inverse in FORWARD_OF]

@@ -42,7 +42,7 @@ StateT = TypeVar("StateT")
 
 
 class Controller(Protocol[StateT]):
-    """What says how fingers are to move, as `tactile.controller.TactileServo`; S models, T fingers each."""
+    """What says how fingers are to move, as `tactile.servo_controller`; S models, T fingers each."""
 
     def encode(self, signals: np.ndarray) -> np.ndarray:
         """Latent states (S, T, 3) of signals (S, T, E)."""
