@@ -42,11 +42,11 @@ from structlearn.reporting.claims import (
     read_claims,
 )
 from structlearn.reporting.document import render, words_in_view
-from structlearn.testbeds.scraping.page import people as people_module
+from structlearn.testbeds.scraping.page import people_results as people_module
 from structlearn.testbeds.scraping.page import refinement_studies
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.evidence import segmentation_evidence, weakest
-from structlearn.testbeds.scraping.page.people import People, known, share_left
+from structlearn.testbeds.scraping.page.people_results import People, known, share_left
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
 

@@ -33,7 +33,7 @@ from structlearn.testbeds.scraping.page.feedback_results import (
     FeedbackResults,
     unroll_traces,
 )
-from structlearn.testbeds.scraping.page.people import People
+from structlearn.testbeds.scraping.page.people_results import People
 from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
 
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")

@@ -23,7 +23,7 @@ from structlearn.testbeds.scraping.page import (
     demonstration_figures,
     evidence,
     feedback_figures,
-    people,
+    people_results,
     refinement_figures,
     refinement_studies,
     tables,
@@ -118,9 +118,9 @@ def scraping_report(
     results = {"index": segmentation, "feedback": feedback, "refinement": refinement}
     shown = {name: title for name, title in PAGES.items() if results[name] is not None}
     primitives = [primitive.name for primitive in segmentation.primitives]
-    people_study = studies.get(people.STUDY) if segmentation.simulated else None
-    studied = people.People.of_study(people_study, primitives) if people_study is not None else None
-    shown_one = people.People.of_one(report.metrics, primitives)
+    people_study = studies.get(people_results.STUDY) if segmentation.simulated else None
+    studied = people_results.People.of_study(people_study, primitives) if people_study is not None else None
+    shown_one = people_results.People.of_one(report.metrics, primitives)
     shared = {
         "pages": shown,
         "published": printed,
@@ -141,7 +141,7 @@ def scraping_report(
         page: str, found: Mapping[str, Found], simulated: bool, shown: Mapping[str, Found] | None = None
     ) -> None:
         claims = read_claims(Path(__file__).with_name(f"{page.replace('index', 'segmentation')}_claims.yaml"))
-        claims = people.beside(claims, shown or {}, parameters["scraping_people"].shown)
+        claims = people_results.beside(claims, shown or {}, parameters["scraping_people"].shown)
         whole = {claim.evidence: UNKNOWN for claim in claims} | found
         facts = shared | {"page": page, "evidence": whole}
         report.pages[page] = Document(
@@ -163,8 +163,8 @@ def scraping_report(
     report.metrics |= {f"engines_differ_{name}": value for name, value in engines.items()}
     if segmentation.simulated:
         aligned = [primitive.name for primitive in segmentation.found_primitives]
-        found = people.known(people.segmentation_evidence, studied, aligned)
-        of_one = people.known(people.segmentation_evidence, shown_one, aligned)
+        found = people_results.known(people_results.segmentation_evidence, studied, aligned)
+        of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)
         add("index", found | evidence.sweep_evidence(segmentation), True, of_one)
     else:
         add("index", evidence.segmentation_evidence(segmentation), False)
@@ -172,10 +172,10 @@ def scraping_report(
         report.drawings |= feedback_drawings(feedback, studied)
         report.tables |= tables.feedback_tables(feedback, printed)
         report.metrics |= feedback.metrics()
-        report.metrics |= people.known(people.summary, studied)
+        report.metrics |= people_results.known(people_results.summary, studied)
         settings = feedback.board.settings_deg if feedback.board is not None else []
         found, of_one = (
-            people.known(people.feedback_evidence, one, feedback.adapted, settings)
+            people_results.known(people_results.feedback_evidence, one, feedback.adapted, settings)
             for one in (studied, shown_one if feedback.simulated else None)
         )
         add("feedback", found, feedback.simulated, of_one)
@@ -225,7 +225,7 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
     return made
 
 
-def feedback_drawings(results: FeedbackResults, studied: people.People | None) -> Drawings:
+def feedback_drawings(results: FeedbackResults, studied: people_results.People | None) -> Drawings:
     """Figures of the page on feedback models, as far as the data go; two of them show the people studied."""
     made: Drawings = {"expected_traces": feedback_figures.expected_figure(results)}
     if results.datasets:
