@@ -62,6 +62,7 @@ REDUCED = {
     "train_latent": {
         "seeds": 2,
         "stacks": 1,
+        "start_steps": 5,
         "training": {"steps": 20, "batch_size": 16, "evaluate_every": 10},
         "pair_pool": 1000,
         "evaluation_pairs": 100,

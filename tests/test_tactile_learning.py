@@ -31,6 +31,7 @@ from structlearn.tactile.latent_parameters import (
 from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
     autoencoder_loss,
+    best_start,
     direction_loss,
     draw_pairs,
     dynamics_loss,
@@ -76,8 +77,9 @@ def comparison(touch):
     return learn(*touch, SMALL)
 
 
-def models(seeds=(0, 1)):
-    return LatentModels.initial(seeds, 19, committed(NetworkParameters, "train_latent.networks"), seeded(0))
+def models(seeds=(0, 1), seed=0):
+    parameters = committed(NetworkParameters, "train_latent.networks")
+    return LatentModels.initial(seeds, 19, parameters, seeded(seed))
 
 
 def test_units_make_training_samples_alike(touch):
@@ -231,6 +233,24 @@ def test_errors_are_normalised_as_everywhere(comparison, touch):
         expected = metrics.nmse(decoded[seed], signals).mean()
         found = comparison.latent.query("structure and split == 'test' and seed == @seed")["reconstruction"]
         assert found.item() == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_better_start_is_trained(lesson):
+    """Per model, by its own loss; where the first draw is spoiled, the second is taken whole."""
+    training = QUICK.model_copy(update={"steps": 5})
+    alone, good = models((0, 1), seed=1), models((0, 1), seed=1)
+    best_start([alone], lesson, training, 5)
+    spoiled = models((0, 1), seed=2)
+    kept = {name: values.clone() for name, values in spoiled.to_arrays().items()}
+    with torch.no_grad():
+        spoiled.autoencoders.decoder.weights[-1][1] *= 1e3  # of the second seed's structured model
+    found = best_start([spoiled, good], lesson, training, 5)
+    assert found is spoiled
+    for name, values in found.to_arrays().items():
+        if name.startswith(("encoder.", "decoder.")):
+            torch.testing.assert_close(values[1], alone.to_arrays()[name][1])
+        else:
+            torch.testing.assert_close(values, kept[name])
 
 
 def test_a_joined_stack_has_every_model(lesson):

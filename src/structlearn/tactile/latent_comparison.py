@@ -30,6 +30,7 @@ from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
     Pairs,
     TrainingData,
+    best_start,
     draw_pairs,
     train,
     training_data,
@@ -116,9 +117,14 @@ def _learned(
     seeds, data, splits, tested, units, parameters = work
     training = parameters.training
     generator = seeded(training.seed * 1000 + seeds[0])
-    models = LatentModels.initial(seeds, data.signals.shape[1], parameters.networks, generator)
+    electrodes = data.signals.shape[1]
+    draws = [
+        LatentModels.initial(seeds, electrodes, parameters.networks, generator)
+        for _ in range(parameters.starts)
+    ]
     curve = []
     with one_thread():
+        models = best_start(draws, data, training, parameters.start_steps)
         for step in train(models, data, training):
             curve.append(_point(models, splits["test"], tested, training.action_penalty).assign(step=step))
         tables = (

@@ -67,6 +67,8 @@ class LatentParameters(Parameters):
     Attributes:
         seeds: of the latent spaces with and without structure, and their dynamics.
         stacks: the seeds train in so many processes.
+        starts: draws of initial weights of the autoencoders, of which the best is trained.
+        start_steps: of training, after which starts are compared.
         map_unit_m: m on the skin per unit of the latent map; the losses then are of comparable size.
         networks: sizes.
         training: of all of them.
@@ -77,6 +79,8 @@ class LatentParameters(Parameters):
 
     seeds: PositiveInt
     stacks: PositiveInt
+    starts: PositiveInt
+    start_steps: PositiveInt
     map_unit_m: float = Field(gt=0)
     networks: NetworkParameters
     training: LatentTrainingParameters

@@ -9,7 +9,7 @@ RMSProp's last steps are as large as its first, and the errors of one step are a
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -34,6 +34,9 @@ CHAIN_STEPS = 3
 
 DRAWN_AT_ONCE = 100
 """Steps whose batches are drawn in one call."""
+
+COMPARED_PAIRS = 4096
+"""Pairs by which starts are compared."""
 
 SHORTEST_ACTION = 1e-6
 """Floor of the length by which an action is divided, in the networks' units."""
@@ -152,6 +155,37 @@ def train(models: LatentModels, data: TrainingData, parameters: LatentTrainingPa
             yield done
 
 
+def best_start(
+    draws: Sequence[LatentModels], data: TrainingData, parameters: LatentTrainingParameters, steps: int
+) -> LatentModels:
+    """Of several stacks the first, with the autoencoders that do best after a short training.
+
+    A map may start folded and stay so, for the loss of distances has local minima. It shows within some
+    hundred steps, in the loss on training pairs, which alone decides here.
+
+    Args:
+        draws: stacks of the same seeds with weights of their own.
+        data: what they train on.
+        parameters: of the training.
+        steps: of the short training.
+    """
+    short = parameters.model_copy(update={"steps": steps, "evaluate_every": steps})
+    alone = replace(data, chains=data.chains[:0])
+    drawn = torch.linspace(0, len(data.pairs) - 1, COMPARED_PAIRS).long().expand(len(draws[0].seeds), -1)
+    losses = []
+    for models in draws:
+        for _ in train(models, alone, short):
+            pass  # only the end counts
+        with torch.no_grad():
+            losses.append(_autoencoder_losses(models, data, drawn, parameters))
+    best = torch.stack(losses).argmin(dim=0)
+    arrays = [models.to_arrays() for models in draws]  # they share memory with the stacks
+    for name in (name for name in arrays[0] if name.startswith(("encoder.", "decoder."))):
+        for number, other in enumerate(arrays):
+            arrays[0][name][best == number] = other[name][best == number]
+    return draws[0]
+
+
 def autoencoder_loss(
     models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
@@ -163,6 +197,13 @@ def autoencoder_loss(
         drawn: (S, B) numbers of pairs, per seed.
         parameters: of the training.
     """
+    return _autoencoder_losses(models, data, drawn, parameters).sum()
+
+
+def _autoencoder_losses(
+    models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
+) -> Tensor:
+    """Loss of each autoencoder (M,)."""
     rows = data.pairs[drawn].transpose(1, 2).flatten(1)  # (S, 2 B): all first ones, then all second ones
     losses = latent_losses(
         models.autoencoders,
@@ -172,7 +213,7 @@ def autoencoder_loss(
     )
     weights = parameters.weights
     structure = weights.distances * losses.distances + weights.pressure * losses.pressure
-    return (weights.reconstruction * losses.reconstruction + models.structured() * structure).sum()
+    return weights.reconstruction * losses.reconstruction + models.structured() * structure
 
 
 def dynamics_loss(
