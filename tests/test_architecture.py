@@ -229,3 +229,19 @@ def test_a_stage_starts_without_what_it_does_not_need(kind):
 def test_the_start_of_every_stage_is_looked_at():
     looked_at = [f"stages/{script}" for _, scripts in STARTS.values() for script in scripts.split()]
     assert sorted(looked_at) == sorted(STAGES)
+
+
+def test_no_stage_hands_a_function_of_its_own_to_other_processes():
+    """Processes may outlive a stage, and find functions by their module."""
+    for script in (ROOT / "stages").rglob("*.py"):
+        tree = ast.parse(script.read_text())
+        own = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+        handed = {
+            argument.id
+            for call in calls
+            if getattr(call.func, "id", "") in ("partial", "parallel_map")
+            for argument in call.args[:1]
+            if isinstance(argument, ast.Name)
+        }
+        assert not own & handed, f"{script.name} hands over {own & handed}"

@@ -13,12 +13,9 @@ from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.online_learning import (
     OnlineParameters,
-    PayloadLearningParameters,
-    follow_payload,
-    identify_empty,
     learn_once_through,
+    learn_payload,
 )
-from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import ArmParameters
 
 RAW = Path("data/raw/dynamics")
@@ -30,21 +27,15 @@ def main() -> None:
     robot = stage_parameters("arm", ArmParameters).read()
     sines = read_joint_log(RAW / "iiwa" / "log.mcap")
     errors = learn_once_through(robot.tree, _motion(sines), parameters, learning)
-    robots = sorted(path.name for path in (RAW / "payload").iterdir())
-    follow = partial(_followed, robot=robot, parameters=parameters.payload)
-    payload = pd.concat(parallel_map(follow, robots, "payloads"), ignore_index=True)
+    carrying = {path.name: read_joint_log(path / "log.mcap") for path in sorted((RAW / "payload").iterdir())}
+    logs = [(_motion(log), log.time[-1] / (len(log.time) - 1)) for log in carrying.values()]
+    learn = partial(learn_payload, tree=robot.tree, inertias=robot.inertias, parameters=parameters.payload)
+    found = zip(carrying, parallel_map(learn, logs, "payloads"), strict=True)
+    payload = pd.concat([table.assign(seed=int(name)) for name, table in found], ignore_index=True)
     with publish("data/dynamics/online") as folder:
         folder.mkdir()
         write_table(errors, folder / "errors.parquet")
         write_table(payload, folder / "payload.parquet")
-
-
-def _followed(name: str, robot: Robot, parameters: PayloadLearningParameters) -> pd.DataFrame:
-    log = read_joint_log(RAW / "payload" / name / "log.mcap")
-    motion, dt = _motion(log), log.time[-1] / (len(log.time) - 1)
-    links, friction = identify_empty(robot.tree, robot.inertias, motion, dt, parameters)
-    rigid = Motion(motion.q, motion.qd, motion.qdd, motion.torque - friction)
-    return follow_payload(robot.tree, links, rigid, dt, parameters).assign(seed=int(name))
 
 
 def _motion(log: JointLog) -> Motion:

@@ -90,6 +90,29 @@ def learn_once_through(
     return pd.concat(parallel_map(run, kinds.values(), "online learning"), ignore_index=True)
 
 
+def learn_payload(
+    log: tuple[Motion, float],
+    tree: KinematicTree,
+    inertias: LinkInertias,
+    parameters: PayloadLearningParameters,
+) -> pd.DataFrame:
+    """A robot identifies its empty arm at the start of a log, and then follows what its last link carries.
+
+    Args:
+        log: motion and sampling interval in s.
+        tree: kinematics, L links.
+        inertias: that the identification starts from, e.g. those of the URDF.
+        parameters: see there.
+
+    Returns:
+        Of `follow_payload`.
+    """
+    motion, dt = log
+    links, friction = identify_empty(tree, inertias, motion, dt, parameters)
+    rigid = Motion(motion.q, motion.qd, motion.qdd, motion.torque - friction)
+    return follow_payload(tree, links, rigid, dt, parameters)
+
+
 def identify_empty(
     tree: KinematicTree, urdf: LinkInertias, motion: Motion, dt: float, parameters: PayloadLearningParameters
 ) -> tuple[LinkInertias[np.ndarray], np.ndarray]:
