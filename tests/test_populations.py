@@ -26,5 +26,6 @@ def test_every_population_of_the_parameters_is_apart(root: Path):
         for key, value in parameters.items()
         if isinstance(value, dict) and set(value) == {"tuning", "test"}
     }
+    assert set(populations) == {"scraping_people", "obstacle_people", "dynamics_robots", "servo_people"}
     for value in populations.values():
         Population.model_validate(value)

@@ -82,6 +82,22 @@ class Study:
         """One number of a variant, (N,) by repeat, in order: values of two variants are pairs."""
         return self.table.loc[self.table["variant"] == variant, key].to_numpy(float)
 
+    def summary(self, columns: Mapping[str, str]) -> Table:
+        """A row per variant: mean over repeats, with its interval where there are two or more.
+
+        Args:
+            columns: what stands above them, by key.
+        """
+        rows = []
+        for variant, part in self.table.groupby("variant", sort=False):
+            row = {"variant": variant, "n": len(part)}
+            for key, heading in columns.items():
+                found = mean(part[key].dropna().to_numpy(float))
+                text = rounded(found.value, ".3g")
+                row[heading] = text if found.n < 2 else f"{text} {interval(found.low, found.high, '.3g')}"
+            rows.append(row)
+        return Table(pd.DataFrame(rows))
+
 
 def read_description(name: str, folder: Path = DESCRIPTIONS) -> Description:
     """A study by its name, e.g. `scraping/people`.
@@ -174,23 +190,10 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
 
 def studies_page(studies: Mapping[str, tuple[Description, pd.DataFrame]]) -> str:
     """The page of all studies as HTML, from descriptions and tables by name."""
-    tables = {name: _summary(description, table) for name, (description, table) in studies.items()}
+    tables = {name: Study(table).summary(description.shown) for name, (description, table) in studies.items()}
     facts = {"studies": {name: description for name, (description, _) in studies.items()}, "shown": tables}
     document = Document("studies.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
     return render(document, figures={})
-
-
-def _summary(description: Description, table: pd.DataFrame) -> Table:
-    """A row per variant: mean over repeats with its interval."""
-    rows = []
-    for variant, part in table.groupby("variant", sort=False):
-        row = {"variant": variant, "n": len(part)}
-        for key, words in description.shown.items():
-            found = mean(part[key].dropna().to_numpy(float))
-            text = rounded(found.value, ".3g")
-            row[words] = text if found.n < 2 else f"{text} {interval(found.low, found.high, '.3g')}"
-        rows.append(row)
-    return Table(pd.DataFrame(rows))
 
 
 def _outs(stage: Mapping[str, Any]) -> list[Any]:

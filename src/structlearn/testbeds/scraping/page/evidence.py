@@ -67,8 +67,3 @@ def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:
         for other in others
     }
     return {"least_cut_error": found} if len(wide) else {}
-
-
-def _rise(lower: Evidence) -> Evidence:
-    """By how much a cost is higher, of by how much it is lower."""
-    return Evidence(-lower.value, -lower.high, -lower.low, lower.n)

@@ -8,12 +8,11 @@ are those of `details.json` by the same keys. So a refinement is one number, jud
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.reporting.claims import Found, by_case, geometric_mean, mean
 from structlearn.reporting.document import Table
-from structlearn.reporting.prose import interval, level_name, rounded
+from structlearn.reporting.prose import level_name
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
@@ -121,18 +120,7 @@ def study_tables(studies: Studies, numbers: Mapping[str, int]) -> dict[str, Tabl
     searched = {f"search_cost_pi2_prim{number}": f"{name}: search (rad)" for name, number in numbers.items()}
     shown = {"refinement_added": (ADDED, costs), "refinement_exploration": (EXPLORATION, costs | searched)}
     return {
-        table: Table(_summary(studies[name], columns))
+        table: study.summary(columns)
         for table, (name, columns) in shown.items()
-        if studies.get(name) is not None
+        if (study := studies.get(name)) is not None
     }
-
-
-def _summary(study: Study, columns: Mapping[str, str]) -> pd.DataFrame:
-    rows = []
-    for variant in study.table["variant"].unique():
-        row = {"variant": variant}
-        for key, heading in columns.items():
-            found = mean(study.values(variant, key))
-            row[heading] = f"{rounded(found.value, '.3g')} {interval(found.low, found.high, '.3g')}"
-        rows.append(row)
-    return pd.DataFrame(rows)
