@@ -49,3 +49,19 @@ def test_cases_of_one_statement_are_kept_apart():
         ("c", "x"): SAME,
         ("c", "y"): FLIPPED,
     }
+
+
+def test_what_only_differs_from_the_row_above_is_shown_with_it():
+    here = pd.DataFrame(
+        [
+            ("It learns", "", "1.0", "yes"),
+            ("Likewise in our form", "", "2.0", "yes"),
+            ("Ours", "", "3", "yes"),
+        ],
+        columns=COLUMNS,
+    )
+    there = here.assign(here=["1.0", "2.1", "3.1"], verdict=["yes", "undecided", "yes"])
+    page = other_processor_page(compared({"toy": here}, {"toy": there}), {}, "a machine")
+    assert "It learns: Likewise in our form" in page
+    assert "It learns: Ours" in page
+    assert "verdict there" in page

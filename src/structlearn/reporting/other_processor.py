@@ -47,19 +47,28 @@ def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machi
         machine: that it ran on, in words.
     """
     counts = {outcome: int((table["outcome"] == outcome).sum()) for outcome in OUTCOMES}
+    table = table.assign(statement=_in_context(table["statement"]))
     changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome")
     digits = table[table["outcome"] == DIGITS][[*KEYS, "here", "there"]]
     facts = {
         "counts": counts,
         "settings": settings,
         "machine": machine,
-        "changed": Table(changed.reset_index(drop=True)),
+        "changed": Table(
+            changed.reset_index(drop=True), headings={name: name.replace("_", " ") for name in changed}
+        ),
         "digits": Table(digits.reset_index(drop=True)),
     }
     return render(
         Document("other_processor.html.jinja", "structlearn.reporting", facts=facts, simulated=True),
         figures={},
     )
+
+
+def _in_context(statements: pd.Series) -> pd.Series:
+    """Statements that only say what differs from the one above (`Likewise in our form`), with that one."""
+    follows = statements.str.match("Ours|Likewise|…")
+    return statements.where(~follows, statements.where(~follows).ffill() + ": " + statements)
 
 
 def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
