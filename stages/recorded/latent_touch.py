@@ -1,7 +1,9 @@
 """Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4)."""
 
+from pathlib import Path
+
 from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_demonstrations, synchronise
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
@@ -24,8 +26,8 @@ def main() -> None:
     runs = demonstrate(person, finger.with_electrodes_of(electrodes))
     touches = [synchronise(recorded(one, person), samples.rate_hz) for one in runs]
     slides, unscrewing = (
-        read_demonstrations(f"data/raw/recorded/{name}", rate_hz=samples.rate_hz)
-        for name in ("slides", "unscrewing")
+        read_demonstrations(folder, rate_hz=samples.rate_hz) if any(folder.iterdir()) else []
+        for folder in (Path("data/raw/recorded/slides"), Path("data/raw/recorded/unscrewing"))
     )
     simulated = prepare(touches, skin, samples)
     sets = touch_sets(
@@ -39,4 +41,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(or_empty(main, "data/recorded/latent_touch"))

@@ -18,7 +18,7 @@ from structlearn.avoidance.human_inspired import fit_human_inspired
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
 from structlearn.avoidance.network_training import COLUMNS, stacked, train_member
 from structlearn.avoidance.phase_modulated_training import train_phase_modulated
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import mean_interval, nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
@@ -68,10 +68,10 @@ def compare_on_recorded(
         parameters: see there.
 
     Raises:
-        InputError: there are fewer samples than folds.
+        MissingInputError: there are fewer than two samples a fold.
     """
     if len(dataset) < 2 * parameters.folds:
-        raise InputError(f"{len(dataset)} samples are too few for {parameters.folds} folds")
+        raise MissingInputError(f"{len(dataset)} samples are too few for {parameters.folds} folds")
     work = [
         (dataset, block, (fold, name, inputs), parameters)
         for name, inputs in _FITS
