@@ -17,9 +17,7 @@ def main() -> None:
     parameters = stage_parameters("import_recordings", PublicSourceParameters)
     folder = parameters.folder
     if not folder.is_dir():
-        raise InputError(
-            f"{folder}: no such folder; name that of the recordings: make recorded DATA=FOLDER"
-        )
+        raise InputError(f"{folder}: no such folder; name that of the recordings: make recorded DATA=FOLDER")
     clmc_folder = folder / "clmc"
     sets = {
         "reaches": lambda: clmc.read_reaches(clmc_folder, parameters.reaches),

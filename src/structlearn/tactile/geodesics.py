@@ -60,9 +60,7 @@ def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
         raise InputError(f"touch: contact point {np.argwhere(~np.isfinite(points))[0][0]} is not finite")
     size = min(parameters.bin_size, len(points))
     if size <= parameters.neighbours:
-        raise MissingInputError(
-            f"touch: {size} points in a bin have no {parameters.neighbours} neighbours"
-        )
+        raise MissingInputError(f"touch: {size} points in a bin have no {parameters.neighbours} neighbours")
     count = len(points) // size if parameters.bins is None else min(parameters.bins, len(points) // size)
     rows = np.random.default_rng(parameters.seed).permutation(len(points))[: count * size].reshape(count, -1)
     measure = partial(graph_distances, neighbours=parameters.neighbours, bridge=1e-3 * parameters.bridge_mm)

@@ -48,7 +48,8 @@ class RecordedAvoidanceResults:
     Attributes:
         scores: per `representation`, its `inputs` and `axis`: held-out `nmse` over all samples, and `train`,
             the mean of the training errors over the folds.
-        folds: likewise per `fold`: held-out squared error over the variance of all targets, `nmse`.
+        folds: likewise per `fold`: held-out squared error over the variance of all targets, `nmse`, and the
+            number of held-out `samples`.
         phase_worth: per `representation`, `inputs` with the phase, and `axis`: `gain`, mean over folds of the
             held-out error without it minus that with it, and `half_width` of its 95 % interval.
     """
@@ -83,7 +84,10 @@ def compare_on_recorded(
     summed = errors.groupby(keys, sort=False)[["squared", "weighted_train"]].sum()
     scores = summed.rename(columns={"squared": "nmse", "weighted_train": "train"}).reset_index()
     scores["train"] /= parameters.folds
-    folds = errors[[*keys, "fold"]].assign(nmse=errors["squared"] * parameters.folds)
+    sizes = [len(block) for block in np.array_split(np.arange(len(dataset)), parameters.folds)]
+    folds = errors[[*keys, "fold"]].assign(
+        nmse=errors["squared"] * parameters.folds, samples=errors["fold"].map(dict(enumerate(sizes)))
+    )
     order = {key: place for place, key in enumerate(REPRESENTATIONS)}
     places = [order[pair] for pair in zip(scores["representation"], scores["inputs"], strict=True)]
     scores = scores.iloc[np.argsort(places, kind="stable")].reset_index(drop=True)
