@@ -4,7 +4,7 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.page.assembly import recorded_report
+from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
@@ -28,10 +28,9 @@ PARAMETERS = {
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    report = recorded_report(read_results(RecordedFiles(), parameters), parameters)
-    publish_report(
-        "reports/recorded", report.pages, report.drawings, report.tables, report.metrics, report.headlines
-    )
+    results = read_results(RecordedFiles(), parameters)
+    report, drawn = recorded_report(results, parameters), recorded_pictures(results)
+    publish_report("reports/recorded", report.pages, drawn, report.tables, report.metrics, report.headlines)
 
 
 if __name__ == "__main__":

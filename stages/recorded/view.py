@@ -19,13 +19,9 @@ def show_reaches(stored: files.RecordedFiles, folder: Path) -> None:
 
 def show_higher_reaches(stored: files.RecordedFiles, folder: Path) -> None:
     ends = stored.tables()["coupling_completeness"]
-    higher, nominal = (
-        complete(stored.demonstrations(files.HIGHER_REACHES), ends),
-        stored.primitives(files.REACHES),
-    )
-    movements.write_higher_reaches(
-        folder / "corrected_reaches.rrd", higher, nominal, stored.coupling_networks()
-    )
+    higher = complete(stored.demonstrations(files.HIGHER_REACHES), ends)
+    learned = stored.primitives(files.REACHES), stored.coupling_networks()
+    movements.write_higher_reaches(folder / "corrected_reaches.rrd", higher, *learned)
 
 
 def show_unscrewing(stored: files.RecordedFiles, folder: Path) -> None:

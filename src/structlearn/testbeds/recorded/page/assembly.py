@@ -74,10 +74,9 @@ HEADLINES = (
 
 @dataclass(frozen=True)
 class RecordedReport:
-    """What `publishing.publish_report` takes."""
+    """What `publishing.publish_report` takes beside the figures."""
 
     pages: dict[str, Document]
-    drawings: dict[str, Drawing | Sequence[Drawing]]
     tables: dict[str, Table]
     metrics: Metrics
 
@@ -135,8 +134,13 @@ def recorded_report(
             judged=(),
             parameters={key: parameters[key] for key in keys},
         )
-    drawings = {name: drawing for part in there for name, drawing in part.pictures(results).items()}
-    return RecordedReport(pages, drawings, tables, metrics)
+    return RecordedReport(pages, tables, metrics)
+
+
+def recorded_pictures(results: RecordedResults) -> dict[str, Drawing | Sequence[Drawing]]:
+    """The figures of all parts that are there, by name."""
+    there = [part for part in PARTS if part.there(results)]
+    return {name: drawing for part in there for name, drawing in part.pictures(results).items()}
 
 
 def judged_part(

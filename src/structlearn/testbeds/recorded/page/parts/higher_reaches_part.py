@@ -15,6 +15,7 @@ from structlearn.reporting.figure_style import styled
 from structlearn.reporting.prose import listing
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.drawing import SAMPLES, legend, panel
+from structlearn.testbeds.recorded.page.parts import reaches_part
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
@@ -168,6 +169,7 @@ PART = Part(
     heading="Higher reaches as corrections",
     page="movements",
     needs=(
+        *reaches_part.PART.needs,
         *("coupling_completeness", "coupling_distances", "coupling_paths", "coupling_profile"),
         *("coupling_scores", "coupling_targets"),
     ),
