@@ -18,8 +18,7 @@ def show_reaches(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_higher_reaches(stored: files.RecordedFiles, folder: Path) -> None:
-    ends = stored.tables()["coupling_completeness"]
-    higher = complete(stored.demonstrations(files.HIGHER_REACHES), ends)
+    higher = complete(stored.demonstrations(files.HIGHER_REACHES), stored.completeness())
     learned = stored.primitives(files.REACHES), stored.coupling_networks()
     movements.write_higher_reaches(folder / "corrected_reaches.rrd", higher, *learned)
 

@@ -103,6 +103,10 @@ class RecordedFiles:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""
         return self._table(TABLES["sequence"])
 
+    def completeness(self) -> pd.DataFrame:
+        """Which higher reaches are complete."""
+        return self._table(TABLES["coupling_completeness"])
+
     def primitives(self, name: str) -> list[PosePrimitive]:
         """Primitives in their order that were learned from a set."""
         return read_primitives(self.data / f"recorded/{name}/{LEARNED[name]}.safetensors")
