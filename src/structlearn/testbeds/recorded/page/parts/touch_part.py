@@ -39,10 +39,11 @@ def touch_scores(results: RecordedResults) -> pd.DataFrame:
     return scores[[key[:3] in names.TOUCH_ASKED for key in scores.index]]
 
 
-def likeness(results: RecordedResults, first: str, second: str) -> float:
-    """How alike the electrodes of two sets go together; NaN where a set has but one group."""
+def likeness(results: RecordedResults, first: str, second: str) -> float | None:
+    """How alike the electrodes of two sets go together; None where a set has but one group."""
     its = results["touch_likeness"]
-    return float(its.loc[(its["first"] == first) & (its["second"] == second), "correlation"].mean())
+    found = its.loc[(its["first"] == first) & (its["second"] == second), "correlation"]
+    return float(found.mean()) if len(found) else None
 
 
 def metrics(results: RecordedResults) -> Metrics:
