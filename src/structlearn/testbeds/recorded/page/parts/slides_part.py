@@ -132,7 +132,7 @@ def facts(results: RecordedResults) -> dict[str, object]:
         "more_counts_by_material": {
             name: in_words(its, ".1f") for name, its in ({} if either is UNKNOWN else either).items()
         },
-        "nmse_of": {name: its.droplevel(0).to_dict() for name, its in channels.groupby(level=0)},
+        "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)},
         "left_turned": left[-1],
         "left_as_recorded": left[1],
         "mass_turned": payloads.loc[-1, "mass_kg"],
