@@ -17,11 +17,15 @@ from structlearn.reporting.claims import (
 )
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.prose import listing
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.drawing import legend, panel
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
+
+FEW = 3
+"""Materials that sentences name; tables have all."""
 
 STREAM_UNITS = {
     "pose": "m",
@@ -125,14 +129,17 @@ def facts(results: RecordedResults) -> dict[str, object]:
         "slide_count": len(deviations),
         "slide_material": material,
         "slide_groups": by_group(results).set_index("group").to_dict("index"),
-        "slides_by_material": dict(iter(left_out.groupby("material"))),
-        "own_slides": left_out[left_out["material"] == material],
+        "foretold": listing(
+            f"{(its < 1).sum()} of {len(its)} over {name}"
+            for name, its in list(left_out.groupby("material", sort=False)["nmse"])[:FEW]
+        ),
         "worst_slide": deviations.loc[deviations["rms"].idxmax()].to_dict(),
         "more_counts": in_words(found["other_material"], ".1f"),
         "more_counts_by_material": {
-            name: in_words(its, ".1f") for name, its in ({} if either is UNKNOWN else either).items()
+            name: in_words(its, ".1f")
+            for name, its in list(({} if either is UNKNOWN else either).items())[:FEW]
         },
-        "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)},
+        "nmse_of": {name: channels[name].to_dict() for name in channels.index.unique(0)[:FEW]},
         "left_turned": left[-1],
         "left_as_recorded": left[1],
         "mass_turned": payloads.loc[-1, "mass_kg"],
