@@ -10,7 +10,7 @@ from rigid_body_robots import pinocchio_torques, robot
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.panda import read_exciting_trajectory
+from structlearn.recordings.panda import read_trajectories
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_parameters import link_inertias
@@ -96,7 +96,7 @@ def test_sign_and_payload_of_slides_are_found():
 
 
 def test_a_body_that_can_exist_explains_the_recorded_arm_nearly_as_well_as_least_squares():
-    log = read_exciting_trajectory(recorded_data("panda"))
+    (log,) = read_trajectories(recorded_data("panda"))
     panda, terms = robot("panda"), ("viscous", "coulomb")
     parts = panda_motion(log, PARAMETERS).split(0.6)
     train, test = (MotionRegressor(panda.tree, part, True, terms) for part in parts)

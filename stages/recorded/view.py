@@ -1,35 +1,64 @@
 """Recordings of the recorded data to look at: what was recorded, what was learned from it, deviations."""
 
+from pathlib import Path
+
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.testbeds.recorded import files
+from structlearn.testbeds.recorded.protocol.corrected_reaches import complete
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
 from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
 
 
-def main() -> None:
-    slides = stage_parameters("recorded_slides", SlideParameters)
-    turn_fit = stage_parameters("recorded_unscrewing", FitParameters)
-    stored = files.RecordedFiles()
-    reach = stored.primitives(files.REACHES)
-    higher = stored.demonstrations(files.HIGHER_REACHES)
+def show_reaches(stored: files.RecordedFiles, folder: Path) -> None:
+    reaches, primitive = stored.demonstrations(files.REACHES), stored.primitives(files.REACHES)
+    movements.write_reaches(folder / "reaches.rrd", reaches, primitive)
+
+
+def show_higher_reaches(stored: files.RecordedFiles, folder: Path) -> None:
+    higher = complete(stored.demonstrations(files.HIGHER_REACHES), stored.completeness())
+    learned = stored.primitives(files.REACHES), stored.coupling_networks()
+    movements.write_higher_reaches(folder / "corrected_reaches.rrd", higher, *learned)
+
+
+def show_unscrewing(stored: files.RecordedFiles, folder: Path) -> None:
+    fit = stage_parameters("recorded_unscrewing", FitParameters)
     logs = stored.demonstrations(files.UNSCREWING)
-    turns = [turn for _, turn in segment_paths(logs, whole(logs), turn_fit.smoothing_hz)]
+    turns = [turn for _, turn in segment_paths(logs, whole(logs), fit.smoothing_hz)]
+    write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
+
+
+def show_scraping(stored: files.RecordedFiles, folder: Path) -> None:
     execution, sequence = stored.demonstrations(files.SCRAPING), stored.primitives(files.SCRAPING)
-    clock = {"rate_hz": slides.rate_hz, "max_gap_s": slides.max_gap_s}
-    trials = stored.demonstrations(files.SLIDES, **clock)
+    movements.write_execution(folder / "scraping_recorded.rrd", execution)
+    movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
+
+
+def show_slides(stored: files.RecordedFiles, folder: Path) -> None:
+    slides = stage_parameters("recorded_slides", SlideParameters)
+    trials = stored.demonstrations(files.SLIDES, rate_hz=slides.rate_hz, max_gap_s=slides.max_gap_s)
+    movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
+
+
+SHOWN = {
+    files.REACHES: show_reaches,
+    files.HIGHER_REACHES: show_higher_reaches,
+    files.UNSCREWING: show_unscrewing,
+    files.SCRAPING: show_scraping,
+    files.SLIDES: show_slides,
+}
+"""By set."""
+
+
+def main() -> None:
+    stored = files.RecordedFiles()
     with publish("reports/recordings/recorded") as folder:
         folder.mkdir()
-        movements.write_reaches(folder / "reaches.rrd", stored.demonstrations(files.REACHES), reach)
-        movements.write_higher_reaches(
-            folder / "corrected_reaches.rrd", higher, reach, stored.coupling_networks()
-        )
-        write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
-        movements.write_execution(folder / "scraping_recorded.rrd", execution)
-        movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
-        movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
+        for name, show in SHOWN.items():
+            if stored.learned(name):
+                show(stored, folder)
 
 
 if __name__ == "__main__":

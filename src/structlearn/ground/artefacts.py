@@ -20,7 +20,7 @@ import pyarrow.parquet
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save_file
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 
 Metrics = dict[str, float | int | str | bool | None]
 """Flat key figures."""
@@ -55,6 +55,29 @@ def publish(target: str | Path) -> Iterator[Path]:
         os.replace(temporary, target)
     finally:
         shutil.rmtree(workspace, ignore_errors=True)
+
+
+def filled(folder: str | Path, at_least: int = 1) -> Path:
+    """A folder that a stage before wrote, which is empty where its data are missing.
+
+    Args:
+        folder: there it is.
+        at_least: files that are needed.
+
+    Returns:
+        The folder.
+
+    Raises:
+        MissingInputError: it holds fewer.
+        InputError: it does not exist.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; run the stage that writes it")
+    count = len(list(folder.iterdir()))
+    if count < at_least:
+        raise MissingInputError(f"{folder} holds {count} files, {at_least} or more are needed")
+    return folder
 
 
 def write_table(frame: pd.DataFrame, target: str | Path) -> None:

@@ -1,4 +1,4 @@
-"""The one error that means "the input is at fault, not the program"."""
+"""The errors that mean "the input is at fault, not the program"."""
 
 
 class InputError(ValueError):
@@ -6,4 +6,12 @@ class InputError(ValueError):
 
     The message is one sentence that names the file, topic, row or key. Stages print it without a
     traceback and exit with code 1 (`structlearn.ground.stage.run`).
+    """
+
+
+class MissingInputError(InputError):
+    """Input that is not there at all, or too little of it for what is asked of it.
+
+    What is there and damaged is an `InputError`. Who can do without says what is missing and goes on
+    (`structlearn.ground.stage.or_empty`).
     """

@@ -114,11 +114,11 @@ def _mcap_files(source: Path) -> list[Path]:
     if not found:
         raise InputError(f"{source}: holds no .mcap file; other bags become one with `ros2 bag convert`")
     _check_unique([path.stem for path in found], str(source))
-    return sorted(found, key=lambda path: _natural(path.stem))
+    return sorted(found, key=lambda path: natural_order(path.stem))
 
 
-def _natural(name: str) -> list[str | int]:
-    """Key that sorts runs of digits as numbers; odd places are numbers, so keys compare."""
+def natural_order(name: str) -> list[str | int]:
+    """Key that sorts runs of digits in a name as numbers; odd places are numbers, so keys compare."""
     return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
 
 
