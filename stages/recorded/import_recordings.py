@@ -5,7 +5,8 @@ from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import clmc, panda, slide, write_recordings
 from structlearn.recordings.joint_log import write_joint_log
-from structlearn.recordings.source import PublicSourceParameters
+from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
+from structlearn.recordings.source import PublicSourceParameters, is_at_hand
 from structlearn.testbeds.recorded.protocol.avoidance_samples import (
     avoidance_provenance,
     read_avoidance_samples,
@@ -22,6 +23,8 @@ def main() -> None:
         "scraping": clmc.read_scraping_execution(folder / "clmc"),
         "slides": slide.read_slides(folder / "slide", parameters.slide_trials),
     }
+    boxes = folder / "reaches_past_boxes"
+    sets["boxes"] = read_reaches_past_boxes(boxes) if is_at_hand(boxes) else []
     samples = read_avoidance_samples(folder / "clmc")
     trajectory = panda.read_exciting_trajectory(folder / "panda")
     for name, recordings in sets.items():
