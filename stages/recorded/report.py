@@ -5,10 +5,18 @@ from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.page.assembly import HEADLINES, recorded_document
+from structlearn.testbeds.recorded.page.boxes_figures import boxes_pictures
+from structlearn.testbeds.recorded.page.boxes_results import (
+    BoxesFound,
+    boxes_document,
+    boxes_metrics,
+    boxes_tables,
+)
 from structlearn.testbeds.recorded.page.figures import pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults, metrics
 from structlearn.testbeds.recorded.page.tables import tables
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
@@ -27,6 +35,8 @@ PARAMETERS = {
     "recorded_dynamics": RecordedDynamicsParameters,
 }
 
+BOXES = "recorded_boxes"
+
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
@@ -42,8 +52,14 @@ def main() -> None:
         execution=stored.demonstrations(files.SCRAPING),
     )
     shown = tables(results)
-    page = recorded_document(results, shown, parameters)
-    publish_report("reports/recorded", {"index": page}, pictures(results), shown, metrics(results), HEADLINES)
+    boxes, chosen = BoxesFound(stored.boxes()), {BOXES: stage_parameters(BOXES, BoxesParameters)}
+    pages = {
+        "index": recorded_document(results, shown, parameters),
+        "boxes": boxes_document(boxes, boxes_tables(boxes), chosen),
+    }
+    drawn = pictures(results) | boxes_pictures(boxes)
+    values = metrics(results) | boxes_metrics(boxes)
+    publish_report("reports/recorded", pages, drawn, shown | boxes_tables(boxes), values, HEADLINES)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
+from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
 from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
 
 
@@ -20,8 +21,11 @@ def main() -> None:
     execution, sequence = stored.demonstrations(files.SCRAPING), stored.primitives(files.SCRAPING)
     clock = {"rate_hz": slides.rate_hz, "max_gap_s": slides.max_gap_s}
     trials = stored.demonstrations(files.SLIDES, **clock)
+    boxes = stored.boxes()
     with publish("reports/recordings/recorded") as folder:
         folder.mkdir()
+        if boxes:
+            write_box_reaches(folder / "boxes.rrd", boxes)
         movements.write_reaches(folder / "reaches.rrd", stored.demonstrations(files.REACHES), reach)
         movements.write_higher_reaches(
             folder / "corrected_reaches.rrd", higher, reach, stored.coupling_networks()

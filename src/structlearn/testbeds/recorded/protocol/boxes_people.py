@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AXES
+from structlearn.avoidance.look_ahead import nearest_distance
 from structlearn.avoidance.path_comparison import nearest_path_distance, same_gaps
 from structlearn.avoidance.scene_learning import samples_of_nearest, samples_of_scene, scene_states
 from structlearn.avoidance.scene_unroll import Scenes
@@ -42,9 +43,9 @@ class BoxesResults:
 
     Attributes:
         reaches: per `way` of `WAYS` and `reach`: `person`, `fold`; whether the straight line hits a box,
-            `blocked`; whether the reach does, `hit`; `clearance_mm` of the hand's centre to the nearest box,
-            `left_mm` from the goal at the prescribed end, `path_mm` from the person's own path, and whether
-            it takes the person's gaps, `same_gaps`.
+            `blocked`; whether the reach does, `hit`, or meets a wall, `hit_wall`; `clearance_mm` of the
+            hand's centre from the nearest box, `left_mm` from the goal at the prescribed end, `path_mm` from
+            the person's own path, and whether it takes the person's gaps, `same_gaps`.
         errors: per `way` of `MODELS`, `fold` and `axis`: `squared`, the error of the coupling term on what is
             left out, squared and summed, and `variance`, the same of the targets about their mean.
         people: per pair of people who reached through one scene: `first`, `second`, `reach`, `path_mm`,
@@ -131,14 +132,15 @@ def _scores(
     """Rows of `BoxesResults.reaches` for paths (B, T, 3) m in the base frame."""
     rows = []
     for reach, path, left_m in zip(reaches, paths, left, strict=True):
-        own, clearance = reach.in_base_frame, reach.clearance(path)
+        own = reach.in_base_frame
         straight = own[0] + np.linspace(0.0, 1.0, len(own))[:, None] * (own[-1] - own[0])
-        blocked = reach.clearance(straight) < hand_radius_m
-        distance, same = _beside(reach, path, own)
-        row = (reach.name, reach.person, blocked, clearance < hand_radius_m, 1e3 * clearance, 1e3 * left_m)
-        rows.append((*row, distance, same))
-    columns = ["reach", "person", "blocked", "hit", "clearance_mm", "left_mm", "path_mm", "same_gaps"]
-    return pd.DataFrame(rows, columns=columns)
+        meetings = ((reach.boxes, straight), (reach.boxes, path), (reach.walls, path))
+        clearances = [float(nearest_distance(shapes, one).min()) for shapes, one in meetings]
+        touches = [clearance < hand_radius_m for clearance in clearances]
+        lengths = (1e3 * clearances[1], 1e3 * left_m)
+        rows.append((reach.name, reach.person, *touches, *lengths, *_beside(reach, path, own)))
+    flags, lengths = ["blocked", "hit", "hit_wall"], ["clearance_mm", "left_mm", "path_mm"]
+    return pd.DataFrame(rows, columns=["reach", "person", *flags, *lengths, "same_gaps"])
 
 
 def _beside(reach: BoxReach, path: np.ndarray, other: np.ndarray) -> tuple[float, bool]:

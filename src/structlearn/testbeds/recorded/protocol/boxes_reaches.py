@@ -54,10 +54,6 @@ class BoxReach:
         """Everything that is in the way."""
         return (*self.boxes, *self.walls)
 
-    def clearance(self, path: np.ndarray) -> float:
-        """Smallest distance in m of a path (T, 3) m, base frame, to a box; negative inside."""
-        return float(min(box.signed_distance(path).min() for box in self.boxes))
-
 
 def reaches_past_boxes(
     trials: Sequence[Demonstration], parameters: BoxReachParameters
