@@ -6,12 +6,8 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.page.assembly import HEADLINES, recorded_document
 from structlearn.testbeds.recorded.page.boxes_figures import boxes_pictures
-from structlearn.testbeds.recorded.page.boxes_results import (
-    BoxesFound,
-    boxes_document,
-    boxes_metrics,
-    boxes_tables,
-)
+from structlearn.testbeds.recorded.page.boxes_page import boxes_document, boxes_tables
+from structlearn.testbeds.recorded.page.boxes_results import BoxesFound, boxes_metrics
 from structlearn.testbeds.recorded.page.figures import pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults, metrics
 from structlearn.testbeds.recorded.page.tables import tables

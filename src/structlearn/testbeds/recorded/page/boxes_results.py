@@ -1,19 +1,14 @@
-"""Reaches past boxes: what the stage wrote, the numbers that follow, and their page put together."""
+"""Reaches past boxes: what the stage wrote, and the numbers that follow."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.resources import files as package_files
 
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters
-from structlearn.reporting.claims import UNKNOWN, Evidence, clustered_share, judge, mean, read_claims
-from structlearn.reporting.document import Document, Table, environment
+from structlearn.reporting.claims import Evidence, clustered_share, mean
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.assembly import PACKAGE, listed, source
-from structlearn.testbeds.recorded.page.tables import shown
 
 AXES = ("x", "y", "z")
 
@@ -110,54 +105,3 @@ def boxes_metrics(found: BoxesFound) -> Metrics:
     values |= {"boxes_people": its["person"].nunique(), "boxes_reaches": len(its)}
     values |= {"boxes_blocked": int(its["blocked"].sum()), "boxes_left_out": len(found["left_out"])}
     return values
-
-
-def boxes_tables(found: BoxesFound) -> dict[str, Table]:
-    """By name; none where nothing was recorded."""
-    if not found.recorded:
-        return {}
-    strong = frozenset({found.ways.index(OURS)})
-    formats = {"path_mm": ".1f", "goal_max_mm": ".0f", "nearest_mm": ".0f"}
-    models = [way for way in found.ways if way in found.nmse.index]
-    errors = found.nmse.loc[models].reset_index()
-    errors["way"] = [names.BOX_WAYS[way].name for way in models]
-    people = found.of(OURS).groupby("person", as_index=False)
-    by_person = people.agg(
-        reaches=("hit", "size"),
-        blocked=("blocked", "sum"),
-        touching=("hit", "sum"),
-        path_mm=("path_mm", "mean"),
-        goal_max_mm=("left_mm", "max"),
-        other_gaps=("same_gaps", lambda same: int((~same).sum())),
-    )
-    return {
-        "boxes_ways": shown(found.summary, strong, **formats),
-        "boxes_errors": shown(errors, **dict.fromkeys(AXES, ".2f")),
-        "boxes_by_person": shown(by_person, path_mm=".1f", goal_max_mm=".0f"),
-        "boxes_left_out": Table(found["left_out"]),
-        "boxes_reaches": Table(found["reaches"]),
-        "boxes_beside_each_other": Table(found["people"]),
-    }
-
-
-def boxes_document(
-    found: BoxesFound, tables: Mapping[str, Table], parameters: Mapping[str, Parameters]
-) -> Document:
-    """The page; parameters by their key in `params.yaml`."""
-    from structlearn.testbeds.recorded.page.boxes_evidence import boxes_evidence
-
-    claims = read_claims(package_files(PACKAGE) / "boxes_claims.yaml")
-    evidence = boxes_evidence(found) if found.recorded else {claim.evidence: UNKNOWN for claim in claims}
-    known = {"found": found, "parameters_of": parameters["recorded_boxes"], "names": names}
-    known |= {"errors_of": lambda way: listed(found.nmse.loc[way])} | boxes_metrics(found)
-    return Document(
-        template="boxes.html.jinja",
-        package=PACKAGE,
-        stage="stages/recorded/dvc.yaml:report",
-        facts=known,
-        tables=tables,
-        judged=judge(claims, evidence, environment(PACKAGE), known),
-        sources={name: source(f"boxes/{name}") for name in found.tables},
-        parameters=parameters,
-        recordings="../recordings/recorded",
-    )
