@@ -1,5 +1,7 @@
 """Reaches past boxes: cutting, folds, learning and unrolling, on made-up trials and on recorded ones."""
 
+import runpy
+import shutil
 from dataclasses import replace
 from functools import lru_cache
 
@@ -15,10 +17,12 @@ from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
 from structlearn.ground.errors import InputError
 from structlearn.ground.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
-from structlearn.recordings import synchronise
+from structlearn.recordings import synchronise, write_recordings
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.recordings.recording import NamedShape
+from structlearn.recordings.source import is_at_hand
+from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol import boxes_models, boxes_people
 from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
 from structlearn.testbeds.recorded.protocol.boxes_reaches import reaches_past_boxes
@@ -227,6 +231,19 @@ def test_the_same_results_every_time():
     first, second = made_up_results(), made_up_results.__wrapped__()
     for name, table in vars(first).items():
         pd.testing.assert_frame_equal(table, getattr(second, name), check_exact=True)
+
+
+def test_a_set_that_is_not_at_hand_is_passed_over(root, tmp_path, monkeypatch, capsys):
+    assert not is_at_hand(tmp_path / "reaches_past_boxes")
+    assert (
+        capsys.readouterr().out.strip().endswith("reaches_past_boxes: not there, so this set is passed over")
+    )
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(root / "params.yaml", tmp_path)
+    write_recordings([], tmp_path / "data/raw/recorded/boxes")  # as the import leaves it
+    runpy.run_path(str(root / "stages/recorded/boxes.py"), run_name="__main__")
+    assert list((tmp_path / "data/recorded/boxes").iterdir()) == []
+    assert RecordedFiles(tmp_path / "data").boxes() == {}
 
 
 def test_recorded_people_pass_beside_the_boxes():
