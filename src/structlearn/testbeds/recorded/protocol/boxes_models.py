@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.avoidance_network import Layers, averaged
+from structlearn.avoidance.avoidance_network import averaged
 from structlearn.avoidance.features import MIRROR_SIGNS, CouplingModel
 from structlearn.avoidance.human_inspired import fit_human_inspired
 from structlearn.avoidance.look_ahead import cost_to_go, mirror_signs
@@ -96,11 +96,7 @@ def straight_baseline(reaches: Sequence[BoxReach], straight_share: float) -> Vec
 
 
 def learn(
-    reaches: Sequence[BoxReach],
-    scenes: Scenes,
-    parts: Sequence[Sequence[int]],
-    parameters: BoxesParameters,
-    kinds: Sequence[str],
+    reaches: Sequence[BoxReach], scenes: Scenes, parts: Sequence[Sequence[int]], parameters: BoxesParameters
 ) -> list[Learned]:
     """Learn from each of some sets of reaches.
 
@@ -109,75 +105,70 @@ def learn(
         scenes: of all of them.
         parts: places of the reaches of each set.
         parameters: see there.
-        kinds: which models.
 
     Returns:
         What was learned of each set.
     """
-    plans = [_Plan(reaches, scenes, places, number, parameters, kinds) for number, places in enumerate(parts)]
-    work = [one for plan in plans for one in plan.work]
+    taught = [
+        _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
+        for number, places in enumerate(parts)
+    ]
+    work = [
+        (whole, network, (number, member), seen)
+        for number, one in enumerate(taught)
+        for network, whole, lessons in one.networks.values()
+        for member, seen in enumerate(lessons)
+    ]
     layers = iter(parallel_map(_trained, work, "networks of reaches past boxes"))
-    return [plan.learned([next(layers) for _ in plan.work]) for plan in plans]
+    learned = []
+    for one in taught:
+        models: dict[str, CouplingModel] = {
+            HUMAN_INSPIRED: fit_human_inspired(one.nearest.features, one.nearest.target)
+        }
+        for kind, (network, whole, lessons) in one.networks.items():
+            members = averaged([next(layers) for _ in lessons])
+            models[kind] = stacked([members], [whole], network)
+        learned.append(Learned(one.baseline, models))
+    return learned
 
 
-class _Plan:
-    """What there is to train of one set."""
+@dataclass(frozen=True)
+class _Lessons:
+    """What there is to learn of one set.
 
-    def __init__(
-        self,
-        reaches: Sequence[BoxReach],
-        scenes: Scenes,
-        places: Sequence[int],
-        number: int,
-        parameters: BoxesParameters,
-        kinds: Sequence[str],
-    ) -> None:
-        own, its = [reaches[place] for place in places], scenes.take(places)
-        self._baseline = straight_baseline(own, parameters.straight_share)
-        states = scene_states([one.path for one in own], self._baseline, parameters.keep_every)
-        ahead, ensemble = parameters.look_ahead.ahead_m, parameters.network
-        self._models: dict[str, CouplingModel] = {}
-        self._networks: dict[str, tuple[NetworkParameters, AvoidanceDataset, int]] = {}
-        self.work = []
-        nearest = samples_of_nearest(states, its)
-        if HUMAN_INSPIRED in kinds:
-            self._models[HUMAN_INSPIRED] = fit_human_inspired(nearest.features, nearest.target)
-        if TEXT in kinds:
-            self._add(TEXT, parameters.text_network, nearest, [nearest], number)
-        beside = [
-            displaced_states(states, ensemble, parameters.return_stiffness, (number, member))
-            for member in range(ensemble.members)
-        ]
-        if ENSEMBLE in kinds:
-            near = (samples_of_nearest(one, its) for one in (states, *beside))
-            whole, *seen = (with_mirror_images(one, MIRROR_SIGNS) for one in near)
-            self._add(ENSEMBLE, ensemble, whole, seen, number)
-        if SCENE in kinds:
-            far, signs = (
-                (samples_of_scene(one, its, ahead) for one in (states, *beside)),
-                mirror_signs(parameters.look_ahead),
-            )
-            whole, *seen = (with_mirror_images(one, signs) for one in far)
-            self._add(SCENE, ensemble, whole, seen, number)
+    Attributes:
+        baseline: of the set.
+        nearest: samples with the text's features.
+        networks: by kind, how it is trained, all of its samples, and what each member sees of them.
+    """
 
-    def _add(
-        self,
-        kind: str,
-        parameters: NetworkParameters,
-        dataset: AvoidanceDataset,
-        lessons: Sequence[AvoidanceDataset],
-        number: int,
-    ) -> None:
-        self._networks[kind] = (parameters, dataset, len(lessons))
-        self.work += [(dataset, parameters, (number, member), seen) for member, seen in enumerate(lessons)]
+    baseline: VectorPrimitive
+    nearest: AvoidanceDataset
+    networks: Mapping[str, tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]]
 
-    def learned(self, layers: Sequence[Layers]) -> Learned:
-        """Models of the trained networks, in the order of the work."""
-        models, rest = dict(self._models), iter(layers)
-        for kind, (parameters, dataset, count) in self._networks.items():
-            members = averaged([next(rest) for _ in range(count)])
-            models[kind] = stacked([members], [dataset], parameters)
-        return Learned(self._baseline, models)
+
+def _lessons(
+    reaches: Sequence[BoxReach], scenes: Scenes, number: int, parameters: BoxesParameters
+) -> _Lessons:
+    """Of the set of some number."""
+    baseline = straight_baseline(reaches, parameters.straight_share)
+    states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
+    ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
+    beside = [
+        displaced_states(states, ensemble, parameters.return_stiffness, (number, member))
+        for member in range(ensemble.members)
+    ]
+    nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *beside))
+    far = (samples_of_scene(one, scenes, ahead) for one in (states, *beside))
+    signs = mirror_signs(parameters.look_ahead)
+    every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
+    every_far, *far = (with_mirror_images(one, signs) for one in far)
+    networks = {
+        TEXT: (parameters.text_network, nearest, [nearest]),
+        ENSEMBLE: (ensemble, every_near, near),
+        SCENE: (ensemble, every_far, far),
+    }
+    return _Lessons(baseline, nearest, networks)
 
 
 def _trained(

@@ -107,7 +107,7 @@ def judge_folds(
     lessons = [np.flatnonzero(~np.isin(person, people)) for people in folds]
     scored, errors, unrolled = [], [], {}
     for fold, (learned, places) in enumerate(
-        zip(learn(reaches, scenes, lessons, parameters, MODELS), tests, strict=True)
+        zip(learn(reaches, scenes, lessons, parameters), tests, strict=True)
     ):
         own, its = [reaches[place] for place in places], scenes.take(places)
         errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
