@@ -77,6 +77,10 @@ REDUCED = {
         "network": {"hidden": [6], "members": 2, "training": {"iterations": 5}},
         "pmnn": {"steps": 60, "evaluate_every": 30},
     },
+    "recorded_boxes": {
+        "network": {"members": 1, "training": {"iterations": 3}},
+        "text_network": {"training": {"iterations": 3}},
+    },
     "recorded_dynamics": {"iterations": 5, "seeds": 1, "epochs": 1},
     "recorded_latent_touch": {
         "folds": 2,

@@ -41,7 +41,8 @@ STARTS = {
         "scraping/coupling_dataset.py obstacles/demonstrate.py obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
-        "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py",
+        "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
+        "recorded/boxes.py",
     ),
     "robot": (
         ("pinocchio",),

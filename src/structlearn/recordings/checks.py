@@ -18,8 +18,8 @@ def check_recording(recording: Recording) -> None:
     Raises:
         InputError: there is no pose stream or more than one stream of a kind other than tactile; a stream has
             fewer than two samples, the wrong number of columns, a stamp that repeats or runs back, a value
-            that is NaN or infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`. The
-            message names recording, topic and row (counted from 0).
+            that is NaN or infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two
+            shapes have one name. The message names recording, topic and row (counted from 0).
     """
     counts = Counter(stream.kind for stream in recording.streams)
     if counts["pose"] == 0:
@@ -28,6 +28,9 @@ def check_recording(recording: Recording) -> None:
         if count > 1 and kind != "tactile":
             topics = ", ".join(stream.topic for stream in recording.streams if stream.kind == kind)
             raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
+    shapes = Counter(shape.name for shape in recording.shapes)
+    if repeated := [name for name, count in shapes.items() if count > 1]:
+        raise InputError(f"{recording.name}: several shapes have the name {', '.join(repeated)}")
     for stream in recording.streams:
         where = f"{recording.name}: {stream.topic}"
         _check_shape(where, stream)

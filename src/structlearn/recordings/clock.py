@@ -77,6 +77,7 @@ def synchronise(
         time=time,
         true_segments=_shifted(recording.true_segments, (start - int(pose.stamps[0])) * 1e-9, time[-1]),
         provenance=dict(recording.provenance),
+        shapes=recording.shapes,
         **signals,
     )
 

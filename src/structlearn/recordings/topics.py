@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from structlearn.ground.params import Parameters
 
-Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board"]
+Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board", "obstacles"]
 
 MAX_FINGERS = 10
 """Tactile streams that our own files may have: two hands."""
@@ -32,6 +32,7 @@ class TopicMap(Parameters):
         wrench: force and torque at the wrist.
         tactile: one topic per tactile sensor, in the order in which their channels are put side by side.
         tool_to_board: orientation of the tool relative to the board, e.g. from motion capture.
+        obstacles: solids at rest around the movement.
     """
 
     must_exist: ClassVar[bool] = True
@@ -43,6 +44,7 @@ class TopicMap(Parameters):
     wrench: Topic | None
     tactile: Topics
     tool_to_board: Topic | None
+    obstacles: Topic | None
 
     @model_validator(mode="after")
     def _each_once(self) -> "TopicMap":
@@ -58,7 +60,7 @@ class TopicMap(Parameters):
         pairs += [(topic, "joint_states") for topic in self.joint_states]
         pairs += [(self.wrench, "wrench")]
         pairs += [(topic, "tactile") for topic in self.tactile]
-        pairs += [(self.tool_to_board, "tool_to_board")]
+        pairs += [(self.tool_to_board, "tool_to_board"), (self.obstacles, "obstacles")]
         return [(topic, role) for topic, role in pairs if topic is not None]
 
 
@@ -75,6 +77,7 @@ OWN_TOPICS = OptionalTopicMap(
     wrench="/wrench",
     tactile=tuple(f"/tactile/{finger}" for finger in range(MAX_FINGERS)),
     tool_to_board="/tool_to_board",
+    obstacles="/obstacles",
 )
 """The topics of the files that this package writes. Joint signals have a topic each, since each may have a
 clock of its own; a file has those of the topics that were recorded."""

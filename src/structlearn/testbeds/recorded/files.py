@@ -68,6 +68,9 @@ TABLES = {
 }
 """Tables that a page shows, by name."""
 
+BOXES = ("reaches", "errors", "people", "left_out", "paths", "shapes")
+"""Tables of reaches past boxes."""
+
 CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "traces")
 """Tables of simulated touch beside recorded touch."""
 
@@ -98,6 +101,11 @@ class RecordedFiles:
     def learned(self, name: str) -> bool:
         """Whether there were enough data of a set to learn from it."""
         return self._has(f"{name}/{LEARNED[name]}.safetensors")
+
+    def boxes(self) -> dict[str, pd.DataFrame]:
+        """All of `BOXES`; none where they were not recorded."""
+        there = any((self.data / "recorded/boxes").glob("*.parquet"))
+        return {name: self._table(f"boxes/{name}") for name in BOXES} if there else {}
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""

@@ -64,6 +64,17 @@ INPUTS = {
 }
 """What a representation sees."""
 
+BOX_WAYS = {
+    "recorded": Look("person", DEMONSTRATION_COLOUR),
+    "none": Look("baseline alone", BLACK),
+    "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),
+    "text": Look("17 features, as in the text", VERMILION),
+    "text_ensemble": Look("17 features, trained our way", PURPLE),
+    "scene": Look("look ahead at the scene", BLUE),
+    "planned": Look("planned way, followed", GREEN),
+}
+"""Ways past boxes: who or what moves the hand."""
+
 TOUCH_MODELS = {
     "structured": Look("structured latent space", BLUE),
     "reconstruction only": Look("latent space without structure", ORANGE),
