@@ -1,11 +1,14 @@
 """Bring the public recordings into the pipeline: text logs to MCAP, samples to a table, provenance kept."""
 
+from shutil import copy
+
 from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import clmc, panda, slide, write_recordings
+from structlearn.recordings import clmc, panda, slide, ur10e, write_recordings
+from structlearn.recordings.drive_log import write_drive_log
 from structlearn.recordings.joint_log import write_joint_log
-from structlearn.recordings.source import PublicSourceParameters
+from structlearn.recordings.source import PublicSourceParameters, is_there
 from structlearn.testbeds.recorded.protocol.avoidance_samples import (
     avoidance_provenance,
     read_avoidance_samples,
@@ -34,6 +37,13 @@ def main() -> None:
     with publish("data/raw/recorded/panda") as target:
         target.mkdir()
         write_joint_log(trajectory, target / "exciting_trajectory.mcap")
+    drives = ur10e.read_logs(folder / "ur10e") if is_there(folder / "ur10e") else []
+    with publish("data/raw/recorded/ur10e") as target:
+        target.mkdir()  # empty where the set is not there
+        for log in drives:
+            write_drive_log(log, target / f"{log.name}.mcap")
+        if drives:
+            copy(folder / "ur10e" / ur10e.URDF, target)
 
 
 if __name__ == "__main__":

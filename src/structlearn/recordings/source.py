@@ -71,6 +71,13 @@ class PublicSourceParameters(Parameters):
         return Path(os.environ.get(PUBLIC_SOURCE_VARIABLE) or self.source)
 
 
+def is_there(folder: Path) -> bool:
+    """Whether a public set lies on this machine; if not, one line says so, and the other sets go on."""
+    if not folder.is_dir():
+        print(f"{folder}: is not there, so nothing is imported from it")
+    return folder.is_dir()
+
+
 class ClockParameters(Parameters):
     """The one clock on which all stages read the demonstrations.
 
