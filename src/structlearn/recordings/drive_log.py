@@ -77,11 +77,12 @@ def on_clock(
     Args:
         log: n joints.
         rate_hz: ticks per second.
-        delays_s: (n,) by how much each measured current is later than the motion that it belongs to.
+        delays_s: (..., n) by how much each measured current is later than the motion that it belongs to;
+            several assumptions about it share the clock.
         max_gap_s: see `clock.synchronise`.
 
     Returns:
-        Times (N,) s, positions, velocities and currents (N, n).
+        Times (N,) s, positions and velocities (N, n), currents (..., N, n).
 
     Raises:
         InputError: see `clock.on_one_clock`.
@@ -89,11 +90,12 @@ def on_clock(
     late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
     streams = [Stream(JOINT_STATES, kind, log.stamps, getattr(log, name)) for kind, name in STATES.items()]
     streams += [
-        Stream(DRIVES["currents"], EFFORT, log.stamps - its, log.currents[:, [joint]])
-        for joint, its in enumerate(late)
+        Stream(DRIVES["currents"], EFFORT, log.stamps - late[place], log.currents[:, [place[-1]]])
+        for place in np.ndindex(late.shape)
     ]
     time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, max_gap_s)
-    return time, positions, velocities, np.hstack(currents)
+    currents = np.stack([its[:, 0] for its in currents]).reshape(*late.shape, -1)
+    return time, positions, velocities, np.ascontiguousarray(np.swapaxes(currents, -1, -2))
 
 
 def write_drive_log(log: DriveLog, path: str | Path) -> None:
