@@ -49,11 +49,10 @@ def identify_load(
         yz, zz), in the last joint's frame; and (draws, 10).
     """
     rows = [_rows(tree, pair, friction, place, len(pairs)) for place, pair in enumerate(pairs)]
-    weights = 1.0 / np.sqrt(
-        np.concatenate([its[..., -1].reshape(-1, len(tree.names)) for its in rows]).var(axis=0)
-    )
-    theta, _ = _solved(rows, weights)
-    left = np.concatenate([(its[..., :-1] @ theta - its[..., -1]).reshape(-1, len(weights)) for its in rows])
+    joints = len(tree.names)
+    measured = np.concatenate([its[..., -1].reshape(-1, joints) for its in rows])
+    theta, _ = _solved(rows, 1.0 / np.sqrt(measured.var(axis=0)))
+    left = np.concatenate([(its[..., :-1] @ theta - its[..., -1]).reshape(-1, joints) for its in rows])
     weights = 1.0 / np.sqrt((left**2).mean(axis=0))
     theta, directions = _solved(rows, weights)
     known = 0.0

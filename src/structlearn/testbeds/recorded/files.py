@@ -62,6 +62,13 @@ CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "
 """Tables of simulated touch beside recorded touch."""
 
 
+UR10E = (
+    *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "friction"),
+    *("links", "traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
+)
+"""Tables of the UR10e and its load."""
+
+
 @dataclass(frozen=True)
 class RecordedFiles:
     """What the stages wrote, read.
@@ -83,6 +90,12 @@ class RecordedFiles:
     def calibration(self) -> dict[str, pd.DataFrame]:
         """All of `CALIBRATION`."""
         return {name: self._table(f"calibration/{name}") for name in CALIBRATION}
+
+    def ur10e(self) -> dict[str, pd.DataFrame] | None:
+        """All of `UR10E`; None where the set was not there to import."""
+        if not any((self.data / "recorded/ur10e").iterdir()):
+            return None
+        return {name: self._table(f"ur10e/{name}") for name in UR10E}
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""

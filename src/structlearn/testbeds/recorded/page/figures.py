@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -308,25 +309,35 @@ def correlation_panels(results: RecordedResults) -> list[Figure]:
     return figures
 
 
-@styled
 def panda_panel(results: RecordedResults) -> Figure:
-    """NMSE on the test part over the joints."""
-    figure, axes = panel("Every joint", 3.5, xlabel="joint", ylabel="NMSE on the test part", yscale="log")
+    """NMSE of the Panda's models on the test part over the joints."""
+    return joint_errors_panel(results.panda, "Every joint")
+
+
+def torque_panel(results: RecordedResults, joint: int) -> Figure:
+    """Torque of one joint of the Panda in the test part, measured and by models."""
+    title = f"Robot: joint {joint} of a Franka Panda"
+    return traced_panel(results["panda_traces"], joint, title, "time of the test part (s)")
+
+
+@styled
+def joint_errors_panel(errors: pd.DataFrame, title: str) -> Figure:
+    """NMSE over the joints; rows of errors are of models and friction, columns of joints."""
+    figure, axes = panel(title, 3.5, xlabel="joint", ylabel="NMSE on the test part", yscale="log")
     for key, look in names.DYNAMICS_LOOKS.items():
-        if key in results.panda.index:
-            its, line = results.panda.loc[key], "--" if key[0] == "least_squares" else "-"
+        if key in errors.index:
+            its, line = errors.loc[key], "--" if key[0] == "least_squares" else "-"
             axes.plot(its.index, its, line, marker="o", markersize=4, color=look.colour, label=look.name)
-    axes.set_xticks(results.panda.columns)
+    axes.set_xticks(errors.columns)
     return legend(figure)
 
 
 @styled
-def torque_panel(results: RecordedResults, joint: int) -> Figure:
-    """Torque of one joint in the test part, measured and by models."""
-    title = f"Robot: joint {joint} of a Franka Panda"
-    figure, axes = panel(title, 3.5, xlabel="time of the test part (s)", ylabel="torque (N m)")
+def traced_panel(traces: pd.DataFrame, joint: int, title: str, xlabel: str) -> Figure:
+    """Torque of one joint, measured and by models, of a table of `arm_identification.trace_table`."""
+    figure, axes = panel(title, 3.5, xlabel=xlabel, ylabel="torque (N m)")
     looks = {"_".join(key).removesuffix("_none"): look for key, look in names.DYNAMICS_LOOKS.items()}
-    its = results["panda_traces"].query("joint == @joint")
+    its = traces.query("joint == @joint")
     axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
     for name in TRACED:
         axes.plot(its["time_s"], its[name], color=looks[name].colour, linewidth=1.0, label=looks[name].name)

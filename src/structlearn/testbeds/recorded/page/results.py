@@ -122,7 +122,17 @@ class RecordedResults:
 
 def panda_errors(results: RecordedResults, part: str) -> pd.DataFrame:
     """See `RecordedResults.panda`; `part` is `test` or `train`."""
-    rows = results["panda_errors"][results["panda_errors"]["part"] == part]
+    return errors_by_joint(results["panda_errors"], part)
+
+
+def errors_by_joint(errors: pd.DataFrame, part: str) -> pd.DataFrame:
+    """NMSE on a part by model and friction, in their order, and joint; mean over seeds.
+
+    Args:
+        errors: of `arm_identification.error_table`.
+        part: one of its parts.
+    """
+    rows = errors[errors["part"] == part]
     wide = rows.pivot_table(index=["model", "friction"], columns="joint", values="nmse", sort=False)
     models, frictions = list(names.DYNAMICS_MODELS), list(names.FRICTIONS)
     keys = [(frictions.index(friction), models.index(model)) for model, friction in wide.index]
