@@ -8,6 +8,10 @@ from structlearn.testbeds.recorded.page.assembly import HEADLINES, recorded_docu
 from structlearn.testbeds.recorded.page.figures import pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults, metrics
 from structlearn.testbeds.recorded.page.tables import tables
+from structlearn.testbeds.recorded.page.ur10e_figures import ur10e_pictures
+from structlearn.testbeds.recorded.page.ur10e_page import ur10e_document, ur10e_tables
+from structlearn.testbeds.recorded.page.ur10e_results import Ur10eResults
+from structlearn.testbeds.recorded.page.ur10e_results import metrics as ur10e_metrics
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
@@ -15,6 +19,7 @@ from structlearn.testbeds.recorded.protocol.latent_touch_parameters import Laten
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 PARAMETERS = {
     "recorded_reaches": ReachParameters,
@@ -41,9 +46,18 @@ def main() -> None:
         unscrewing_primitive=stored.primitives(files.UNSCREWING)[0],
         execution=stored.demonstrations(files.SCRAPING),
     )
-    shown = tables(results)
-    page = recorded_document(results, shown, parameters)
-    publish_report("reports/recorded", {"index": page}, pictures(results), shown, metrics(results), HEADLINES)
+    own = {"recorded_ur10e": stage_parameters("recorded_ur10e", RecordedUr10eParameters)}
+    found = stored.ur10e()
+    arm = Ur10eResults(found, own["recorded_ur10e"]) if found is not None else None
+    shown = tables(results) | ur10e_tables(arm)
+    pages = {
+        "index": recorded_document(results, shown, parameters),
+        "ur10e": ur10e_document(arm, shown, own),
+    }
+    drawn, numbers = pictures(results), metrics(results)
+    if arm is not None:
+        drawn, numbers = drawn | ur10e_pictures(arm), numbers | ur10e_metrics(arm)
+    publish_report("reports/recorded", pages, drawn, shown, numbers, HEADLINES)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from structlearn.testbeds.recorded.page.ur10e_results import (
     FEWEST_BLOCKS,
     Drawn,
     Ur10eResults,
+    chosen,
 )
 
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
@@ -38,11 +39,7 @@ def _models(results: Ur10eResults) -> dict[str, Found]:
     structures = [(model, "viscous") for model in TEXT_STRUCTURES]
     better = test.loc[structures].max() < test.loc["urdf", "none"]
     joints = _joint_names(results)
-    levels = {}
-    for name, (value, draws, count) in {
-        key: results.nmse(part, key) for key in (*structures, *RIVALS, BEST, BOUNDS)
-    }.items():
-        levels[name] = (value, draws, count)
+    levels = {key: results.nmse(part, key) for key in (*structures, *RIVALS, BEST, BOUNDS)}
     worst = max(structures, key=lambda key: levels[key][0].mean())
 
     def apart(key: tuple[str, str]) -> Drawn:
@@ -77,9 +74,7 @@ def _models(results: Ur10eResults) -> dict[str, Found]:
 
 def _drives(results: Ur10eResults) -> dict[str, Found]:
     train, gains = results.parameters.train, results["gains"].set_index("joint")
-    delays = {
-        f"joint {joint}": results.drive("delay", train, joint, 1e3) for joint in results.joints
-    }
+    delays = {f"joint {joint}": results.drive("delay", train, joint, 1e3) for joint in results.joints}
     assumed = {}
     for joint in gains.index[gains["assumed"]]:
         moving, stands_in = results.drive("gain in motion", train, joint), gains.loc[joint, "found"]
@@ -90,7 +85,7 @@ def _drives(results: Ur10eResults) -> dict[str, Found]:
 
 
 def _load(results: Ur10eResults) -> dict[str, Found]:
-    found = results["loads"].query("gains == 'found'")["pair"].tolist()
+    found = chosen(results["loads"], gains="found")["pair"].tolist()
     alone = {pair: results.load(pair, "found") for pair in found if pair in results.load_logs}
     carried = {log: results.carried_error(log) for log in results.load_logs}
     long = {log: its for log, its in carried.items() if its.n >= FEWEST_BLOCKS}
@@ -105,7 +100,7 @@ def _load(results: Ur10eResults) -> dict[str, Found]:
 
 def _written(results: Ur10eResults) -> dict[str, Found]:
     differences = results["written"]["difference_n_m"].to_numpy()
-    links = results["links"].query("model == @BEST[0] and friction == @BEST[1]")
+    links = chosen(results["links"], model=BEST[0], friction=BEST[1])
     possible = links[["positive_mass", "positive_definite", "triangle"]].all(axis=1)
     return {
         "written_torques": exact(np.max(differences), len(differences)),

@@ -79,7 +79,7 @@ class Ur10eResults:
 
     def nmse(self, part: str, model: tuple[str, str]) -> tuple[np.ndarray, np.ndarray, int]:
         """NMSE (n,) of a model on a part, the same of drawn blocks (D, n), and the number of blocks."""
-        its = self["blocks"].query("part == @part").sort_values(["block", "joint"])
+        its = chosen(self["blocks"], part=part).sort_values(["block", "joint"])
         count, joints = its["block"].nunique(), its["joint"].nunique()
         columns = ["samples", "torque", "torque_squared", "/".join(model)]
         sums = its[columns].to_numpy().reshape(count, joints, 4)
@@ -95,17 +95,16 @@ class Ur10eResults:
 
     def load(self, pair: str, gains: str) -> Drawn:
         """Error of the load in percent."""
+        true, keys = self.parameters.load_kg, {"pair": pair, "gains": gains}
+        whole = chosen(self["loads"], **keys).iloc[0]
+        draws = chosen(self["load_draws"], **keys)["mass_kg"].to_numpy()
+        return Drawn(100.0 * (whole["mass_kg"] / true - 1.0), 100.0 * (draws / true - 1.0), whole["blocks"])
+
+    def load_kg(self, error: Evidence) -> tuple[float, float, float]:
+        """Low end, value and high end in kg of an error in percent."""
+        low, value, high = (1.0 + 0.01 * end for end in (error.low, error.value, error.high))
         true = self.parameters.load_kg
-        value, draws = (
-            table.query("pair == @pair and gains == @gains")["mass_kg"].to_numpy()
-            for table in (self["loads"], self["load_draws"])
-        )
-        motions = self["motions"].set_index("log")
-        logs = [loaded for _, loaded in self.parameters.load_pairs if loaded in motions.index]
-        chosen = motions.loc[[pair] if pair in logs else logs]
-        seconds = chosen["end_s"] - chosen["start_s"]
-        blocks = sum(max(1, int(its / self.parameters.intervals.block_s)) for its in seconds)
-        return Drawn(100.0 * (value[0] / true - 1.0), 100.0 * (draws / true - 1.0), blocks)
+        return true * low, true * value, true * high
 
     @property
     def load_logs(self) -> list[str]:
@@ -114,16 +113,14 @@ class Ur10eResults:
 
     def settled(self, log: str) -> pd.DataFrame:
         """What was found while the load was carried, after the wait."""
-        its, chosen = self["carried"], self.parameters.carried
-        return its[
-            (its["log"] == log) & (its["stage"] == "with the load") & (its["since_s"] > chosen.settled_s)
-        ]
+        its = chosen(self["carried"], log=log, stage="with the load")
+        return its[its["since_s"] > self.parameters.carried.settled_s]
 
     def carried_error(self, log: str) -> Drawn:
         """Mean absolute error of the load in percent, while it is carried; no draws where that is short."""
-        chosen, blocks = self.parameters.carried, self.parameters.intervals
+        carried, blocks = self.parameters.carried, self.parameters.intervals
         error = 100.0 * np.abs(self.settled(log)["mass_kg"].to_numpy() / self.parameters.load_kg - 1.0)
-        length = round(chosen.memory_s * self.parameters.rate_hz / chosen.batch)
+        length = round(carried.memory_s * self.parameters.rate_hz / carried.batch)
         count = block_count(len(error), length)
         if count < FEWEST_BLOCKS:
             return Drawn(error.mean() if len(error) else np.nan, np.array([np.nan]), count)
@@ -132,12 +129,16 @@ class Ur10eResults:
         return Drawn(error.mean(), drawn[:, 0] / drawn[:, 1], count)
 
     def drive(self, quantity: str, log: str, joint: int, scale: float = 1.0) -> Drawn:
-        """A gain or delay of one joint, times a factor; as many blocks as the log has."""
-        chosen = "quantity == @quantity and log == @log and joint == @joint"
-        value, draws = (self[name].query(chosen)["value"].to_numpy() for name in ("drives", "drive_draws"))
-        motions = self["motions"].query("log == @log")
-        seconds = (motions["end_s"] - motions["start_s"]).sum()
-        return Drawn(scale * value[0], scale * draws, max(1, int(seconds / self.parameters.intervals.block_s)))
+        """A gain or delay of one joint, times a factor."""
+        keys = {"quantity": quantity, "log": log, "joint": joint}
+        whole = chosen(self["drives"], **keys).iloc[0]
+        draws = chosen(self["drive_draws"], **keys)["value"].to_numpy()
+        return Drawn(scale * whole["value"], scale * draws, whole["blocks"])
+
+
+def chosen(table: pd.DataFrame, **keys: object) -> pd.DataFrame:
+    """Rows whose columns have these values."""
+    return table[np.logical_and.reduce([table[name] == value for name, value in keys.items()])]
 
 
 def _normalised(sums: np.ndarray) -> np.ndarray:
@@ -167,16 +168,19 @@ def metrics(results: Ur10eResults) -> Metrics:
         values[f"ur10e_delay_ms_{joint}"] = delay.value
         values |= {f"ur10e_delay_ms_{joint}_low": delay.low, f"ur10e_delay_ms_{joint}_high": delay.high}
     for gains, suffix in (("found", ""), ("quoted", "_quoted")):
-        for pair in results["loads"].query("gains == @gains")["pair"]:
+        for pair in chosen(results["loads"], gains=gains)["pair"]:
             its = results.load(pair, gains).evidence()
             name = "ur10e_load_kg" + suffix + ("" if pair == "all pairs" else f"_{pair.replace('-', '_')}")
-            low, value, high = (parameters.load_kg * (1.0 + one / 100.0) for one in (its.low, its.value, its.high))
+            low, value, high = (
+                parameters.load_kg * (1.0 + one / 100.0) for one in (its.low, its.value, its.high)
+            )
             values |= {name: value, f"{name}_low": low, f"{name}_high": high}
     for number, log in enumerate(results.load_logs, 1):
         its = results.carried_error(log).evidence()
         name = f"ur10e_load_carried_{number}"
         values |= {f"{name}_kg": results.settled(log)["mass_kg"].mean(), f"{name}_error_percent": its.value}
-        values |= {f"{name}_error_percent_low": its.low, f"{name}_error_percent_high": its.high}
+        if its.n >= FEWEST_BLOCKS:
+            values |= {f"{name}_error_percent_low": its.low, f"{name}_error_percent_high": its.high}
     values["ur10e_urdf_difference_n_m"] = results["written"]["difference_n_m"].max()
     return values
 

@@ -65,8 +65,8 @@ class Ur10eResults:
     """Tables of the recorded arm; `joint` counts from 1, a `draw` is one of the bootstrap over blocks.
 
     Attributes:
-        drives: `quantity` (`AT_REST`, ...), `log`, `joint`, `value` in N m/A or s.
-        drive_draws: the same with `draw`.
+        drives: `quantity` (`AT_REST`, ...), `log`, `blocks` it rests on, `joint`, `value` in N m/A or s.
+        drive_draws: the same with `draw`, without `blocks`.
         gains: `joint`, `found` (at rest or assumed), `assumed` (bool), `quoted`.
         delay_curves: `log`, `delay_s`, `joint`, `squares` over the least.
         motions: `log`, `part`, `start_s`, `end_s` of what is kept of a log, `length_s` of the log.
@@ -76,8 +76,8 @@ class Ur10eResults:
         links: of `body_table`.
         traces: of `trace_table` on the test.
         choice: of `choose_networks`.
-        loads: `pair` (the loaded log or `BOTH`), `gains` (`FOUND` or `QUOTED`), `mass_kg` and
-            `centre_{x,y,z}_m`.
+        loads: `pair` (the loaded log or `BOTH`), `gains` (`FOUND` or `QUOTED`), `blocks` it rests on,
+            `mass_kg` and `centre_{x,y,z}_m`.
         load_draws: `pair`, `gains`, `draw`, `mass_kg`.
         carried: `log`, `stage` (`LEARNED`, ...), `since_s` its start, and what `follow_payload` gives.
         bodies: of the written model: `link`, `parameter`, `value`, `half_width` (95 %), `urdf` (the maker's),
@@ -201,7 +201,7 @@ def _drives(
     found = {
         (AT_REST, rest.name): resting_gains(rest.desired_currents, rest.target_torques, *bootstrap),
     }
-    curves = []
+    curves, counts = [], {rest.name: block_count(len(rest.stamps), parameters.block)}
     first, last = parameters.delays_s
     delays = first + parameters.delay_step_s * np.arange(round((last - first) / parameters.delay_step_s) + 1)
     tried = np.repeat(delays[:, None], len(tree.names), axis=1)
@@ -214,6 +214,7 @@ def _drives(
         found[IN_MOTION, name] = moving_gains(*asked, *bootstrap)
         _, positions, velocities, currents = on_clock(log, parameters.rate_hz, tried)
         states, cut = _cut(name, positions, velocities, currents[0], parameters)
+        counts[name] = block_count(len(states), parameters.block)
         smooth = [
             signals.low_pass(its, 1.0 / parameters.rate_hz, parameters.cutoff_hz)[cut] for its in currents
         ]
@@ -221,7 +222,10 @@ def _drives(
             tree, states, np.stack(smooth), delays, FRICTION, *bootstrap
         )
         curves.append(_long({"log": name}, squares, "delay_s", delays, "squares"))
-    values = [_long({"quantity": key[0], "log": key[1]}, its[0][None]) for key, its in found.items()]
+    values = [
+        _long({"quantity": key[0], "log": key[1], "blocks": counts[key[1]]}, its[0][None])
+        for key, its in found.items()
+    ]
     drawn = [
         _long({"quantity": key[0], "log": key[1]}, its[1], "draw", np.arange(draws))
         for key, its in found.items()
@@ -316,11 +320,12 @@ def _loads(
         for name, chosen in asked.items():
             both = [tuple(_scaled(motions[log], values / used) for log in pair) for pair in chosen]
             load, draws = identify_load(tree, both, FRICTION, parameters.block, blocks.draws, blocks.seed)
-            rows.append((name, gain, load[0], *(load[1:4] / load[0])))
+            count = sum(block_count(min(map(len, pair)), parameters.block) for pair in both)
+            rows.append((name, gain, count, load[0], *(load[1:4] / load[0])))
             keys = {"pair": name, "gains": gain, "draw": np.arange(blocks.draws), "mass_kg": draws[:, 0]}
             drawn.append(pd.DataFrame(keys))
     centre = [f"centre_{axis}_m" for axis in "xyz"]
-    loads = pd.DataFrame(rows, columns=["pair", "gains", "mass_kg", *centre])
+    loads = pd.DataFrame(rows, columns=["pair", "gains", "blocks", "mass_kg", *centre])
     columns = ["pair", "gains", "draw", "mass_kg"]
     return loads, pd.concat(drawn, ignore_index=True) if drawn else pd.DataFrame(columns=columns)
 
