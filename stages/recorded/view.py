@@ -5,13 +5,16 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
 from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
+from structlearn.testbeds.recorded.recordings.ur10e_recording import write_carried
 
 
 def main() -> None:
     slides = stage_parameters("recorded_slides", SlideParameters)
     turn_fit = stage_parameters("recorded_unscrewing", FitParameters)
+    own = stage_parameters("recorded_ur10e", RecordedUr10eParameters)
     stored = files.RecordedFiles()
     reach = stored.primitives(files.REACHES)
     higher = stored.demonstrations(files.HIGHER_REACHES)
@@ -29,6 +32,9 @@ def main() -> None:
         write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
         movements.write_execution(folder / "scraping_recorded.rrd", execution)
         movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
+        arm = stored.ur10e()
+        if arm is not None:
+            write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, arm, stored.ur10e_log, own)
         movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
 
 

@@ -12,6 +12,7 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.drive_log import DriveLog, read_drive_log
 
 REACHES, HIGHER_REACHES, UNSCREWING, SCRAPING, SLIDES = (
     "reaches",
@@ -96,6 +97,15 @@ class RecordedFiles:
         if not any((self.data / "recorded/ur10e").iterdir()):
             return None
         return {name: self._table(f"ur10e/{name}") for name in UR10E}
+
+    def ur10e_log(self, name: str) -> DriveLog:
+        """One log of the UR10e."""
+        return read_drive_log(self.data / f"raw/recorded/ur10e/{name}.mcap")
+
+    @property
+    def ur10e_urdf(self) -> Path:
+        """The URDF that was identified."""
+        return self.data / "recorded/ur10e/identified.urdf"
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""

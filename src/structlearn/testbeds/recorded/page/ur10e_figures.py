@@ -1,6 +1,7 @@
 """Figures of the UR10e: the load found over time, errors of models, delays of currents, gains."""
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -75,7 +76,7 @@ def weighed_panel(results: Ur10eResults) -> Figure:
             label = None if place else f"with the gains {gains}"
             bars = [[value - low], [high - value]]
             axes.errorbar(value, place + offset, xerr=bars, fmt="o", color=colour, label=label)
-    axes.set_yticks(range(len(pairs)), [pair.replace("_", "_\n", 2) for pair in pairs], fontsize=7)
+    axes.set_yticks(range(len(pairs)), [fill(pair, 12) for pair in pairs], fontsize=7)
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     return legend(figure)

@@ -61,7 +61,7 @@ def ur10e_document(
 
 
 def _facts(results: Ur10eResults) -> dict[str, object]:
-    test, gains = results.test, results["gains"]
+    train, test, gains = results.errors["train"], results.test, results["gains"]
     carried = {log: results.carried_error(log).evidence() for log in results.load_logs}
     first = next(iter(carried), None)
     load = results.load("all pairs", "found").evidence() if first else UNKNOWN
@@ -71,7 +71,11 @@ def _facts(results: Ur10eResults) -> dict[str, object]:
         "best": test.loc[BEST].min(),
         "worst_least_squares": test.loc[BOUNDS].max(),
         "worst_viscous": test.loc["cov", "viscous"].max(),
-        "rivals": [f"{model_words(key)} {rounded(test.loc[key].mean(), '.2f')}" for key in RIVALS],
+        "rivals": [
+            f"{model_words(key)} {rounded(train.loc[key].mean(), '.2g')} \N{RIGHTWARDS ARROW} "
+            f"{rounded(test.loc[key].mean(), '.2g')}"
+            for key in (*RIVALS, ("delan", "coulomb"))
+        ],
         "load": load,
         "carried": carried,
         "first": first,

@@ -1,12 +1,11 @@
 """What is chosen for the recorded UR10e and its load."""
 
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeInt, PositiveFloat
 
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.inertia_parameters import Structure
 
 Log = Annotated[str, Field(min_length=1)]
 
@@ -58,7 +57,7 @@ class CarriedLoadParameters(Parameters):
         settled_s: after the load was taken up, from when on errors count.
     """
 
-    structure: Structure
+    structure: Literal["spd", "tri", "cov"]
     batch: int = Field(ge=1)
     memory_s: float = Field(gt=0)
     iterations: int = Field(ge=1)
