@@ -1,6 +1,5 @@
 """How far identified inertias can be trusted: the same fit on blocks of the motion drawn anew."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -8,30 +7,27 @@ import numpy as np
 
 from structlearn.ground.block_bootstrap import blocks, drawn_counts
 from structlearn.ground.parallel import parallel_map
-from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.identification import fit_structure, normalised_triangle
-from structlearn.rigid_body.inertia_parameters import Structure
+from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.rigid_body.torque_factors import torque_factors
 from structlearn.rigid_body.tree import LinkInertias
 
 
 def drawn_fits(
-    structure: Structure,
+    model: DynamicsModels,
     regressor: MotionRegressor,
-    start: LinkInertias,
     known: LinkInertias,
     iterations: int,
     length: int,
     draws: int,
     seed: int,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> DynamicsModels:
     """Fits of a structure to blocks of a motion, drawn with replacement.
 
     Args:
-        structure: of the inertias, not nostr.
-        regressor: of the motion, with the terms of friction.
-        start: inertias (n,) to start from, those of the fit to the whole motion.
+        model: the fit to the whole motion, one, of a structure other than nostr.
+        regressor: of the motion, with the model's terms of friction.
         known: where the weak pull goes that decides what the data leave open.
         iterations: of L-BFGS per draw.
         length: samples of a block.
@@ -39,8 +35,10 @@ def drawn_fits(
         seed: of the draws.
 
     Returns:
-        Free parameters of the inertias (draws, n, k) and of friction (draws, n, t).
+        So many models of the same kind.
     """
+    its = model.inertias()
+    start = LinkInertias(its.mass[0], its.first_moment[0], its.inertia[0])
     whole = regressor.factors  # whose number of samples and variances weight every block
     triangles = np.array(
         [
@@ -55,24 +53,17 @@ def drawn_fits(
         np.linalg.qr((np.sqrt(counts)[:, None, None] * triangles).reshape(-1, width), mode="r")
         for counts in drawn_counts(len(triangles), draws, seed)
     ]
-    refit = partial(
-        _refitted,
-        structure=structure,
-        friction=regressor.friction,
-        start=start,
-        known=known,
-        iterations=iterations,
-    )
+    refit = partial(_refitted, model=model, start=start, known=known, iterations=iterations)
     found = parallel_map(refit, drawn, "intervals of inertias")
-    return np.concatenate([free for free, _ in found]), np.concatenate([rubbing for _, rubbing in found])
+    names = ("inertia", "friction")
+    state = {
+        name: np.concatenate(values) for name, values in zip(names, zip(*found, strict=True), strict=True)
+    }
+    return replace(model, state=state)
 
 
 def _refitted(
-    triangle: np.ndarray,
-    structure: Structure,
-    friction: Sequence[FrictionTerm],
-    start: LinkInertias,
-    known: LinkInertias,
-    iterations: int,
+    triangle: np.ndarray, model: DynamicsModels, start: LinkInertias, known: LinkInertias, iterations: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    return fit_structure(structure, triangle, friction, start, iterations, known)
+    rubbing = np.asarray(model.state["friction"])
+    return fit_structure(model.kind, triangle, model.friction, start, iterations, known, rubbing)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import torch
 
 from structlearn.ground import signals
 from structlearn.ground.block_bootstrap import block_count, block_sums
@@ -14,8 +13,6 @@ from structlearn.recordings.drive_log import DriveLog, on_clock
 from structlearn.rigid_body.agreement import torque_differences
 from structlearn.rigid_body.body_intervals import drawn_fits
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
-from structlearn.rigid_body.friction import friction_coefficients
-from structlearn.rigid_body.inertia_parameters import link_inertias
 from structlearn.rigid_body.load_identification import identify_load
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_learning import LearningParameters
@@ -123,9 +120,9 @@ def identify_ur10e(
         parameters: see there.
         learning: of the networks, where `parameters` chooses nothing.
     """
-    drives = _drives(robot.tree, logs, parameters)
-    gains = _gains(drives[0], parameters)
-    late = _of(drives[0], DELAY, parameters.train)
+    drives, drive_draws, delay_curves = _drives(robot.tree, logs, parameters)
+    gains = _gains(drives, parameters)
+    late = _of(drives, DELAY, parameters.train)
     found, quoted = gains["found"].to_numpy(), gains["quoted"].to_numpy()
     pairs = [pair for pair in parameters.load_pairs if set(pair) <= set(logs)]
     loaded = {pair[1] for pair in parameters.load_pairs}
@@ -143,10 +140,10 @@ def identify_ur10e(
     carried = [_carried(robot, motions, pair, parameters) for pair in pairs]
     rate = parameters.rate_hz
     return identified, Ur10eResults(
-        drives=drives[0],
-        drive_draws=drives[1],
+        drives=drives,
+        drive_draws=drive_draws,
         gains=gains,
-        delay_curves=drives[2],
+        delay_curves=delay_curves,
         motions=_motion_table(logs, {name: cut for name, (_, cut) in cuts.items()}, parts, parameters),
         errors=error_table(identified, parts),
         blocks=block_table(identified, parts, parameters.block),
@@ -171,13 +168,12 @@ def block_table(identified: Identified, parts: Mapping[str, Motion], length: int
     tables = []
     for name, part in parts.items():
         count = block_count(len(part), length)
-        moments = np.stack([np.ones_like(part.torque), part.torque, part.torque**2])
-        columns = dict(
-            zip(("samples", "torque", "torque_squared"), map(_by_block(length), moments), strict=True)
-        )
-        for key, torques in identified.torques.items():
-            squares = ((torques[name] - part.torque) ** 2).mean(axis=0)
-            columns["/".join(key)] = _by_block(length)(squares)
+        sums = {"samples": np.ones_like(part.torque), "torque": part.torque, "torque_squared": part.torque**2}
+        sums |= {
+            "/".join(key): ((torques[name] - part.torque) ** 2).mean(axis=0)
+            for key, torques in identified.torques.items()
+        }
+        columns = {key: block_sums(values, length).ravel() for key, values in sums.items()}
         keys = {
             "part": name,
             "block": np.repeat(np.arange(count), part.joints),
@@ -185,10 +181,6 @@ def block_table(identified: Identified, parts: Mapping[str, Motion], length: int
         }
         tables.append(pd.DataFrame(keys | columns))
     return pd.concat(tables, ignore_index=True)
-
-
-def _by_block(length: int):
-    return lambda values: block_sums(values, length).ravel()
 
 
 def _drives(
@@ -378,22 +370,19 @@ def _bodies(
     """Parameters of the written model with intervals: of fits to blocks drawn anew, by the t distribution."""
     from scipy.special import stdtrit
 
-    structure, friction = model.kind, model.friction
+    friction = model.friction
     regressor = MotionRegressor(robot.tree, motion, True, friction)
-    start = model.inertias()
-    free, rubbing = drawn_fits(
-        structure,
+    fits = drawn_fits(
+        model,
         regressor,
-        LinkInertias(start.mass[0], start.first_moment[0], start.inertia[0]),
         robot.inertias,
         parameters.iterations,
         parameters.block,
         parameters.body_draws,
         parameters.intervals.seed,
     )
-    drawn = _columns(link_inertias(structure, torch.from_numpy(free)).arrays())
-    drawn |= _rubbing(friction_coefficients(torch.from_numpy(rubbing), friction).numpy(), friction)
-    values = _columns(start) | _rubbing(model.friction_coefficients(), friction)
+    drawn = _columns(fits.inertias()) | _rubbing(fits.friction_coefficients(), friction)
+    values = _columns(model.inertias()) | _rubbing(model.friction_coefficients(), friction)
     urdf = _columns(robot.inertias)
     quantile = stdtrit(parameters.body_draws - 1, 0.975)
     tables = [
