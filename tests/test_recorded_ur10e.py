@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pybullet
 import pytest
 from committed import committed
 from recordings_bags import recorded_data
@@ -140,7 +141,11 @@ def made_up(good: bool = True) -> Ur10eResults:
         "friction": pd.DataFrame({"model": ["cov"]}),
         "links": links,
         "traces": rows(
-            {}, time_s=np.tile(np.arange(10.0), 6), joint=joints().repeat(10), measured=1.0, **traced
+            {},
+            time_s=np.tile(np.arange(10.0), 6),
+            joint=joints().repeat(10),
+            measured=np.cos(np.arange(60.0)),
+            **traced,
         ),
         "choice": rows(
             {"hidden": "8", "rate": 0.01, "epochs": 3}, kind=list(NETWORKS), nmse=0.3, chosen=True
@@ -214,15 +219,13 @@ def folder() -> Path:
 @pytest.fixture(scope="module")
 def identified(folder):
     """Drives, the load and the URDF of the recorded arm; networks are hardly trained."""
-    networks = {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1}
-    blocks = {"draws": 100}
+    changes = {
+        "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
+        "carried": {"batch": 200, "iterations": 60},  # 4 s
+        "intervals": {"draws": 100},
+    }
     chosen = committed(
-        RecordedUr10eParameters,
-        "recorded_ur10e",
-        networks=networks,
-        intervals=blocks,
-        body_draws=3,
-        iterations=100,
+        RecordedUr10eParameters, "recorded_ur10e", rate_hz=50.0, iterations=150, body_draws=3, **changes
     )
     robot = read_urdf(folder / URDF)
     logs = {log.name: log for log in read_logs(folder)}
@@ -252,7 +255,7 @@ def test_the_recorded_drives_are_found(identified):
         tables.gains["found"], [11.976, 11.976, 9.839, 10.766, 10.779, 10.766], atol=1e-3
     )
     late = tables.drives.query("quantity == @protocol.DELAY").groupby("log")["value"].mean()
-    assert ((late > 0.005) & (late < 0.02)).all()
+    assert late.between(0.005, 0.02).all()
     kept = tables.motions.set_index("log")
     assert kept.loc[chosen.train, "start_s"] > 2.0  # not what moves the arm to the start
     assert (kept["end_s"] - kept["start_s"])[chosen.train] == pytest.approx(50.0, abs=0.3)
@@ -262,6 +265,16 @@ def test_the_recorded_arm_goes_through_its_urdf(identified, folder, tmp_path):
     robot, (models, _), _ = identified
     written = protocol.write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
     assert written["difference_n_m"].max() < 1e-10
+    client = pybullet.connect(pybullet.DIRECT)
+    flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+    body = pybullet.loadURDF(
+        str(tmp_path / "arm.urdf"), useFixedBase=True, flags=flags, physicsClientId=client
+    )
+    joints = [pybullet.getJointInfo(body, one, client) for one in range(pybullet.getNumJoints(body, client))]
+    pybullet.disconnect(client)
+    moving = [one for one in joints if one[2] == pybullet.JOINT_REVOLUTE]
+    assert [one[1].decode() for one in moving] == list(robot.tree.names)
+    assert all(min(one[6:8]) > 0.0 for one in moving)  # viscous and Coulomb friction
 
 
 def test_a_recording_shows_the_load_at_the_arm(identified, folder, tmp_path):

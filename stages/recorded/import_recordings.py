@@ -1,6 +1,6 @@
 """Bring the public recordings into the pipeline: text logs to MCAP, samples to a table, provenance kept."""
 
-from shutil import copy
+from shutil import copyfile
 
 from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.ground.artefacts import publish, write_metrics, write_table
@@ -43,7 +43,7 @@ def main() -> None:
         for log in drives:
             write_drive_log(log, target / f"{log.name}.mcap")
         if drives:
-            copy(folder / "ur10e" / ur10e.URDF, target)
+            copyfile(folder / "ur10e" / ur10e.URDF, target / ur10e.URDF)
 
 
 if __name__ == "__main__":

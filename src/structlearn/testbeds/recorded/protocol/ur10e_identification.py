@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pandas as pd
 
 from structlearn.ground import signals
 from structlearn.ground.block_bootstrap import block_count, block_sums
+from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.drive_log import DriveLog, on_clock
 from structlearn.rigid_body.agreement import torque_differences
 from structlearn.rigid_body.body_intervals import drawn_fits
@@ -137,7 +139,8 @@ def identify_ur10e(
     networks, choice = choose_networks(robot.tree, parts[TRAIN], parameters.networks, learning)
     identified = identify_arm(robot, parts, parameters.iterations, networks)
     loads, load_draws = _loads(robot.tree, motions, pairs, {FOUND: found, QUOTED: quoted}, found, parameters)
-    carried = [_carried(robot, motions, pair, parameters) for pair in pairs]
+    follow = partial(_carried, robot=robot, motions=motions, parameters=parameters)
+    carried = parallel_map(follow, pairs, "loads carried")
     rate = parameters.rate_hz
     return identified, Ur10eResults(
         drives=drives,
@@ -307,15 +310,20 @@ def _loads(
     """The load from every pair and from all, with torques by every set of gains (`motions` have `used`)."""
     blocks = parameters.intervals
     asked = {pair[1]: [pair] for pair in pairs} | ({BOTH: list(pairs)} if pairs else {})
+    work = [
+        (name, gain, [tuple(_scaled(motions[log], values / used) for log in pair) for pair in chosen])
+        for gain, values in gains.items()
+        for name, chosen in asked.items()
+    ]
+    bootstrap = {"length": parameters.block, "draws": blocks.draws, "seed": blocks.seed}
+    weigh = partial(identify_load, tree, friction=FRICTION, **bootstrap)
+    found = parallel_map(weigh, [both for _, _, both in work], "loads")
     rows, drawn = [], []
-    for gain, values in gains.items():
-        for name, chosen in asked.items():
-            both = [tuple(_scaled(motions[log], values / used) for log in pair) for pair in chosen]
-            load, draws = identify_load(tree, both, FRICTION, parameters.block, blocks.draws, blocks.seed)
-            count = sum(block_count(min(map(len, pair)), parameters.block) for pair in both)
-            rows.append((name, gain, count, load[0], *(load[1:4] / load[0])))
-            keys = {"pair": name, "gains": gain, "draw": np.arange(blocks.draws), "mass_kg": draws[:, 0]}
-            drawn.append(pd.DataFrame(keys))
+    for (name, gain, both), (load, draws) in zip(work, found, strict=True):
+        count = sum(block_count(min(map(len, pair)), parameters.block) for pair in both)
+        rows.append((name, gain, count, load[0], *(load[1:4] / load[0])))
+        keys = {"pair": name, "gains": gain, "draw": np.arange(blocks.draws), "mass_kg": draws[:, 0]}
+        drawn.append(pd.DataFrame(keys))
     centre = [f"centre_{axis}_m" for axis in "xyz"]
     loads = pd.DataFrame(rows, columns=["pair", "gains", "blocks", "mass_kg", *centre])
     columns = ["pair", "gains", "draw", "mass_kg"]
@@ -327,7 +335,7 @@ def _scaled(motion: Motion, factors: np.ndarray) -> Motion:
 
 
 def _carried(
-    robot: Robot, motions: Mapping[str, Motion], pair: tuple[str, str], parameters: RecordedUr10eParameters
+    pair: tuple[str, str], robot: Robot, motions: Mapping[str, Motion], parameters: RecordedUr10eParameters
 ) -> pd.DataFrame:
     """The load found over time: after the motion that the empty arm was learned from, and another one."""
     chosen, dt = parameters.carried, 1.0 / parameters.rate_hz
