@@ -10,7 +10,7 @@ import pybullet
 import pytest
 from committed import committed
 from recordings_bags import recorded_data
-from reporting_verdicts import verdicts
+from reporting_verdicts import AnyFigure, verdicts
 from viewer_files import contents, note
 
 from structlearn.recordings.ur10e import URDF, read_logs
@@ -201,6 +201,17 @@ def test_without_the_logs_the_page_says_so_and_nothing_is_tested(tmp_path):
     assert {one.verdict for one in absent.judged} == {"not tested"}
     assert "not recorded here" in render(absent, {})
     assert protocol.missing_logs([PARAMETERS.train], PARAMETERS) == [PARAMETERS.rest, PARAMETERS.test]
+
+
+def test_without_the_load_the_rest_is_shown():
+    tables = dict(made_up().tables)
+    tables |= {name: tables[name][:0] for name in ("loads", "load_draws", "carried")}
+    results = Ur10eResults(tables, PARAMETERS)
+    judged = {one.claim.evidence: one.verdict for one in page(results).judged}
+    assert judged["load"] == judged["load_carried"] == "not tested"
+    assert judged["errors"] == "yes"
+    assert "figure-ur10e_errors" in render(page(results), AnyFigure())
+    assert not any(name.startswith("ur10e_load_kg") for name in metrics(results))
 
 
 def test_names_are_those_of_the_protocol():

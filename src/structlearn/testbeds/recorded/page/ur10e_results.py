@@ -160,7 +160,8 @@ def metrics(results: Ur10eResults) -> Metrics:
         suffix = "" if friction == "none" else f"_{friction}"
         values[f"ur10e_nmse_mean_{model}{suffix}"] = test.loc[model, friction].mean()
     for log in results.further:
-        values[f"ur10e_nmse_worst_{log.replace('-', '_')}"] = results.errors[log].loc[BEST].max()
+        its = results.errors[log].loc[BEST]
+        values |= {f"ur10e_nmse_{joint}_{log.replace('-', '_')}": its[joint] for joint in results.joints}
     for row in results["gains"].itertuples():
         values[f"ur10e_gain_{row.joint}"] = row.found
     for joint in results.joints:

@@ -114,7 +114,7 @@ def identify_ur10e(
     """Drives, then dynamics, then the load.
 
     Gains come from the log at rest and delays from the training log; models are learned from the training log
-    alone, and asked about every other log without load.
+    alone, and asked about every other log without load in which the arm moves.
 
     Args:
         robot: with the maker's inertias.
@@ -128,12 +128,11 @@ def identify_ur10e(
     found, quoted = gains["found"].to_numpy(), gains["quoted"].to_numpy()
     pairs = [pair for pair in parameters.load_pairs if set(pair) <= set(logs)]
     loaded = {pair[1] for pair in parameters.load_pairs}
-    asked = [name for name in logs if name not in {parameters.rest, parameters.train, *loaded}]
+    moving = {name: log for name, log in logs.items() if np.abs(log.velocities).max() > parameters.rest_rad_s}
+    asked = [name for name in moving if name not in {parameters.train, *loaded}]
     asked.sort(key=lambda name: name != parameters.test)
 
-    cuts = {
-        name: _motion(log, found, late, parameters) for name, log in logs.items() if name != parameters.rest
-    }
+    cuts = {name: _motion(log, found, late, parameters) for name, log in moving.items()}
     motions = {name: motion for name, (motion, _) in cuts.items()}
     parts = {TRAIN: motions[parameters.train]} | {name: motions[name] for name in asked}
     networks, choice = choose_networks(robot.tree, parts[TRAIN], parameters.networks, learning)
