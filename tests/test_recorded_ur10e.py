@@ -13,6 +13,7 @@ from recordings_bags import recorded_data
 from reporting_verdicts import AnyFigure, verdicts
 from viewer_files import contents, note
 
+from structlearn.ground.errors import InputError
 from structlearn.recordings.ur10e import URDF, read_logs
 from structlearn.reporting.document import render, words_in_view
 from structlearn.rigid_body.model_learning import LearningParameters
@@ -212,6 +213,13 @@ def test_without_the_load_the_rest_is_shown():
     assert judged["errors"] == "yes"
     assert "figure-ur10e_errors" in render(page(results), AnyFigure())
     assert not any(name.startswith("ur10e_load_kg") for name in metrics(results))
+
+
+def test_a_joint_without_a_gain_is_named():
+    drives = made_up()["drives"].copy()
+    drives.loc[(drives["quantity"] == protocol.AT_REST) & (drives["joint"] == 3), "value"] = np.nan
+    with pytest.raises(InputError, match="joint 3 shows no gain at rest, and none is assumed"):
+        protocol.found_gains(drives, PARAMETERS)
 
 
 def test_names_are_those_of_the_protocol():

@@ -10,6 +10,7 @@ import pandas as pd
 
 from structlearn.ground import signals
 from structlearn.ground.block_bootstrap import block_count, block_sums
+from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.drive_log import DriveLog, on_clock
 from structlearn.rigid_body.agreement import torque_differences
@@ -121,9 +122,12 @@ def identify_ur10e(
         logs: by name, without `missing_logs`.
         parameters: see there.
         learning: of the networks, where `parameters` chooses nothing.
+
+    Raises:
+        InputError: a joint has no gain; a log cannot be put on one clock, or its torques do not vary.
     """
     drives, drive_draws, delay_curves = _drives(robot.tree, logs, parameters)
-    gains = _gains(drives, parameters)
+    gains = found_gains(drives, parameters)
     late = _of(drives, DELAY, parameters.train)
     found, quoted = gains["found"].to_numpy(), gains["quoted"].to_numpy()
     pairs = [pair for pair in parameters.load_pairs if set(pair) <= set(logs)]
@@ -247,12 +251,16 @@ def _of(drives: pd.DataFrame, quantity: str, log: str) -> np.ndarray:
     return drives.loc[chosen, "value"].to_numpy()
 
 
-def _gains(drives: pd.DataFrame, parameters: RecordedUr10eParameters) -> pd.DataFrame:
+def found_gains(drives: pd.DataFrame, parameters: RecordedUr10eParameters) -> pd.DataFrame:
+    """Gain of every joint: that at rest, or that of the joint which stands in, and the quoted one."""
     measured = _of(drives, AT_REST, parameters.rest)
     found, assumed = measured.copy(), np.isnan(measured)
     for joint, other in parameters.assumed_gains.items():
         if assumed[joint - 1]:
             found[joint - 1] = measured[other - 1]
+    if np.isnan(found).any():
+        joint = int(np.argmax(np.isnan(found))) + 1
+        raise InputError(f"{parameters.rest}: joint {joint} shows no gain at rest, and none is assumed")
     columns = {"joint": np.arange(1, len(found) + 1), "found": found, "assumed": assumed}
     return pd.DataFrame(columns | {"quoted": parameters.quoted_gains})
 
