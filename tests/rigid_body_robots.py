@@ -122,3 +122,13 @@ def pendulum(mass: float, length: float, moment: float) -> tuple[KinematicTree, 
         np.array([False]), -3.0 * one, 3.0 * one, 9.0 * one, np.array([0.0, 0.0, -9.81]),
     )  # fmt: skip
     return tree, LinkInertias(mass * one, np.array([[0.0, 0.0, -mass * length]]), moment * np.eye(3)[None])
+
+
+def robot_with(robot: Robot, inertias: LinkInertias) -> Robot:
+    """A robot with other inertias, in Pinocchio's model too."""
+    model = robot.model.copy()
+    for place, (mass, moment, inertia) in enumerate(
+        zip(inertias.mass, inertias.first_moment, inertias.inertia, strict=True), start=1
+    ):
+        model.inertias[place] = pinocchio.Inertia(mass, moment / mass, inertia)
+    return Robot(robot.name, robot.tree, inertias, model)

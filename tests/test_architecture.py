@@ -57,7 +57,8 @@ STARTS = {
     ),
     "dynamics": (
         ("torch", "pinocchio"),
-        "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py",
+        "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py "
+        "recorded/ur10e.py",
     ),
     "recordings": (
         ("rerun",),

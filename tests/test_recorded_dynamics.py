@@ -18,13 +18,8 @@ from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters
 from structlearn.rigid_body.structured_learning import MotionRegressor
-from structlearn.testbeds.recorded.protocol.panda_identification import (
-    LEAST_SQUARES,
-    TRACE_STRIDE,
-    URDF,
-    identify,
-    panda_motion,
-)
+from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, URDF
+from structlearn.testbeds.recorded.protocol.panda_identification import TRACE_STRIDE, identify, panda_motion
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 

@@ -33,7 +33,7 @@ from structlearn.testbeds.recorded.page.parts import (
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
 from structlearn.testbeds.recorded.protocol import latent_touch, slides, touch_calibration, touch_sets
 from structlearn.testbeds.recorded.protocol.avoidance_representations import REPRESENTATIONS
-from structlearn.testbeds.recorded.protocol.panda_identification import LEAST_SQUARES, URDF
+from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, URDF
 
 FIT = FitParameters.model_construct(
     smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3

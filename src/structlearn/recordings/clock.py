@@ -1,5 +1,7 @@
 """Several streams with clocks of their own, put on one uniform clock."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from structlearn.ground import quaternion
@@ -43,10 +45,7 @@ def synchronise(
             `max_gap_s`, or the streams do not share at least two ticks.
     """
     check_recording(recording)
-    start = max(int(stream.stamps[0]) for stream in recording.streams)
-    end = min(int(stream.stamps[-1]) for stream in recording.streams)
-    if end <= start:
-        raise InputError(f"{recording.name}: {_no_overlap(recording)}")
+    start, end = _shared_time(recording.name, recording.streams)
     pose = next(stream for stream in recording.streams if stream.kind == "pose")
     ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
     signals: dict[str, np.ndarray] = {}
@@ -80,6 +79,31 @@ def synchronise(
         shapes=recording.shapes,
         **signals,
     )
+
+
+def on_one_clock(
+    name: str, streams: Sequence[Stream], rate_hz: float, max_gap_s: float = MAX_GAP_S
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Sample streams of plain signals, of which none need be a pose, as `synchronise` does.
+
+    Args:
+        name: of what they belong to, for messages.
+        streams: without orientations; several may be of one kind.
+        rate_hz: ticks per second.
+        max_gap_s: longest step in s between neighbouring samples of a stream within the clock's time.
+
+    Returns:
+        Times (T,) of the ticks in s since the start, and each stream's values (T, D).
+
+    Raises:
+        InputError: as `synchronise`, but that values are not looked at.
+    """
+    start, end = _shared_time(name, streams)
+    ticks = _ticks(name, end - start, _rate(name, streams[0], rate_hz))
+    for stream in streams:
+        _check_gaps(name, stream, start, end, max_gap_s)
+    sampled = [_linear(ticks, (stream.stamps - start).astype(float), stream.values) for stream in streams]
+    return ticks * 1e-9, sampled
 
 
 def held_out_error(stream: Stream) -> tuple[float, float]:
@@ -144,14 +168,17 @@ def _check_gaps(name: str, stream: Stream, start: int, end: int, max_gap_s: floa
         )
 
 
-def _no_overlap(recording: Recording) -> str:
-    """Words for streams that share no time: the two that are furthest apart."""
-    late = max(recording.streams, key=lambda stream: int(stream.stamps[0]))
-    early = min(recording.streams, key=lambda stream: int(stream.stamps[-1]))
-    return (
-        f"{late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
-        f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
-    )
+def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
+    """First and last ns that all streams cover."""
+    late = max(streams, key=lambda stream: int(stream.stamps[0]))
+    early = min(streams, key=lambda stream: int(stream.stamps[-1]))
+    start, end = int(late.stamps[0]), int(early.stamps[-1])
+    if end <= start:
+        raise InputError(
+            f"{name}: {late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
+            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
+        )
+    return start, end
 
 
 def _shifted(segments: np.ndarray | None, shift: float, end: float) -> np.ndarray | None:

@@ -78,13 +78,6 @@ class PublicSourceParameters(Parameters):
         return Path(os.environ.get(PUBLIC_SOURCE_VARIABLE) or self.source)
 
 
-def is_at_hand(folder: Path) -> bool:
-    """Whether the folder of a public data set is there; where it is not, one line says so."""
-    if not folder.is_dir():
-        print(f"{folder}: not there, so this set is passed over")
-    return folder.is_dir()
-
-
 class ClockParameters(Parameters):
     """The one clock on which all stages read the demonstrations.
 

@@ -13,6 +13,7 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.drive_log import DriveLog, read_drive_log
 
 REACHES, HIGHER_REACHES, UNSCREWING, SCRAPING, SLIDES = (
     "reaches",
@@ -75,6 +76,13 @@ CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "
 """Tables of simulated touch beside recorded touch."""
 
 
+UR10E = (
+    *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "friction"),
+    *("links", "traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
+)
+"""Tables of the UR10e and its load."""
+
+
 @dataclass(frozen=True)
 class RecordedFiles:
     """What the stages wrote, read.
@@ -106,6 +114,21 @@ class RecordedFiles:
         """All of `BOXES`; none where they were not recorded."""
         there = any((self.data / "recorded/boxes").glob("*.parquet"))
         return {name: self._table(f"boxes/{name}") for name in BOXES} if there else {}
+
+    def ur10e(self) -> dict[str, pd.DataFrame] | None:
+        """All of `UR10E`; None where the set was not there to import."""
+        if not any((self.data / "recorded/ur10e").iterdir()):
+            return None
+        return {name: self._table(f"ur10e/{name}") for name in UR10E}
+
+    def ur10e_log(self, name: str) -> DriveLog:
+        """One log of the UR10e."""
+        return read_drive_log(self.data / f"raw/recorded/ur10e/{name}.mcap")
+
+    @property
+    def ur10e_urdf(self) -> Path:
+        """The URDF that was identified."""
+        return self.data / "recorded/ur10e/identified.urdf"
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""
