@@ -1,0 +1,387 @@
+"""Is the latent map the skin? Maps learned from presses, judged by where the presses were (II.3.3, II.4.3).
+
+Blocks of places are held out, since each place was pressed several times: presses left out at random would
+have their like among those learned from. Then what was learned from one run is asked about another one,
+hours apart. Rivals see the same signals: an autoencoder without structure, principal components, a Gaussian
+process.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from structlearn.ground.parallel import parallel_map
+from structlearn.networks.torch_settings import as_tensor
+from structlearn.recordings.eflesh import ProbeRun
+from structlearn.tactile.flat_maps import map_laying
+from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_spaces import learn_from
+from structlearn.tactile.pressed_skin import PLANE, PressedSkin, plate_pairs, pressed_skin, walks
+from structlearn.tactile.sensor_description import SensorDescription
+from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains
+from structlearn.tactile.units import TouchUnits, touch_units
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
+
+STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
+    "structured",
+    "reconstruction only",
+    "3 principal components",
+    "Gaussian process",
+)
+MODELS = (STRUCTURED, PLAIN, COMPONENTS, PROCESS)
+
+NEW_BLOCKS, NEW_RUN = "new blocks", "new run"
+"""What is new in the presses that are asked about."""
+
+DIMENSIONS = 3
+"""Of the latent spaces; as many principal components has the rival."""
+
+TUNING_SAMPLES = 400
+"""Presses on which the Gaussian process chooses its length scale and noise."""
+
+NEVER_VARIES = 1e-4
+"""m, standard deviation below which the depth of a run is taken for one and the same."""
+
+
+@dataclass(frozen=True)
+class LearnedSkin:
+    """What was learned from the training presses of a run.
+
+    Attributes:
+        models: latent spaces, and their dynamics if they were asked for.
+        units: that they see touch in.
+        sensor: description of what was pressed.
+    """
+
+    models: LatentModels
+    units: TouchUnits
+    sensor: SensorDescription
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one model makes of N presses.
+
+    Attributes:
+        model: one of `MODELS`.
+        seed: its number.
+        coordinates: (N, D) of which distances are those on the skin.
+        laid: (N, 2) m where the coordinates lie once the map is turned and shifted onto the plate; NaN where
+            a model has no map.
+        place: (N, 2) m, read by regression.
+        depth: (N,) m, height of the probe, read by regression.
+        pressure: (N,) the third latent number; NaN where there is none.
+    """
+
+    model: str
+    seed: int
+    coordinates: np.ndarray
+    laid: np.ndarray
+    place: np.ndarray
+    depth: np.ndarray
+    pressure: np.ndarray
+
+
+def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
+    """Blocks of a plate; what is left over at the far edges belongs to the last ones.
+
+    Args:
+        place: (N, 2) m.
+        side: m of a block.
+
+    Returns:
+        (N,) column and (N,) row of each place's block, from 0.
+    """
+    start, extent = place.min(axis=0), np.ptp(place, axis=0)
+    count = np.maximum(np.floor(extent / side + 1e-6), 1)
+    found = np.minimum(np.floor((place - start) / side + 1e-6), count - 1).astype(int)
+    return found[:, 0], found[:, 1]
+
+
+def held_out(place: np.ndarray, side: float, folds: int) -> tuple[np.ndarray, np.ndarray]:
+    """Blocks and the folds that hold them out: no two neighbours at once, nor all corners.
+
+    Args:
+        place: (N, 2) m.
+        side: m of a block.
+        folds: F >= 4 keeps neighbours apart.
+
+    Returns:
+        block: (N,) numbers.   fold: (N,) 0 to F - 1.
+    """
+    column, row = block_numbers(place, side)
+    return column * (row.max() + 1) + row, (column + 2 * row) % folds
+
+
+def map_errors(runs: Sequence[ProbeRun], parameters: SkinParameters) -> pd.DataFrame:
+    """Errors of all models on blocks held out, block by block.
+
+    Args:
+        runs: over places.
+        parameters: see there.
+
+    Returns:
+        See `block_scores`; `learned_from` and `asked_about` are the same run, `new` is `NEW_BLOCKS`.
+
+    Raises:
+        InputError: a channel or the pressure never changes.
+    """
+    work = [(run, fold) for run in runs for fold in range(parameters.folds)]
+    return pd.concat(
+        parallel_map(partial(_fold_errors, parameters=parameters), work, "maps of a skin", local=True),
+        ignore_index=True,
+    )
+
+
+def _fold_errors(work: tuple[ProbeRun, int], parameters: SkinParameters) -> pd.DataFrame:
+    run, fold = work
+    block, folds = held_out(run.place[:, :PLANE], 1e-3 * parameters.block_mm, parameters.folds)
+    left_out = folds == fold
+    learned = learn_skin(run, ~left_out, parameters, with_dynamics=False)
+    taught, asked = (
+        pressed_skin(learned.sensor, run.counts[rows], run.place[rows], np.full(rows.sum(), TEST))
+        for rows in (~left_out, left_out)
+    )
+    table = block_scores(
+        readings(learned, taught, asked, parameters), learned.units, asked, block[left_out], parameters
+    )
+    return table.assign(learned_from=run.name, asked_about=run.name, new=NEW_BLOCKS)
+
+
+def other_run_errors(
+    learned: LearnedSkin, run: ProbeRun, others: Sequence[ProbeRun], parameters: SkinParameters
+) -> pd.DataFrame:
+    """Errors of all models on other runs; columns as of `map_errors`, `new` is `NEW_RUN`.
+
+    Args:
+        learned: from the whole of `run`.
+        run: that was learned from.
+        others: that are asked about.
+        parameters: see there.
+    """
+    taught = _all_presses(learned, run)
+    tables = []
+    for other in others:
+        asked = _all_presses(learned, other)
+        block, _ = held_out(other.place[:, :PLANE], 1e-3 * parameters.block_mm, parameters.folds)
+        found = readings(learned, taught, asked, parameters)
+        table = block_scores(found, learned.units, asked, block, parameters)
+        tables.append(table.assign(learned_from=run.name, asked_about=other.name, new=NEW_RUN))
+    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+
+
+def _all_presses(learned: LearnedSkin, run: ProbeRun) -> PressedSkin:
+    return pressed_skin(learned.sensor, run.counts, run.place, np.full(len(run.counts), TEST))
+
+
+def learn_skin(
+    run: ProbeRun, taught: np.ndarray, parameters: SkinParameters, with_dynamics: bool
+) -> LearnedSkin:
+    """Learn latent spaces from presses of a run.
+
+    Args:
+        run: over places.
+        taught: (N,) whether a press is learned from.
+        parameters: see there.
+        with_dynamics: whether forward and inverse models are learned too.
+
+    Raises:
+        InputError: a channel or the pressure never changes.
+    """
+    sensor, spaces = parameters.description(), parameters.spaces
+    rng = np.random.default_rng([spaces.training.seed, parameters.servo.seed])
+    split = np.where(taught, TRAIN, TEST)
+    skin = pressed_skin(sensor, run.counts, run.place, split, parameters.copies, rng)
+    pairs = plate_pairs(skin, TRAIN, spaces.pair_pool, rng)
+    chains = walks(skin, parameters.servo.walks, 1e-3 * parameters.servo.reach_mm, rng)
+    length = float(np.sqrt(np.mean(pairs.distance**2)))
+    units = touch_units(skin, chains, length)
+    if not with_dynamics:
+        chains = Chains(chains.rows[:0], chains.actions[:0], chains.time_step[:0])
+    return LearnedSkin(learn_from(skin, pairs, chains, units, spaces), units, sensor)
+
+
+def latent_states(learned: LearnedSkin, skin: PressedSkin) -> np.ndarray:
+    """(M, N, 3) of presses, in the order of `LatentModels.keys`."""
+    signals = as_tensor(learned.units.signals(skin.signals)).T.expand(len(learned.models), -1, -1)
+    return learned.models.autoencoders.encoder.forward(signals).transpose(1, 2).double().numpy()
+
+
+def readings(
+    learned: LearnedSkin, taught: PressedSkin, asked: PressedSkin, parameters: SkinParameters
+) -> list[Reading]:
+    """What all models make of presses, by what they know of the taught ones.
+
+    Place and depth are read off latent coordinates by polynomials, place off the map alone where there is
+    one. Rivals have no map: their coordinates are scaled so that distances between taught presses fit best.
+
+    Args:
+        learned: the latent spaces.
+        taught: presses that were learned from, as they are.
+        asked: presses to be read.
+        parameters: see there.
+    """
+    found = []
+    latent = zip(
+        learned.models.keys(), latent_states(learned, taught), latent_states(learned, asked), strict=True
+    )
+    for (structure, seed), known, new in latent:
+        if structure:
+            found.append(_map_reading(seed, known, new, learned.units, taught, parameters.degree))
+        else:
+            found.append(_space_reading(PLAIN, seed, known, new, taught, parameters))
+    known, new = (learned.units.signals(skin.signals) for skin in (taught, asked))
+    middle = known.mean(axis=0)
+    axes = np.linalg.svd(known - middle, full_matrices=False)[2][:DIMENSIONS]
+    found.append(
+        _space_reading(COMPONENTS, 0, (known - middle) @ axes.T, (new - middle) @ axes.T, taught, parameters)
+    )
+    wanted = _place_and_depth(taught)
+    read = gaussian_process(known, wanted, parameters.rival_samples)(new)
+    nothing = np.full((len(new), PLANE), np.nan)
+    found.append(
+        Reading(PROCESS, 0, read[:, :PLANE], nothing, read[:, :PLANE], read[:, PLANE], nothing[:, 0])
+    )
+    return found
+
+
+def _map_reading(
+    seed: int, known: np.ndarray, new: np.ndarray, units: TouchUnits, taught: PressedSkin, degree: int
+) -> Reading:
+    length, wanted = float(units.length), _place_and_depth(taught)
+    laying = map_laying(length * known[:, :PLANE], wanted[:, :PLANE])
+    place = polynomial(known[:, :PLANE], wanted[:, :PLANE], degree)(new[:, :PLANE])
+    depth = polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0]
+    flat = length * new[:, :PLANE]
+    return Reading(STRUCTURED, seed, flat, laying(flat), place, depth, new[:, PLANE])
+
+
+def _space_reading(
+    model: str, seed: int, known: np.ndarray, new: np.ndarray, taught: PressedSkin, parameters: SkinParameters
+) -> Reading:
+    pairs = plate_pairs(taught, TEST, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
+    apart = np.linalg.norm(known[pairs.first] - known[pairs.second], axis=1)
+    scale = float(apart @ pairs.distance / (apart @ apart))
+    read = polynomial(known, _place_and_depth(taught), parameters.degree)(new)
+    nothing = np.full((len(new), PLANE), np.nan)
+    return Reading(model, seed, scale * new, nothing, read[:, :PLANE], read[:, PLANE], nothing[:, 0])
+
+
+def _place_and_depth(skin: PressedSkin) -> np.ndarray:
+    """(N, 3) m; the probe's height tells how deep it presses."""
+    return skin.place
+
+
+def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Least-squares polynomial of all coordinates.
+
+    Args:
+        known: (N, D) coordinates.
+        wanted: (N, K) at them.
+        degree: of its monomials, at most.
+
+    Returns:
+        Function of coordinates (M, D) with values (M, K).
+    """
+    from sklearn.linear_model import LinearRegression
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+    return (
+        make_pipeline(StandardScaler(), PolynomialFeatures(degree), LinearRegression())
+        .fit(known, wanted)
+        .predict
+    )
+
+
+def gaussian_process(known: np.ndarray, wanted: np.ndarray, count: int) -> Callable[[np.ndarray], np.ndarray]:
+    """A Gaussian process with one length scale, the rival that sees all channels and has no map.
+
+    Args:
+        known: (N, E) signals.
+        wanted: (N, K) at them; a column that hardly varies is held at its mean.
+        count: presses that it knows at most, evenly taken.
+
+    Returns:
+        Function of signals (M, E) with values (M, K).
+    """
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+    mean, spread = wanted.mean(axis=0), wanted.std(axis=0)
+    varies = spread > NEVER_VARIES
+    targets = ((wanted - mean) / np.where(varies, spread, 1.0))[:, varies]
+    kernel = ConstantKernel(2.0) * RBF(np.sqrt(known.shape[1])) + WhiteKernel(0.01)
+    few, more = (
+        np.linspace(0, len(known) - 1, min(n, len(known))).astype(int) for n in (TUNING_SAMPLES, count)
+    )
+    tuned = GaussianProcessRegressor(kernel).fit(known[few], targets[few]).kernel_
+    process = GaussianProcessRegressor(tuned, optimizer=None).fit(known[more], targets[more])
+
+    def read(signals: np.ndarray) -> np.ndarray:
+        values = np.tile(mean, (len(signals), 1))
+        values[:, varies] += spread[varies] * process.predict(signals).reshape(len(signals), -1)
+        return values
+
+    return read
+
+
+def block_scores(
+    found: Sequence[Reading],
+    units: TouchUnits,
+    asked: PressedSkin,
+    block: np.ndarray,
+    parameters: SkinParameters,
+) -> pd.DataFrame:
+    """Errors of readings, block by block.
+
+    Errors are normalised by the variance over all presses asked about, so that their mean over blocks of
+    like size is the NMSE.
+
+    Args:
+        found: of `readings`.
+        units: of the latent spaces.
+        asked: presses.
+        block: (N,) number of each press's block.
+        parameters: see there.
+
+    Returns:
+        `model`, `seed`, `block`, `presses`; `map_nmse`: of distances to random presses asked about;
+        `laid_mm`, `latent_mm`: median distance of where the map lies, or its place read by regression, from
+        where the press was; `pressure_nmse`, `depth_nmse`. NaN where a model has no such number, or all
+        presses are equally deep.
+    """
+    rng = np.random.default_rng(parameters.spaces.training.seed)
+    count, each = len(block), max(parameters.spaces.evaluation_pairs // len(block), 1)
+    first, second = np.repeat(np.arange(count), each), rng.integers(0, count, count * each)
+    place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
+    distance = np.linalg.norm(place[first] - place[second], axis=1)
+    pressure = units.pressure(asked.pressure)
+    depth_variance = np.var(depth) if np.std(depth) > NEVER_VARIES else np.nan
+    tables = []
+    for one in found:
+        apart = np.linalg.norm(one.coordinates[first] - one.coordinates[second], axis=1)
+        squared = ((apart - distance) ** 2).reshape(count, each).mean(axis=1)
+        table = pd.DataFrame(
+            {
+                "block": block,
+                "map_nmse": squared / np.var(distance),
+                "laid_mm": 1e3 * np.linalg.norm(one.laid - place, axis=1),
+                "latent_mm": 1e3 * np.linalg.norm(one.place - place, axis=1),
+                "pressure_nmse": (one.pressure - pressure) ** 2 / np.var(pressure),
+                "depth_nmse": (one.depth - depth) ** 2 / depth_variance,
+            }
+        )
+        by_block = table.groupby("block").agg(
+            presses=("map_nmse", "size"),
+            map_nmse=("map_nmse", "mean"),
+            laid_mm=("laid_mm", "median"),
+            latent_mm=("latent_mm", "median"),
+            pressure_nmse=("pressure_nmse", "mean"),
+            depth_nmse=("depth_nmse", "mean"),
+        )
+        tables.append(by_block.reset_index().assign(model=one.model, seed=one.seed))
+    return pd.concat(tables, ignore_index=True)
