@@ -3,7 +3,7 @@
 from structlearn.avoidance.avoidance_dataset import to_table
 from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import clmc, panda, slide, write_recordings
+from structlearn.recordings import clmc, eflesh, panda, slide, write_recordings
 from structlearn.recordings.joint_log import write_joint_log
 from structlearn.recordings.source import PublicSourceParameters
 from structlearn.testbeds.recorded.protocol.avoidance_samples import (
@@ -34,6 +34,9 @@ def main() -> None:
     with publish("data/raw/recorded/panda") as target:
         target.mkdir()
         write_joint_log(trajectory, target / "exciting_trajectory.mcap")
+    with publish("data/raw/recorded/skin") as target:
+        target.mkdir()
+        eflesh.import_runs(folder / "eflesh", target)
 
 
 if __name__ == "__main__":

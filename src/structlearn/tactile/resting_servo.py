@@ -122,7 +122,8 @@ class RestingServo(TactileServo):
         if chosen.inverse == NEGATIVE_GRADIENT:
             missing = (target - step.latent) / step.time_step
             return steepest_action(slope, missing, chosen.action_penalty / step.time_step**2)
-        still = AffineDynamics(torch.zeros_like(slope[:, :, :LATENT]), slope, torch.zeros_like(target))
+        unmoved = slope.new_zeros(*slope.shape[:2], LATENT, slope.shape[-1])
+        still = AffineDynamics(unmoved, slope, torch.zeros_like(target))
         return receding_horizon_action(
             still, step.latent, target, self._time_step, chosen.action_penalty, chosen.horizon
         )

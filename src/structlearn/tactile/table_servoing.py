@@ -53,7 +53,12 @@ class TableRuns:
 
 
 def servo_on_table(
-    servo: TactileServo, table: PressedSkin, starts: np.ndarray, targets: np.ndarray, steps: int
+    servo: TactileServo,
+    table: PressedSkin,
+    starts: np.ndarray,
+    targets: np.ndarray,
+    steps: int,
+    map_alone: bool,
 ) -> TableRuns:
     """Servo from presses to what other presses felt like.
 
@@ -64,6 +69,8 @@ def servo_on_table(
         starts: (T,) rows of the table.
         targets: (T,) rows of the table.
         steps: of each trial.
+        map_alone: whether only the place on the map is servoed to; the pressure is taken as it comes, as
+            where no action changes it.
     """
     tree = cKDTree(table.place)
     low, high = table.place.min(axis=0), table.place.max(axis=0)
@@ -78,6 +85,8 @@ def servo_on_table(
     memory = servo.start(latent)
     path = [place[..., :PLANE].copy()]
     for _ in range(steps):
+        if map_alone:
+            target[..., PLANE:] = latent[..., PLANE:]
         action, memory = servo.act(latent, target, memory)
         place[..., :axes] += STEP_S * action
         place = np.clip(place, low, high)

@@ -7,7 +7,7 @@ process.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -151,26 +151,44 @@ def _fold_errors(work: tuple[ProbeRun, int], parameters: SkinParameters) -> pd.D
     return table.assign(learned_from=run.name, asked_about=run.name, new=NEW_BLOCKS)
 
 
+def learn_runs(runs: Sequence[ProbeRun], parameters: SkinParameters) -> list[LearnedSkin]:
+    """Latent spaces and their dynamics, learned from the whole of each run."""
+    return parallel_map(partial(_whole, parameters=parameters), runs, "skins", local=True)
+
+
+def _whole(run: ProbeRun, parameters: SkinParameters) -> LearnedSkin:
+    return learn_skin(run, np.full(len(run.counts), True), parameters, with_dynamics=True)
+
+
 def other_run_errors(
     learned: LearnedSkin, run: ProbeRun, others: Sequence[ProbeRun], parameters: SkinParameters
-) -> pd.DataFrame:
-    """Errors of all models on other runs; columns as of `map_errors`, `new` is `NEW_RUN`.
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors of all models on other runs, and where their presses lie in the map.
 
     Args:
         learned: from the whole of `run`.
         run: that was learned from.
         others: that are asked about.
         parameters: see there.
+
+    Returns:
+        Errors with the columns of `map_errors`, where `new` is `NEW_RUN`. The map of the first seed with
+        structure, laid onto the plate: `learned_from`, `asked_about`, `x_m`, `y_m`, `z_m` of the presses,
+        `map_x_m`, `map_y_m`, `pressure` (third latent number).
     """
     taught = _all_presses(learned, run)
-    tables = []
+    tables, maps = [], []
     for other in others:
         asked = _all_presses(learned, other)
         block, _ = held_out(other.place[:, :PLANE], 1e-3 * parameters.block_mm, parameters.folds)
         found = readings(learned, taught, asked, parameters)
         table = block_scores(found, learned.units, asked, block, parameters)
-        tables.append(table.assign(learned_from=run.name, asked_about=other.name, new=NEW_RUN))
-    return pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+        names = {"learned_from": run.name, "asked_about": other.name}
+        tables.append(table.assign(**names, new=NEW_RUN))
+        lies = np.column_stack([asked.place, found[0].laid, found[0].pressure])
+        columns = ["x_m", "y_m", "z_m", "map_x_m", "map_y_m", "pressure"]
+        maps.append(pd.DataFrame(lies, columns=columns).assign(**names))
+    return tuple(pd.concat(one, ignore_index=True) if one else pd.DataFrame() for one in (tables, maps))
 
 
 def _all_presses(learned: LearnedSkin, run: ProbeRun) -> PressedSkin:
@@ -239,19 +257,20 @@ def readings(
     found.append(
         _space_reading(COMPONENTS, 0, (known - middle) @ axes.T, (new - middle) @ axes.T, taught, parameters)
     )
-    wanted = _place_and_depth(taught)
-    read = gaussian_process(known, wanted, parameters.rival_samples)(new)
+    read = gaussian_process(known, taught.place, parameters.rival_samples)(new)
     nothing = np.full((len(new), PLANE), np.nan)
     found.append(
         Reading(PROCESS, 0, read[:, :PLANE], nothing, read[:, :PLANE], read[:, PLANE], nothing[:, 0])
     )
+    if np.std(taught.place[:, PLANE]) < NEVER_VARIES:  # a run of one depth teaches nothing of others
+        found = [replace(one, depth=np.full(len(new), np.nan)) for one in found]
     return found
 
 
 def _map_reading(
     seed: int, known: np.ndarray, new: np.ndarray, units: TouchUnits, taught: PressedSkin, degree: int
 ) -> Reading:
-    length, wanted = float(units.length), _place_and_depth(taught)
+    length, wanted = float(units.length), taught.place
     laying = map_laying(length * known[:, :PLANE], wanted[:, :PLANE])
     place = polynomial(known[:, :PLANE], wanted[:, :PLANE], degree)(new[:, :PLANE])
     depth = polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0]
@@ -265,14 +284,9 @@ def _space_reading(
     pairs = plate_pairs(taught, TEST, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
     apart = np.linalg.norm(known[pairs.first] - known[pairs.second], axis=1)
     scale = float(apart @ pairs.distance / (apart @ apart))
-    read = polynomial(known, _place_and_depth(taught), parameters.degree)(new)
+    read = polynomial(known, taught.place, parameters.degree)(new)
     nothing = np.full((len(new), PLANE), np.nan)
     return Reading(model, seed, scale * new, nothing, read[:, :PLANE], read[:, PLANE], nothing[:, 0])
-
-
-def _place_and_depth(skin: PressedSkin) -> np.ndarray:
-    """(N, 3) m; the probe's height tells how deep it presses."""
-    return skin.place
 
 
 def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Callable[[np.ndarray], np.ndarray]:
