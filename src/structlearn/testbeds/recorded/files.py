@@ -61,6 +61,9 @@ TABLES = {
 CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "traces")
 """Tables of simulated touch beside recorded touch."""
 
+SKIN = ("errors", "maps", "servo", "paths", "force", "lags", "traces")
+"""Tables of the magnetic skin; none where it was not imported."""
+
 
 @dataclass(frozen=True)
 class RecordedFiles:
@@ -83,6 +86,11 @@ class RecordedFiles:
     def calibration(self) -> dict[str, pd.DataFrame]:
         """All of `CALIBRATION`."""
         return {name: self._table(f"calibration/{name}") for name in CALIBRATION}
+
+    def skin(self) -> dict[str, pd.DataFrame]:
+        """Those of `SKIN` that are there."""
+        there = [name for name in SKIN if (self.data / f"recorded/skin/{name}.parquet").exists()]
+        return {name: self._table(f"skin/{name}") for name in there}
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""

@@ -70,6 +70,17 @@ TOUCH_MODELS = {
     "3 principal components": Look("3 principal components", GREY),
 }
 
+SKIN_MODELS = TOUCH_MODELS | {"Gaussian process": Look("Gaussian process on all channels", GREEN)}
+
+SKIN_NEW_BLOCKS, SKIN_NEW_PRESSES, SKIN_NEW_RUN = "new blocks", "new presses", "new run"
+SKIN_SERVO, SKIN_SERVO_TEXT = "NJ, corrected", ("LL", "NG", "NJ")
+SKIN_FORCE = {
+    "channels and their products": Look("ridge regression, channels and their products", BLUE),
+    "pressure alone": Look("pressure alone", GREY),
+    "Gaussian process": SKIN_MODELS["Gaussian process"],
+}
+"""Keys of the magnetic skin's tables."""
+
 TOUCH_ASKED = (
     ("slides", "slides", "new trials"),
     ("slides", "slides", "new material"),

@@ -42,6 +42,11 @@ DIMENSIONS = 3
 TUNING_SAMPLES = 400
 """Presses on which the Gaussian process chooses its length scale and noise."""
 
+BY_BLOCK = dict.fromkeys(("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse"), "mean") | dict.fromkeys(
+    ("laid_mm", "latent_mm"), "median"
+)
+"""How errors of presses become one of their block."""
+
 NEVER_VARIES = 1e-4
 """m, standard deviation below which the depth of a run is taken for one and the same."""
 
@@ -63,26 +68,27 @@ class LearnedSkin:
 
 @dataclass(frozen=True)
 class Reading:
-    """What one model makes of N presses.
+    """What one model makes of N presses; None where it has no such thing.
 
     Attributes:
         model: one of `MODELS`.
         seed: its number.
         coordinates: (N, D) of which distances are those on the skin.
-        laid: (N, 2) m where the coordinates lie once the map is turned and shifted onto the plate; NaN where
-            a model has no map.
         place: (N, 2) m, read by regression.
         depth: (N,) m, height of the probe, read by regression.
-        pressure: (N,) the third latent number; NaN where there is none.
+        laid: (N, 2) m where the map lies once it is turned and shifted onto the plate.
+        pressure: (N,) the third latent number.
+        decoded: (N, E) signals in the networks' units, from the coordinates.
     """
 
     model: str
     seed: int
     coordinates: np.ndarray
-    laid: np.ndarray
     place: np.ndarray
-    depth: np.ndarray
-    pressure: np.ndarray
+    depth: np.ndarray | None
+    laid: np.ndarray | None = None
+    pressure: np.ndarray | None = None
+    decoded: np.ndarray | None = None
 
 
 def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
@@ -242,51 +248,55 @@ def readings(
         asked: presses to be read.
         parameters: see there.
     """
-    found = []
-    latent = zip(
-        learned.models.keys(), latent_states(learned, taught), latent_states(learned, asked), strict=True
+    spaces, found = learned.models, []
+    states = [latent_states(learned, skin) for skin in (taught, asked)]
+    decoded = (
+        spaces.autoencoders.decoder.forward(as_tensor(states[1]).transpose(1, 2)).transpose(1, 2).numpy()
     )
-    for (structure, seed), known, new in latent:
+    for (structure, seed), known, new, signals in zip(spaces.keys(), *states, decoded, strict=True):
         if structure:
-            found.append(_map_reading(seed, known, new, learned.units, taught, parameters.degree))
+            one = _map_reading(known, new, float(learned.units.length), taught.place, parameters.degree)
         else:
-            found.append(_space_reading(PLAIN, seed, known, new, taught, parameters))
+            one = _space_reading(PLAIN, known, new, taught, parameters)
+        found.append(replace(one, seed=seed, decoded=signals))
     known, new = (learned.units.signals(skin.signals) for skin in (taught, asked))
     middle = known.mean(axis=0)
     axes = np.linalg.svd(known - middle, full_matrices=False)[2][:DIMENSIONS]
-    found.append(
-        _space_reading(COMPONENTS, 0, (known - middle) @ axes.T, (new - middle) @ axes.T, taught, parameters)
-    )
+    components = [(signals - middle) @ axes.T for signals in (known, new)]
+    one = _space_reading(COMPONENTS, *components, taught, parameters)
+    found.append(replace(one, decoded=components[1] @ axes + middle))
     read = gaussian_process(known, taught.place, parameters.rival_samples)(new)
-    nothing = np.full((len(new), PLANE), np.nan)
-    found.append(
-        Reading(PROCESS, 0, read[:, :PLANE], nothing, read[:, :PLANE], read[:, PLANE], nothing[:, 0])
-    )
+    found.append(Reading(PROCESS, 0, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
     if np.std(taught.place[:, PLANE]) < NEVER_VARIES:  # a run of one depth teaches nothing of others
-        found = [replace(one, depth=np.full(len(new), np.nan)) for one in found]
+        found = [replace(one, depth=None) for one in found]
     return found
 
 
 def _map_reading(
-    seed: int, known: np.ndarray, new: np.ndarray, units: TouchUnits, taught: PressedSkin, degree: int
+    known: np.ndarray, new: np.ndarray, length: float, wanted: np.ndarray, degree: int
 ) -> Reading:
-    length, wanted = float(units.length), taught.place
-    laying = map_laying(length * known[:, :PLANE], wanted[:, :PLANE])
-    place = polynomial(known[:, :PLANE], wanted[:, :PLANE], degree)(new[:, :PLANE])
-    depth = polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0]
-    flat = length * new[:, :PLANE]
-    return Reading(STRUCTURED, seed, flat, laying(flat), place, depth, new[:, PLANE])
+    """By the latent states (N, 3) of a map, and places (N, 3) of those known."""
+    flat, plane = length * new[:, :PLANE], wanted[:, :PLANE]
+    return Reading(
+        model=STRUCTURED,
+        seed=0,
+        coordinates=flat,
+        place=polynomial(known[:, :PLANE], plane, degree)(new[:, :PLANE]),
+        depth=polynomial(known, wanted[:, PLANE:], degree)(new)[:, 0],
+        laid=map_laying(length * known[:, :PLANE], plane)(flat),
+        pressure=new[:, PLANE],
+    )
 
 
 def _space_reading(
-    model: str, seed: int, known: np.ndarray, new: np.ndarray, taught: PressedSkin, parameters: SkinParameters
+    model: str, known: np.ndarray, new: np.ndarray, taught: PressedSkin, parameters: SkinParameters
 ) -> Reading:
+    """By the latent states (N, 3) of a space that has no map."""
     pairs = plate_pairs(taught, TEST, parameters.spaces.evaluation_pairs, np.random.default_rng(0))
     apart = np.linalg.norm(known[pairs.first] - known[pairs.second], axis=1)
     scale = float(apart @ pairs.distance / (apart @ apart))
     read = polynomial(known, taught.place, parameters.degree)(new)
-    nothing = np.full((len(new), PLANE), np.nan)
-    return Reading(model, seed, scale * new, nothing, read[:, :PLANE], read[:, PLANE], nothing[:, 0])
+    return Reading(model, 0, scale * new, read[:, :PLANE], read[:, PLANE])
 
 
 def polynomial(known: np.ndarray, wanted: np.ndarray, degree: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -363,39 +373,45 @@ def block_scores(
         parameters: see there.
 
     Returns:
-        `model`, `seed`, `block`, `presses`; `map_nmse`: of distances to random presses asked about;
-        `laid_mm`, `latent_mm`: median distance of where the map lies, or its place read by regression, from
-        where the press was; `pressure_nmse`, `depth_nmse`. NaN where a model has no such number, or all
-        presses are equally deep.
+        `block`, `presses`, `model`, `seed`; `map_nmse`: of distances to random presses asked about;
+        `pressure_nmse`, `signal_nmse` (of what is decoded) and `depth_nmse`; `laid_mm`, `latent_mm`: median
+        distance of where the map lies, or of the place that is read, from where the press was. NaN where a
+        model has no such number, or all presses are equally deep.
     """
     rng = np.random.default_rng(parameters.spaces.training.seed)
     count, each = len(block), max(parameters.spaces.evaluation_pairs // len(block), 1)
     first, second = np.repeat(np.arange(count), each), rng.integers(0, count, count * each)
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     distance = np.linalg.norm(place[first] - place[second], axis=1)
-    pressure = units.pressure(asked.pressure)
-    depth_variance = np.var(depth) if np.std(depth) > NEVER_VARIES else np.nan
+    pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
+    depth = depth if np.std(depth) > NEVER_VARIES else None
     tables = []
     for one in found:
         apart = np.linalg.norm(one.coordinates[first] - one.coordinates[second], axis=1)
-        squared = ((apart - distance) ** 2).reshape(count, each).mean(axis=1)
+        missed = ((apart - distance) ** 2).reshape(count, each).mean(axis=1)
         table = pd.DataFrame(
             {
-                "block": block,
-                "map_nmse": squared / np.var(distance),
-                "laid_mm": 1e3 * np.linalg.norm(one.laid - place, axis=1),
-                "latent_mm": 1e3 * np.linalg.norm(one.place - place, axis=1),
-                "pressure_nmse": (one.pressure - pressure) ** 2 / np.var(pressure),
-                "depth_nmse": (one.depth - depth) ** 2 / depth_variance,
+                "map_nmse": missed / np.var(distance),
+                "pressure_nmse": _normalised(one.pressure, pressure),
+                "signal_nmse": _normalised(one.decoded, signals),
+                "depth_nmse": _normalised(one.depth, depth),
+                "laid_mm": _away_mm(one.laid, place),
+                "latent_mm": _away_mm(one.place, place),
             }
         )
-        by_block = table.groupby("block").agg(
-            presses=("map_nmse", "size"),
-            map_nmse=("map_nmse", "mean"),
-            laid_mm=("laid_mm", "median"),
-            latent_mm=("latent_mm", "median"),
-            pressure_nmse=("pressure_nmse", "mean"),
-            depth_nmse=("depth_nmse", "mean"),
-        )
+        by_block = table.groupby(block).agg(BY_BLOCK).rename_axis("block")
+        by_block.insert(0, "presses", np.unique(block, return_counts=True)[1])
         tables.append(by_block.reset_index().assign(model=one.model, seed=one.seed))
     return pd.concat(tables, ignore_index=True)
+
+
+def _normalised(read: np.ndarray | None, true: np.ndarray | None) -> np.ndarray | float:
+    """Squared error of each press over the variance of all, (N,), meant over columns; NaN without either."""
+    if read is None or true is None:
+        return np.nan
+    error = (read - true) ** 2 / np.var(true, axis=0)
+    return error if error.ndim == 1 else error.mean(axis=1)
+
+
+def _away_mm(read: np.ndarray | None, true: np.ndarray) -> np.ndarray | float:
+    return np.nan if read is None else 1e3 * np.linalg.norm(read - true, axis=1)
