@@ -7,6 +7,13 @@ from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.page.assembly import HEADLINES, recorded_document
 from structlearn.testbeds.recorded.page.figures import pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults, metrics
+from structlearn.testbeds.recorded.page.skin_figures import skin_pictures
+from structlearn.testbeds.recorded.page.skin_results import (
+    SkinResults,
+    skin_document,
+    skin_metrics,
+    skin_tables,
+)
 from structlearn.testbeds.recorded.page.tables import tables
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
@@ -14,6 +21,7 @@ from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 
 PARAMETERS = {
@@ -41,9 +49,21 @@ def main() -> None:
         unscrewing_primitive=stored.primitives(files.UNSCREWING)[0],
         execution=stored.demonstrations(files.SCRAPING),
     )
-    shown = tables(results)
-    page = recorded_document(results, shown, parameters)
-    publish_report("reports/recorded", {"index": page}, pictures(results), shown, metrics(results), HEADLINES)
+    settings = {"recorded_skin": stage_parameters("recorded_skin", SkinParameters)}
+    skin = SkinResults(stored.skin(), settings["recorded_skin"].tuned_on)
+    shown, skin_shown = tables(results), skin_tables(skin)
+    pages = {
+        "index": recorded_document(results, shown, parameters),
+        "skin": skin_document(skin, skin_shown, settings),
+    }
+    publish_report(
+        "reports/recorded",
+        pages,
+        pictures(results) | skin_pictures(skin),
+        shown | skin_shown,
+        metrics(results) | skin_metrics(skin),
+        HEADLINES,
+    )
 
 
 if __name__ == "__main__":

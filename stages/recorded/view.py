@@ -4,13 +4,16 @@ from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.testbeds.recorded import files
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
+from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
 from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
 
 
 def main() -> None:
     slides = stage_parameters("recorded_slides", SlideParameters)
+    skin = stage_parameters("recorded_skin", SkinParameters)
     turn_fit = stage_parameters("recorded_unscrewing", FitParameters)
     stored = files.RecordedFiles()
     reach = stored.primitives(files.REACHES)
@@ -29,6 +32,7 @@ def main() -> None:
         write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
         movements.write_execution(folder / "scraping_recorded.rrd", execution)
         movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
+        write_skin(folder / "skin.rrd", stored.skin(), skin.tuned_on)
         movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
 
 

@@ -1,5 +1,6 @@
 """Where the files of the recorded data lie, and what they hold, for all who read them."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,6 +64,14 @@ CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "
 
 SKIN = ("errors", "maps", "servo", "paths", "force", "lags", "traces")
 """Tables of the magnetic skin; none where it was not imported."""
+
+
+def shown_map(maps: pd.DataFrame, tuned_on: Collection[str]) -> pd.DataFrame:
+    """The map of the skin that is shown: the first that asks about a run that nothing was tuned on."""
+    untouched = maps[~maps["asked_about"].isin(tuned_on)]
+    maps = untouched if len(untouched) else maps
+    first = maps[["learned_from", "asked_about"]].iloc[0]
+    return maps[(maps["learned_from"] == first.iloc[0]) & (maps["asked_about"] == first.iloc[1])]
 
 
 @dataclass(frozen=True)
