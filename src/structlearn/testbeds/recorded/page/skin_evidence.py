@@ -105,6 +105,14 @@ class SkinRuns:
         table = self.tables["force"]
         return of_mean(table[(table["new"] == new) & (table["model"] == model)]["rms_n"])
 
+    def worst_press(self) -> dict[str, object]:
+        """Row of the largest error of `force` on another run."""
+        if "force" not in self.tables:
+            return {}
+        table = self["force"]
+        its = table[(table["new"] == names.SKIN_NEW_RUN) & (table["model"] == RIDGE)]
+        return its.loc[its["rms_n"].idxmax()].to_dict() if len(its) else {}
+
     def trials(self, value: str, model: str, *controllers: str) -> pd.Series:
         """By `learned_from` and `trial`, mean over seeds and controllers."""
         if "servo" not in self.tables:

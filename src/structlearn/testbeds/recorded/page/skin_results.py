@@ -156,11 +156,13 @@ def facts(results: SkinResults, parameters: SkinParameters) -> dict[str, object]
         "blocks": int(errors[errors["new"] == names.SKIN_NEW_BLOCKS]["block"].nunique()),
         "tuned": listing(runs.numbers[name] for name in runs.numbers if name in results.tuned_on),
         "depth_runs": listing(sorted(set(runs.depth_runs())), "no run"),
+        "judged": len(runs.held_out("map_nmse")) > 0,
         "crossed": "maps" in results.tables,
-        "weighed": "force" in results.tables,
+        "weighed": "traces" in results.tables,
         "lag_signals": listing(f"{lag:.2f}" for lag in lags["signals_s"]),
         "lag_force": listing(f"{lag:.2f}" for lag in lags["force_s"]),
         "mean_force": runs.force(names.SKIN_NEW_RUN),
+        "worst_press": runs.worst_press(),
         "settings": parameters,
     }
 

@@ -47,6 +47,9 @@ BY_BLOCK = dict.fromkeys(("map_nmse", "pressure_nmse", "signal_nmse", "depth_nms
 )
 """How errors of presses become one of their block."""
 
+ROUNDING = 1e-3
+"""Of a block's side: commanded places are exact to tenths of a micrometre only."""
+
 NEVER_VARIES = 1e-4
 """m, standard deviation below which the depth of a run is taken for one and the same."""
 
@@ -102,8 +105,8 @@ def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarra
         (N,) column and (N,) row of each place's block, from 0.
     """
     start, extent = place.min(axis=0), np.ptp(place, axis=0)
-    count = np.maximum(np.floor(extent / side + 1e-6), 1)
-    found = np.minimum(np.floor((place - start) / side + 1e-6), count - 1).astype(int)
+    count = np.maximum(np.floor(extent / side + ROUNDING), 1)
+    found = np.minimum(np.floor((place - start) / side + ROUNDING), count - 1).astype(int)
     return found[:, 0], found[:, 1]
 
 
