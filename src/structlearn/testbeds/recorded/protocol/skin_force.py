@@ -6,11 +6,13 @@ its own time, which is found from the data of the run that is learned from.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.eflesh import ProbeRun
 from structlearn.testbeds.recorded.protocol.skin_map import (
     NEW_RUN,
@@ -90,32 +92,42 @@ def force_errors(
     Raises:
         InputError: a run has fewer than `INNER_FOLDS` + 1 presses.
     """
-    errors, lags, traces = [], [], []
-    for run in runs:
-        lag = run_lags(run, parameters.force.longest_lag_s)
-        own = weighed_presses(run, lag, parameters.force.pressed_n)
-        presses = np.unique(own.press)
-        if len(presses) <= INNER_FOLDS:
-            raise InputError(f"{run.name}: {len(presses)} presses are too few to leave some out")
-        lags.append((run.name, lag.signals, lag.force, len(own.force), len(presses)))
-        for press in presses:
-            left_out = own.press == press
-            for model, read in _models(own.part(~left_out), parameters, with_process=False).items():
-                table = _press_errors(own.part(left_out), read(own.channels[left_out]))
-                errors.append(_named(table, run, run, NEW_PRESSES, model))
-        models = _models(own, parameters, with_process=True)
-        for other in (one for one in runs if one is not run):
-            asked = weighed_presses(other, lag, parameters.force.pressed_n)
-            found = {model: read(asked.channels) for model, read in models.items()}
-            for model, force in found.items():
-                errors.append(_named(_press_errors(asked, force), run, other, NEW_RUN, model))
-            trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
-            traces.append(trace.assign(learned_from=run.name, asked_about=other.name))
-    return (
-        pd.concat(errors, ignore_index=True),
-        pd.DataFrame(lags, columns=["run", "signals_s", "force_s", "readings", "presses"]),
-        pd.concat(traces, ignore_index=True) if traces else pd.DataFrame(),
+    found = parallel_map(partial(_run_errors, runs=runs, parameters=parameters), runs, "forces", local=True)
+    errors, lags, traces = (
+        [table for one in found for table in one[part]] for part in ("errors", "lags", "traces")
     )
+    return tuple(
+        pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
+        for tables in (errors, lags, traces)
+    )
+
+
+def _run_errors(
+    run: ProbeRun, runs: Sequence[ProbeRun], parameters: SkinParameters
+) -> dict[str, list[pd.DataFrame]]:
+    """Parts of the tables that come from what one run teaches."""
+    lag = run_lags(run, parameters.force.longest_lag_s)
+    own = weighed_presses(run, lag, parameters.force.pressed_n)
+    presses = np.unique(own.press)
+    if len(presses) <= INNER_FOLDS:
+        raise InputError(f"{run.name}: {len(presses)} presses are too few to leave some out")
+    lags = {"run": run.name, "signals_s": lag.signals, "force_s": lag.force}
+    lags |= {"readings": len(own.force), "presses": len(presses)}
+    errors, traces = [], []
+    for press in presses:
+        left_out = own.press == press
+        for model, read in _models(own.part(~left_out), parameters, with_process=False).items():
+            table = _press_errors(own.part(left_out), read(own.channels[left_out]))
+            errors.append(_named(table, run, run, NEW_PRESSES, model))
+    models = _models(own, parameters, with_process=True)
+    for other in (one for one in runs if one.name != run.name):
+        asked = weighed_presses(other, lag, parameters.force.pressed_n)
+        found = {model: read(asked.channels) for model, read in models.items()}
+        for model, force in found.items():
+            errors.append(_named(_press_errors(asked, force), run, other, NEW_RUN, model))
+        trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
+        traces.append(trace.assign(learned_from=run.name, asked_about=other.name))
+    return {"errors": errors, "lags": [pd.DataFrame([lags])], "traces": traces}
 
 
 def run_lags(run: ProbeRun, longest: float) -> Lags:
