@@ -100,6 +100,17 @@ REDUCED = {
             "evaluation_pairs": 100,
         },
     },
+    "recorded_skin": {
+        "folds": 2,
+        "rival_samples": 100,
+        "spaces": {
+            "seeds": 1,
+            "training": {"steps": 5, "batch_size": 16},
+            "pair_pool": 1000,
+            "evaluation_pairs": 1000,
+        },
+        "servo": {"walks": 200, "trials": 4, "steps": 4},
+    },
 }
 
 

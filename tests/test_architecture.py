@@ -53,7 +53,8 @@ STARTS = {
     "training": (
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py",
+        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py "
+        "recorded/skin.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),

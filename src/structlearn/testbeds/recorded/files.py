@@ -1,5 +1,6 @@
 """Where the files of the recorded data lie, and what they hold, for all who read them."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,6 +76,17 @@ BOXES = ("reaches", "errors", "people", "left_out", "paths", "shapes")
 CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "traces")
 """Tables of simulated touch beside recorded touch."""
 
+SKIN = ("errors", "maps", "servo", "paths", "force", "lags", "traces")
+"""Tables of the magnetic skin; none where it was not imported."""
+
+
+def shown_map(maps: pd.DataFrame, tuned_on: Collection[str]) -> pd.DataFrame:
+    """The map of the skin that is shown: the first that asks about a run that nothing was tuned on."""
+    untouched = maps[~maps["asked_about"].isin(tuned_on)]
+    maps = untouched if len(untouched) else maps
+    first = maps[["learned_from", "asked_about"]].iloc[0]
+    return maps[(maps["learned_from"] == first.iloc[0]) & (maps["asked_about"] == first.iloc[1])]
+
 
 UR10E = (
     *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "friction"),
@@ -129,6 +141,11 @@ class RecordedFiles:
     def ur10e_urdf(self) -> Path:
         """The URDF that was identified."""
         return self.data / "recorded/ur10e/identified.urdf"
+
+    def skin(self) -> dict[str, pd.DataFrame]:
+        """Those of `SKIN` that are there."""
+        there = [name for name in SKIN if (self.data / f"recorded/skin/{name}.parquet").exists()]
+        return {name: self._table(f"skin/{name}") for name in there}
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""
