@@ -1,7 +1,7 @@
 """A magnetic skin pressed at known places: its latent map, forces, and servoing in the map (chapter II)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings.eflesh import PRESSES, STROKES, read_imported
 from structlearn.tactile.latent_files import write_models
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
@@ -11,9 +11,8 @@ from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameter
 def main() -> None:
     parameters = stage_parameters("recorded_skin", SkinParameters)
     channels = parameters.description().channels
-    presses, strokes = (
-        read_imported("data/raw/recorded/skin", kind, channels) for kind in (PRESSES, STROKES)
-    )
+    raw = filled("data/raw/recorded/skin")
+    presses, strokes = (read_imported(raw, kind, channels) for kind in (PRESSES, STROKES))
     skins, tables = learn_recorded_skin(presses, strokes, parameters)
     with publish("data/recorded/skin") as folder:
         folder.mkdir()
@@ -24,4 +23,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(or_empty(main, "data/recorded/skin"))

@@ -5,7 +5,7 @@ sensing using cut-cell microstructures"), folder `characterization/datasets`. Th
 probe have clocks of their own; readings take the state of the nearest time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.text_log import read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/notvenky/eFlesh"
@@ -122,24 +122,29 @@ def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
     return np.where(asked - stamps[before] <= stamps[after] - asked, before, after)
 
 
-def import_runs(folder: str | Path, target: Path) -> None:
-    """Write all runs as tables, one per kind, with their provenance.
-
-    A machine may have other sets and not this one: then the target stays empty, and a line says so.
+def read_all_runs(folder: str | Path) -> dict[str, list[ProbeRun]]:
+    """Runs of all kinds, by kind.
 
     Args:
         folder: the data set's folder.
-        target: an empty folder.
 
     Raises:
-        InputError: the folder is there and holds no run over places, or see `read_run`.
+        MissingInputError: there is no run over places.
+        InputError: see `read_run`.
     """
-    if not Path(folder).is_dir():
-        print(f"{folder}: not there, so nothing is imported of the magnetic skin")
-        return
     found = {kind: read_runs(folder, kind) for kind in FOLDERS}
     if not found[PRESSES]:
-        raise InputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
+        raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
+    return found
+
+
+def write_runs(found: Mapping[str, Sequence[ProbeRun]], target: Path) -> None:
+    """Write runs as tables, one per kind, with their provenance.
+
+    Args:
+        found: runs by kind.
+        target: an empty folder.
+    """
     for kind, runs in found.items():
         if runs:
             write_table(to_table(runs), target / f"{kind}.parquet")
@@ -166,7 +171,7 @@ def to_table(runs: Sequence[ProbeRun]) -> pd.DataFrame:
 
 
 def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANNELS) -> list[ProbeRun]:
-    """Runs as `import_runs` wrote them; none where nothing was imported.
+    """Runs as `write_runs` wrote them; none where there were none of a kind.
 
     Args:
         folder: that was written to.

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.recording import NamedShape, Recording, Stream
 from structlearn.recordings.text_log import read_stamped_table, source_provenance
 
@@ -47,10 +47,12 @@ def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
         Recordings named PERSON_TRIAL, e.g. "sub_01_T012", in the order of the table of trials.
 
     Raises:
-        InputError: there is no table of trials or none of its trials; a file is missing, or a row is not what
-            it should be; the message names file and line.
+        MissingInputError: there is no table of trials, or none of its trials.
+        InputError: a file is missing, or a row is not what it should be; the message names file and line.
     """
     folder = Path(folder)
+    if not (folder / TRIALS).is_file():
+        raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
     found = []
     for line, row in _rows(folder / TRIALS, TRIAL_COLUMNS):
         where = f"{folder / TRIALS}: line {line}"
@@ -60,7 +62,7 @@ def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
         if trial.is_dir():
             found.append(_trial(folder, trial, row, times))
     if not found:
-        raise InputError(f"{folder}: holds none of the trials of {TRIALS} (sub_01/T012, ...)")
+        raise MissingInputError(f"{folder}: holds none of the trials of {TRIALS} (sub_01/T012, ...)")
     return found
 
 

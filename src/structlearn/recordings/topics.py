@@ -32,7 +32,6 @@ class TopicMap(Parameters):
         wrench: force and torque at the wrist.
         tactile: one topic per tactile sensor, in the order in which their channels are put side by side.
         tool_to_board: orientation of the tool relative to the board, e.g. from motion capture.
-        obstacles: solids at rest around the movement.
     """
 
     must_exist: ClassVar[bool] = True
@@ -44,7 +43,6 @@ class TopicMap(Parameters):
     wrench: Topic | None
     tactile: Topics
     tool_to_board: Topic | None
-    obstacles: Topic | None
 
     @model_validator(mode="after")
     def _each_once(self) -> "TopicMap":
@@ -60,11 +58,25 @@ class TopicMap(Parameters):
         pairs += [(topic, "joint_states") for topic in self.joint_states]
         pairs += [(self.wrench, "wrench")]
         pairs += [(topic, "tactile") for topic in self.tactile]
-        pairs += [(self.tool_to_board, "tool_to_board"), (self.obstacles, "obstacles")]
+        pairs += [(self.tool_to_board, "tool_to_board")]
         return [(topic, role) for topic, role in pairs if topic is not None]
 
 
-class OptionalTopicMap(TopicMap):
+class SceneTopicMap(TopicMap):
+    """Topics of a demonstration in a scene of which something is known.
+
+    Attributes:
+        obstacles: solids at rest around the movement.
+    """
+
+    obstacles: Topic | None
+
+    def roles(self) -> list[tuple[str, Role]]:
+        """Every named topic with what it is read as, in a fixed order."""
+        return super().roles() + ([(self.obstacles, "obstacles")] if self.obstacles else [])
+
+
+class OptionalTopicMap(SceneTopicMap):
     """Topics of which a file has those of the signals that were recorded."""
 
     must_exist: ClassVar[bool] = False

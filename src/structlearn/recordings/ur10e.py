@@ -6,7 +6,7 @@ Detection", Frontiers in Robotics and AI 2020). Times are those of the controlle
 
 from pathlib import Path
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.drive_log import DriveLog
 from structlearn.recordings.text_log import read_stamped_table, source_provenance
 
@@ -41,14 +41,27 @@ def read_logs(folder: str | Path) -> list[DriveLog]:
         Logs by name, the file's stem without its `ur-`.
 
     Raises:
-        InputError: there is no log, or one is no table of 31 numbers per line, or its times do not increase;
-            the message names file and line.
+        MissingInputError: there is no log.
+        InputError: one is no table of 31 numbers per line, or its times do not increase; the message names
+            file and line.
     """
     folder = Path(folder)
     paths = sorted(folder.glob("ur-*.csv"))
     if not paths:
-        raise InputError(f"{folder}: holds no logs (ur-*.csv)")
+        raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
     return [_read_log(folder, path) for path in paths]
+
+
+def urdf_path(folder: str | Path) -> Path:
+    """The arm's URDF beside its logs.
+
+    Raises:
+        InputError: there is none.
+    """
+    path = Path(folder) / URDF
+    if not path.is_file():
+        raise InputError(f"{path}: is not there; logs alone do not say what moves")
+    return path
 
 
 def _read_log(folder: Path, path: Path) -> DriveLog:

@@ -15,7 +15,7 @@ from structlearn.avoidance.look_ahead import nearest_distance
 from structlearn.avoidance.path_comparison import nearest_path_distance, same_gaps
 from structlearn.avoidance.scene_learning import samples_of_nearest, samples_of_scene, scene_states
 from structlearn.avoidance.scene_unroll import Scenes
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.recorded.protocol.boxes_models import (
     ENSEMBLE,
@@ -73,11 +73,11 @@ def judged_people(reaches: Sequence[BoxReach], parameters: BoxesParameters) -> l
     """People on whom nothing was chosen, in alphabetical order.
 
     Raises:
-        InputError: there are fewer than folds.
+        MissingInputError: there are fewer than folds.
     """
     people = sorted({reach.person for reach in reaches} - set(parameters.tuned_on))
     if len(people) < parameters.folds:
-        raise InputError(
+        raise MissingInputError(
             f"{len(people)} people on whom nothing was chosen are too few for {parameters.folds} folds"
         )
     return people
@@ -87,7 +87,8 @@ def learn_past_boxes(trials: Sequence[Demonstration], parameters: BoxesParameter
     """Cut the reaches, learn fold by fold, and try everything in the scenes left out.
 
     Raises:
-        InputError: as `reaches_past_boxes`; or people are too few.
+        InputError: as `reaches_past_boxes`.
+        MissingInputError: people are too few.
     """
     reaches, left_out = reaches_past_boxes(trials, parameters.reaches)
     folds = folds_of_people(judged_people(reaches, parameters), parameters.folds)
