@@ -11,7 +11,11 @@ TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing", "recorded")
 
 PAGES = {
     "scraping": {"feedback.html": "Feedback", "refinement.html": "Refinement by trial"},
-    "recorded": {"ur10e.html": "UR10e and its load"},
+    "recorded": {
+        "boxes.html": "People past boxes",
+        "skin.html": "Magnetic skin",
+        "ur10e.html": "UR10e and its load",
+    },
 }
 CARDS = Path(__file__).parents[1] / "src/structlearn/testbeds"
 

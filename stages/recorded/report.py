@@ -7,12 +7,15 @@ from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 PARAMETERS = {
     "recorded_reaches": ReachParameters,
@@ -21,15 +24,18 @@ PARAMETERS = {
     "recorded_scraping": ExecutionParameters,
     "recorded_slides": SlideParameters,
     "recorded_avoidance": RecordedAvoidanceParameters,
+    "recorded_boxes": BoxesParameters,
     "recorded_latent_touch": LatentTouchParameters,
+    "recorded_skin": SkinParameters,
     "recorded_dynamics": RecordedDynamicsParameters,
+    "recorded_ur10e": RecordedUr10eParameters,
 }
 
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     results = read_results(RecordedFiles(), parameters)
-    report, drawn = recorded_report(results, parameters), recorded_pictures(results)
+    report, drawn = recorded_report(results), recorded_pictures(results)
     publish_report("reports/recorded", report.pages, drawn, report.tables, report.metrics, report.headlines)
 
 

@@ -7,9 +7,14 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.protocol.corrected_reaches import complete
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
+from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
+from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
 from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
+from structlearn.testbeds.recorded.recordings.ur10e_recording import write_carried
 
 
 def show_reaches(stored: files.RecordedFiles, folder: Path) -> None:
@@ -42,12 +47,30 @@ def show_slides(stored: files.RecordedFiles, folder: Path) -> None:
     movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
 
 
+def show_boxes(stored: files.RecordedFiles, folder: Path) -> None:
+    write_box_reaches(folder / "boxes.rrd", stored.of_set("boxes"))
+
+
+def show_skin(stored: files.RecordedFiles, folder: Path) -> None:
+    skin = stage_parameters("recorded_skin", SkinParameters)
+    write_skin(folder / "skin.rrd", stored.of_set("skin"), skin.tuned_on)
+
+
+def show_ur10e(stored: files.RecordedFiles, folder: Path) -> None:
+    own, tables = stage_parameters("recorded_ur10e", RecordedUr10eParameters), stored.of_set("ur10e")
+    if len(tables["carried"]):
+        write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own)
+
+
 SHOWN = {
     files.REACHES: show_reaches,
     files.HIGHER_REACHES: show_higher_reaches,
     files.UNSCREWING: show_unscrewing,
     files.SCRAPING: show_scraping,
     files.SLIDES: show_slides,
+    files.BOXES: show_boxes,
+    files.SKIN: show_skin,
+    files.UR10E: show_ur10e,
 }
 """By set."""
 
@@ -57,7 +80,7 @@ def main() -> None:
     with publish("reports/recordings/recorded") as folder:
         folder.mkdir()
         for name, show in SHOWN.items():
-            if stored.learned(name):
+            if stored.shown(name):
                 show(stored, folder)
 
 

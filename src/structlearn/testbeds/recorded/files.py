@@ -34,6 +34,18 @@ LEARNED = {
 }
 """File of what was learned from a set."""
 
+BOXES, SKIN, UR10E = "boxes", "skin", "ur10e"
+
+SETS = {
+    BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
+    SKIN: ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
+    UR10E: (
+        *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "friction"),
+        *("links", "traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
+    ),
+}
+"""Tables of sets that have a folder and a stage of their own."""
+
 TABLES = {
     "reach_errors": "reaches/reproduction",
     "cut_errors": "reaches/cut_errors",
@@ -67,17 +79,11 @@ TABLES = {
     "panda_traces": "dynamics/traces",
     "slide_torques": "dynamics/slide_torques",
     "slide_payloads": "dynamics/slide_payloads",
-}
+} | {f"{name}_{table}": f"{name}/{table}" for name, tables in SETS.items() for table in tables}
 """Tables that a page shows, by name."""
-
-BOXES = ("reaches", "errors", "people", "left_out", "paths", "shapes")
-"""Tables of reaches past boxes."""
 
 CALIBRATION = ("comparison", "electrodes", "fingers", "spectra", "components", "traces")
 """Tables of simulated touch beside recorded touch."""
-
-SKIN = ("errors", "maps", "servo", "paths", "force", "lags", "traces")
-"""Tables of the magnetic skin; none where it was not imported."""
 
 
 def shown_map(maps: pd.DataFrame, tuned_on: Collection[str]) -> pd.DataFrame:
@@ -86,13 +92,6 @@ def shown_map(maps: pd.DataFrame, tuned_on: Collection[str]) -> pd.DataFrame:
     maps = untouched if len(untouched) else maps
     first = maps[["learned_from", "asked_about"]].iloc[0]
     return maps[(maps["learned_from"] == first.iloc[0]) & (maps["asked_about"] == first.iloc[1])]
-
-
-UR10E = (
-    *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "friction"),
-    *("links", "traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
-)
-"""Tables of the UR10e and its load."""
 
 
 @dataclass(frozen=True)
@@ -122,16 +121,16 @@ class RecordedFiles:
         """Whether there were enough data of a set to learn from it."""
         return self._has(f"{name}/{LEARNED[name]}.safetensors")
 
-    def boxes(self) -> dict[str, pd.DataFrame]:
-        """All of `BOXES`; none where they were not recorded."""
-        there = any((self.data / "recorded/boxes").glob("*.parquet"))
-        return {name: self._table(f"boxes/{name}") for name in BOXES} if there else {}
+    def shown(self, name: str) -> bool:
+        """Whether there is something of a set to look at."""
+        if name in LEARNED:
+            return self.learned(name)
+        return any(self._has(f"{name}/{table}.parquet") for table in SETS[name])
 
-    def ur10e(self) -> dict[str, pd.DataFrame] | None:
-        """All of `UR10E`; None where the set was not there to import."""
-        if not any((self.data / "recorded/ur10e").iterdir()):
-            return None
-        return {name: self._table(f"ur10e/{name}") for name in UR10E}
+    def of_set(self, name: str) -> dict[str, pd.DataFrame]:
+        """Those of the tables of one of `SETS` for which there were data, by their own names."""
+        there = [table for table in SETS[name] if self._has(f"{name}/{table}.parquet")]
+        return {table: self._table(f"{name}/{table}") for table in there}
 
     def ur10e_log(self, name: str) -> DriveLog:
         """One log of the UR10e."""
@@ -141,11 +140,6 @@ class RecordedFiles:
     def ur10e_urdf(self) -> Path:
         """The URDF that was identified."""
         return self.data / "recorded/ur10e/identified.urdf"
-
-    def skin(self) -> dict[str, pd.DataFrame]:
-        """Those of `SKIN` that are there."""
-        there = [name for name in SKIN if (self.data / f"recorded/skin/{name}.parquet").exists()]
-        return {name: self._table(f"skin/{name}") for name in there}
 
     def sequence(self) -> pd.DataFrame:
         """The unrolled scraping sequence, as `primitives.sequence.sequence_table` has it."""

@@ -14,20 +14,22 @@ import pandas as pd
 import yaml
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters
 from structlearn.reporting.claims import NOT_TESTED, UNKNOWN, Judged, judge, verdict_in
 from structlearn.reporting.document import Document, Source, Table, anchor, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.testbeds.recorded.files import TABLES
 from structlearn.testbeds.recorded.page.parts import (
     avoidance_part,
+    boxes_part,
     higher_reaches_part,
     panda_part,
     reaches_part,
     scraping_part,
+    skin_part,
     slides_part,
     touch_part,
     unscrewing_part,
+    ur10e_part,
 )
 from structlearn.testbeds.recorded.page.parts.part import Part
 from structlearn.testbeds.recorded.page.results import RecordedResults
@@ -42,32 +44,38 @@ PARTS = (
     scraping_part.PART,
     slides_part.PART,
     avoidance_part.PART,
+    boxes_part.PART,
     touch_part.PART,
+    skin_part.PART,
     panda_part.PART,
+    ur10e_part.PART,
 )
 """In the order of the index."""
 
 PAGES = {
     "movements": "Recorded reaches, unscrewing, scraping and slides",
     "avoidance": "Recorded obstacle avoidance",
+    "boxes": "People past boxes: one obstacle's features, and a look ahead",
     "touch": "Recorded touch in a latent space",
+    "skin": "Recorded touch: is the map the skin?",
     "panda": "Inverse dynamics of a recorded Franka Panda",
+    "ur10e": "A second arm: a UR10e and its load",
 }
 """Titles of the pages behind the index."""
 
 HEADLINES = (
     "reach_cut_error_ms_2mm",
     "reach_left_ten_out_mean_mm",
-    "nominal_path_mean_mm",
     "coupling_path_mean_mm",
-    "unscrewing_mean_deg_joint",
-    "scraping_prim3_mean_mm",
     "obstacle_nmse_x",
-    "touch_reconstruction_nmse_slides",
+    "boxes_hits",
+    "boxes_path_mm",
     "touch_reconstruction_nmse_simulated_to_slides",
-    "panda_nmse_mlp",
-    "panda_nmse_cov_viscous",
+    "eflesh_map_nmse",
+    "eflesh_latent_mm",
     "panda_nmse_cov_coulomb",
+    "ur10e_nmse_mean_cov_coulomb",
+    "ur10e_load_kg",
 )
 """The metrics that stand for all others."""
 
@@ -86,14 +94,11 @@ class RecordedReport:
         return [name for name in HEADLINES if name in self.metrics]
 
 
-def recorded_report(
-    results: RecordedResults, parameters: Mapping[str, Parameters], reports: Path = Path("reports")
-) -> RecordedReport:
+def recorded_report(results: RecordedResults, reports: Path = Path("reports")) -> RecordedReport:
     """The index with all verdicts, and the pages behind it.
 
     Args:
         results: of the parts that are there.
-        parameters: by their key in `params.yaml`.
         reports: folder in which simulated testbeds left theirs; those that are missing have no verdicts.
     """
     there = [part for part in PARTS if part.there(results)]
@@ -126,13 +131,13 @@ def recorded_report(
     pages = {"index": index}
     for name, title in PAGES.items():
         its = [part for part in PARTS if part.page == name]
-        keys = [key for part in its for key in part.parameters if key in parameters]
+        keys = [key for part in its for key in part.parameters if key in results.parameters]
         pages[name] = replace(
             index,
             template="details.html.jinja",
             facts=facts | {"title": title, "its_parts": its},
             judged=(),
-            parameters={key: parameters[key] for key in keys},
+            parameters={key: results.parameters[key] for key in keys},
         )
     return RecordedReport(pages, tables, metrics)
 

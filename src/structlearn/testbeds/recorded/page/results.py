@@ -1,7 +1,7 @@
 """What the pages of the recorded data show, as far as it is there: tables, and what figures draw."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pandas as pd
 
@@ -26,6 +26,7 @@ class RecordedResults:
         unscrewing_segments: the logs.
         unscrewing_primitive: learned from all of them.
         execution: recorded parts of the scraping execution in order.
+        parameters: that they were made with, by their key in `params.yaml`.
     """
 
     tables: Mapping[str, pd.DataFrame]
@@ -34,9 +35,15 @@ class RecordedResults:
     unscrewing_segments: Sequence[Segment] = ()
     unscrewing_primitive: PosePrimitive | None = None
     execution: Sequence[Demonstration] = ()
+    parameters: Mapping[str, Parameters] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]
+
+    def of_set(self, prefix: str) -> dict[str, pd.DataFrame]:
+        """The tables of a set that all begin with its name, without it."""
+        found = self.tables.items()
+        return {name.removeprefix(prefix): table for name, table in found if name.startswith(prefix)}
 
 
 def read_results(stored: files.RecordedFiles, parameters: Mapping[str, Parameters]) -> RecordedResults:
@@ -53,4 +60,4 @@ def read_results(stored: files.RecordedFiles, parameters: Mapping[str, Parameter
             found |= {f"{prefix}_segments": segments, f"{prefix}_primitive": stored.primitives(name)[0]}
     if stored.learned(files.SCRAPING):
         found["execution"] = stored.demonstrations(files.SCRAPING)
-    return RecordedResults(stored.tables(), **found)
+    return RecordedResults(stored.tables(), **found, parameters=parameters)

@@ -2,16 +2,17 @@
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.palette import BLACK
 from structlearn.reporting.claims import Found, counted, exact, mean
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import styled
 from structlearn.rigid_body.model_names import STRICT
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import legend, panel
+from structlearn.testbeds.recorded.page.parts.arm_figures import (
+    errors_by_joint,
+    joint_errors_panel,
+    torque_panel,
+)
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
@@ -22,19 +23,12 @@ TEXT_STRUCTURES = ("symm", *STRICT)
 CONSISTENT = ("tri", "cov")
 """Structures of bodies that can exist."""
 
-TRACED = ("urdf", "mlp", "cov_viscous", "cov_coulomb")
-"""Columns of torques that are drawn beside the measured ones."""
-
 TRACED_JOINTS = (5, 7, 1, 6)
 
 
 def panda_errors(results: RecordedResults, part: str = "test") -> pd.DataFrame:
     """NMSE on `test` or `train` by model and friction, in their order, and joint; mean over seeds."""
-    rows = results["panda_errors"][results["panda_errors"]["part"] == part]
-    wide = rows.pivot_table(index=["model", "friction"], columns="joint", values="nmse", sort=False)
-    models, frictions = list(names.DYNAMICS_MODELS), list(names.FRICTIONS)
-    keys = [(frictions.index(friction), models.index(model)) for model, friction in wide.index]
-    return wide.iloc[sorted(range(len(keys)), key=keys.__getitem__)]
+    return errors_by_joint(results["panda_errors"], part)
 
 
 def metrics(results: RecordedResults) -> Metrics:
@@ -140,40 +134,16 @@ def _of_cov(table: pd.DataFrame) -> pd.DataFrame:
 
 def pictures(results: RecordedResults) -> Pictures:
     """By name."""
-    torques = [torque_panel(results, joint) for joint in TRACED_JOINTS]
+    traces, words = results["panda_traces"], "Robot: joint {} of a Franka Panda"
+    torques = [
+        torque_panel(traces, joint, words.format(joint), "time of the test part (s)")
+        for joint in TRACED_JOINTS
+    ]
     return {
         "panda_motion": torques[0],
-        "panda": [panda_panel(results), torques[1]],
+        "panda": [joint_errors_panel(panda_errors(results)), torques[1]],
         "panda_torques": torques[2:],
     }
-
-
-@styled
-def panda_panel(results: RecordedResults) -> Figure:
-    """NMSE on the test part over the joints."""
-    figure, axes = panel("Every joint", 3.5, xlabel="joint", ylabel="NMSE on the test part", yscale="log")
-    errors = panda_errors(results)
-    for key, look in names.DYNAMICS_LOOKS.items():
-        if key in errors.index:
-            its, line = errors.loc[key], "--" if key[0] == "least_squares" else "-"
-            axes.plot(its.index, its, line, marker="o", markersize=4, color=look.colour, label=look.name)
-    axes.set_xticks(errors.columns)
-    return legend(figure)
-
-
-@styled
-def torque_panel(results: RecordedResults, joint: int) -> Figure:
-    """Torque of one joint in the test part, measured and by models."""
-    title = f"Robot: joint {joint} of a Franka Panda"
-    figure, axes = panel(title, 3.5, xlabel="time of the test part (s)", ylabel="torque (N m)")
-    looks = {"_".join(key).removesuffix("_none"): look for key, look in names.DYNAMICS_LOOKS.items()}
-    its = results["panda_traces"].query("joint == @joint")
-    axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
-    for name in TRACED:
-        axes.plot(its["time_s"], its[name], color=looks[name].colour, linewidth=1.0, label=looks[name].name)
-    low, high = its["measured"].min(), its["measured"].max()
-    axes.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
-    return legend(figure)
 
 
 PART = Part(

@@ -26,21 +26,16 @@ METRIC_WAYS = {
 
 @dataclass(frozen=True)
 class BoxesFound:
-    """All that the page shows; no tables where nothing was recorded.
+    """All that the pages show.
 
     Attributes:
-        tables: of the stage, by the names of `files.BOXES`.
+        tables: of the stage, by their names in `files.SETS`.
     """
 
     tables: Mapping[str, pd.DataFrame]
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]
-
-    @cached_property
-    def recorded(self) -> bool:
-        """Whether there is anything to show."""
-        return bool(self.tables) and len(self["reaches"]) > 0
 
     @cached_property
     def ways(self) -> list[str]:
@@ -84,9 +79,7 @@ class BoxesFound:
 
 
 def boxes_metrics(found: BoxesFound) -> Metrics:
-    """By name; none where nothing was recorded."""
-    if not found.recorded:
-        return {}
+    """By name."""
     shares = {
         "boxes_hits": found.share("hit"),
         "boxes_hits_blocked": found.share("hit", blocked=True),

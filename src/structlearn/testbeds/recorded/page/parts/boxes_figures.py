@@ -1,4 +1,4 @@
-"""Figures of the page on reaches past boxes."""
+"""Figures of reaches past boxes."""
 
 from collections.abc import Sequence
 
@@ -10,8 +10,8 @@ from matplotlib.patches import Rectangle
 from structlearn.palette import GREY, LIGHT_GREY
 from structlearn.reporting.figure_style import Drawing, styled
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.boxes_results import OURS, BoxesFound
-from structlearn.testbeds.recorded.page.figures import legend, panel
+from structlearn.testbeds.recorded.page.drawing import legend, panel
+from structlearn.testbeds.recorded.page.parts.boxes_results import OURS, BoxesFound
 
 PATHS = {"recorded": 3.5, "none": 1.0, "text": 1.3, OURS: 1.8, "planned": 1.0}
 """Ways that are drawn, with the width of their lines."""
@@ -21,9 +21,7 @@ FIRST = 2
 
 
 def boxes_pictures(found: BoxesFound) -> dict[str, Drawing | Sequence[Drawing]]:
-    """All figures by name; none where nothing was recorded."""
-    if not found.recorded:
-        return {}
+    """All figures by name."""
     made: dict[str, Drawing | Sequence[Drawing]] = {
         "boxes_rates": [rates_panel(found), distance_panel(found)]
     }

@@ -10,9 +10,9 @@ from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import Drawing, Raster, styled
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import shown_map
-from structlearn.testbeds.recorded.page.figures import legend, panel
-from structlearn.testbeds.recorded.page.skin_evidence import ARROW
-from structlearn.testbeds.recorded.page.skin_results import SkinResults
+from structlearn.testbeds.recorded.page.drawing import legend, panel
+from structlearn.testbeds.recorded.page.parts.skin_evidence import ARROW
+from structlearn.testbeds.recorded.page.parts.skin_results import SkinResults
 
 BOUND_MM = 0.8
 """The aim of the claims."""
@@ -26,11 +26,9 @@ STROKES_S = 120.0
 
 def skin_pictures(results: SkinResults) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name, as far as there are data for them."""
-    drawn: dict[str, Drawing | Sequence[Drawing]] = {}
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {"skin_errors": errors_panel(results)}
     if "maps" in results.tables:
         drawn["skin_map"] = map_panels(results)
-    if results.recorded:
-        drawn["skin_errors"] = errors_panel(results)
     if "paths" in results.tables:
         drawn["skin_ways"] = ways_panel(results)
     if "traces" in results.tables:

@@ -1,23 +1,18 @@
-"""What the page of the magnetic skin shows: gathered from the stage's tables, metrics, document."""
+"""What the page of the magnetic skin shows: gathered from the stage's tables, metrics, facts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files as package_files
 
 import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters
-from structlearn.reporting.claims import Evidence, judge, read_claims
-from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.claims import Evidence
+from structlearn.reporting.document import Table
 from structlearn.reporting.prose import listing
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.skin_evidence import STRUCTURED, SkinRuns, skin_evidence
+from structlearn.testbeds.recorded.page.parts.skin_evidence import STRUCTURED, SkinRuns
 from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
-
-PACKAGE = __package__
-STAGE = "stages/recorded/dvc.yaml:skin"
 
 RIVALS = {
     "reconstruction only": "plain",
@@ -41,17 +36,12 @@ class SkinResults:
     """All that the page shows.
 
     Attributes:
-        tables: of `protocol.skin.learn_recorded_skin`, those that are there; none where nothing was imported.
+        tables: of `protocol.skin.learn_recorded_skin`, those that are there.
         tuned_on: runs on which constants were chosen.
     """
 
     tables: Mapping[str, pd.DataFrame]
     tuned_on: tuple[str, ...]
-
-    @property
-    def recorded(self) -> bool:
-        """Whether there is anything to show."""
-        return "errors" in self.tables
 
     @property
     def runs(self) -> SkinRuns:
@@ -60,9 +50,7 @@ class SkinResults:
 
 
 def skin_metrics(results: SkinResults) -> Metrics:
-    """Flat, with intervals as `_low` and `_high`; none where nothing was recorded."""
-    if not results.recorded:
-        return {}
+    """Flat, with intervals as `_low` and `_high`."""
     runs = results.runs
     values: Metrics = {}
 
@@ -100,8 +88,6 @@ def skin_metrics(results: SkinResults) -> Metrics:
 
 def skin_tables(results: SkinResults) -> dict[str, Table]:
     """By name: errors by model, trials of servoing, forces, and what stands behind the figures."""
-    if not results.recorded:
-        return {}
     runs = results.runs
     looks = {name: look.name for name, look in names.SKIN_MODELS.items()}
     errors = runs["errors"].groupby(["new", "learned_from", "asked_about", "model"], sort=False)[[*ERRORS]]
@@ -139,17 +125,14 @@ def skin_tables(results: SkinResults) -> dict[str, Table]:
     return shown
 
 
-def facts(results: SkinResults, parameters: SkinParameters) -> dict[str, object]:
-    """What the sentences name: all metrics, and more."""
-    if not results.recorded:
-        return {"recorded": False}
+def skin_facts(results: SkinResults, parameters: SkinParameters) -> dict[str, object]:
+    """What the sentences name beside the metrics."""
     runs = results.runs
     errors = runs["errors"]
     presses = errors[(errors["new"] == names.SKIN_NEW_BLOCKS) & (errors["model"] == STRUCTURED)]
     presses = presses[presses["seed"] == 0].groupby("learned_from")["presses"].sum()
     lags = runs.tables.get("lags", pd.DataFrame({"signals_s": [], "force_s": []}))
-    return skin_metrics(results) | {
-        "recorded": True,
+    return {
         "runs": listing(f"{number} is {name}" for name, number in runs.numbers.items()),
         "run_count": len(runs.places),
         "presses": int(presses.iloc[0]),
@@ -165,22 +148,3 @@ def facts(results: SkinResults, parameters: SkinParameters) -> dict[str, object]
         "worst_press": runs.worst_press(),
         "settings": parameters,
     }
-
-
-def skin_document(
-    results: SkinResults, tables: Mapping[str, Table], parameters: Mapping[str, Parameters]
-) -> Document:
-    """The page; parameters by their key in `params.yaml`."""
-    known = facts(results, parameters["recorded_skin"])
-    claims = read_claims(package_files(PACKAGE) / "skin_claims.yaml")
-    return Document(
-        template="skin.html.jinja",
-        package=PACKAGE,
-        stage="stages/recorded/dvc.yaml:report",
-        facts=known,
-        tables=tables,
-        judged=judge(claims, skin_evidence(results.runs), environment(PACKAGE), known),
-        sources={name: Source(f"data/recorded/skin/{name}.parquet", STAGE) for name in results.tables},
-        parameters=parameters,
-        recordings="../recordings/recorded",
-    )

@@ -11,7 +11,7 @@ from structlearn.ground.artefacts import Metrics
 from structlearn.ground.block_bootstrap import block_count, block_sums, drawn_counts, percentiles
 from structlearn.reporting.claims import Evidence, confidence
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.results import errors_by_joint
+from structlearn.testbeds.recorded.page.parts.arm_figures import errors_by_joint
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 BEST, BOUNDS = ("cov", "coulomb"), ("least_squares", "coulomb")
@@ -46,7 +46,7 @@ class Ur10eResults:
     """All that the page shows.
 
     Attributes:
-        tables: of the stage, by the names of `files.UR10E`.
+        tables: of the stage, by their names in `files.SETS`.
         parameters: that it was made with.
     """
 
@@ -147,7 +147,7 @@ def _normalised(sums: np.ndarray) -> np.ndarray:
     return error / (squared - torque**2 / samples)
 
 
-def metrics(results: Ur10eResults) -> Metrics:
+def ur10e_metrics(results: Ur10eResults) -> Metrics:
     """The flat metrics of the arm."""
     test, parameters = results.test, results.parameters
     values: Metrics = {}

@@ -1,72 +1,75 @@
-"""The page of the UR10e put together: tables, what its template names, claims with verdicts, sources."""
-
-from collections.abc import Mapping
-from importlib.resources import files as package_files
+"""A UR10e and its load: gains of its drives, models asked about another motion, a mass that is known."""
 
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.params import Parameters
-from structlearn.reporting.claims import UNKNOWN, judge, read_claims
-from structlearn.reporting.document import Document, Table, environment
+from structlearn.ground.artefacts import Metrics
+from structlearn.reporting.claims import UNKNOWN, Found
+from structlearn.reporting.document import Table
 from structlearn.reporting.prose import interval, rounded
-from structlearn.testbeds.recorded.files import UR10E
-from structlearn.testbeds.recorded.page.assembly import PACKAGE, published, source
-from structlearn.testbeds.recorded.page.tables import shown
-from structlearn.testbeds.recorded.page.ur10e_evidence import RIVALS, evidence
-from structlearn.testbeds.recorded.page.ur10e_results import (
+from structlearn.testbeds.recorded.files import SETS
+from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
+from structlearn.testbeds.recorded.page.parts.ur10e_evidence import RIVALS, ur10e_evidence
+from structlearn.testbeds.recorded.page.parts.ur10e_figures import ur10e_pictures
+from structlearn.testbeds.recorded.page.parts.ur10e_results import (
     BEST,
     BOUNDS,
     Ur10eResults,
     chosen,
-    metrics,
     model_words,
+    ur10e_metrics,
 )
+from structlearn.testbeds.recorded.page.results import RecordedResults
+from structlearn.testbeds.recorded.page.tables import shown
 
-TITLE = "A second arm: a UR10e and its load"
+KEY = "recorded_ur10e"
 
 NUMBERS = {"mass_kg": ".2f", "viscous": ".1f", "coulomb": ".1f"}
 """How parameters of a link are written; others with three digits behind the point."""
 
 
-def ur10e_document(
-    results: Ur10eResults | None, tables: Mapping[str, Table], parameters: Mapping[str, Parameters]
-) -> Document:
-    """The page.
-
-    Args:
-        results: None where the set was not there to import; then the page says so, and nothing is tested.
-        tables: of `ur10e_tables`, or of the whole report.
-        parameters: `recorded_ur10e`.
-    """
-    claims = read_claims(package_files(PACKAGE) / "ur10e_claims.yaml")
-    known: dict[str, object] = {"title": TITLE, "published": published(), "results": results}
-    own = parameters["recorded_ur10e"]
-    known |= {"load_kg": own.load_kg, "settled_s": own.carried.settled_s, "chosen": own}
-    found = {claim.evidence: UNKNOWN for claim in claims}
-    if results is not None:
-        known |= metrics(results) | _facts(results)
-        found |= evidence(results)
-    return Document(
-        template="ur10e.html.jinja",
-        package=PACKAGE,
-        stage="stages/recorded/dvc.yaml:report",
-        facts=known,
-        tables=tables,
-        judged=judge(claims, found, environment(PACKAGE), known),
-        sources={name: source(f"ur10e/{name}", "ur10e") for name in UR10E},
-        parameters=parameters,
-        recordings="../recordings/recorded",
-    )
+def found(results: RecordedResults) -> Ur10eResults:
+    """What the stage wrote, with its parameters."""
+    return Ur10eResults(results.of_set("ur10e_"), results.parameters[KEY])
 
 
-def _facts(results: Ur10eResults) -> dict[str, object]:
+def metrics(results: RecordedResults) -> Metrics:
+    """Of every model, the drives and the load."""
+    return ur10e_metrics(found(results))
+
+
+def evidence(results: RecordedResults) -> dict[str, Found]:
+    """By the names of the claims."""
+    return ur10e_evidence(found(results))
+
+
+def facts(results: RecordedResults) -> dict[str, object]:
+    """What its sentences say, under one name."""
+    return {"ur10e": ur10e_facts(found(results))}
+
+
+def tables(results: RecordedResults) -> dict[str, Table]:
+    """By name."""
+    return ur10e_tables(found(results))
+
+
+def pictures(results: RecordedResults) -> Pictures:
+    """By name."""
+    return ur10e_pictures(found(results))
+
+
+def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
+    """Beside the metrics."""
+    own = results.parameters
     train, test, gains = results.errors["train"], results.test, results["gains"]
     carried = {log: results.carried_error(log).evidence() for log in results.load_logs}
     first = next(iter(carried), None)
     load = results.load("all pairs", "found").evidence() if first else UNKNOWN
     choice, empty = results["choice"], chosen(results["carried"], stage="empty, another motion")
     return {
+        "chosen": own,
+        "load_kg": own.load_kg,
+        "settled_s": own.carried.settled_s,
         "worst": test.loc[BEST].max(),
         "best": test.loc[BEST].min(),
         "worst_least_squares": test.loc[BOUNDS].max(),
@@ -91,10 +94,8 @@ def _facts(results: Ur10eResults) -> dict[str, object]:
     }
 
 
-def ur10e_tables(results: Ur10eResults | None) -> dict[str, Table]:
+def ur10e_tables(results: Ur10eResults) -> dict[str, Table]:
     """By name; all become CSV files, also those that no page shows."""
-    if results is None:
-        return {}
     gains = results["gains"]
     raw = ("drives", "delay_curves", "errors", "friction", "links", "choice", "loads", "carried", "bodies")
     return {f"ur10e_{name}": Table(results[name]) for name in raw} | {
@@ -200,3 +201,17 @@ def _inertias(results: Ur10eResults) -> Table:
     headings = {"maker": "maker's mass (kg)", "viscous": "viscous (N m s/rad)", "coulomb": "Coulomb (N m)"}
     table = shown(frame)
     return Table(frame, table.formats, {**table.headings, **headings})
+
+
+PART = Part(
+    name="ur10e",
+    heading="A UR10e and its load",
+    page="ur10e",
+    needs=tuple(f"ur10e_{table}" for table in SETS["ur10e"]),
+    parameters=(KEY,),
+    metrics=metrics,
+    evidence=evidence,
+    facts=facts,
+    tables=tables,
+    pictures=pictures,
+)

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from structlearn.ground.block_bootstrap import percentiles
 from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import Drawing, styled
-from structlearn.testbeds.recorded.page.figures import joint_errors_panel, legend, panel, traced_panel
-from structlearn.testbeds.recorded.page.ur10e_results import Ur10eResults, chosen
+from structlearn.testbeds.recorded.page.drawing import legend, panel
+from structlearn.testbeds.recorded.page.parts.arm_figures import joint_errors_panel, torque_panel
+from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, chosen
 
 TRACED_JOINTS = (2, 5)
 
@@ -26,15 +27,17 @@ def ur10e_pictures(results: Ur10eResults) -> dict[str, Drawing | Sequence[Drawin
     """All figures by name."""
     test = results.parameters.test
     traces = [
-        traced_panel(results["traces"], joint, f"Joint {joint}, asked about", "time of the motion (s)")
+        torque_panel(results["traces"], joint, f"Joint {joint}, asked about", "time of the motion (s)")
         for joint in TRACED_JOINTS
     ]
-    return {
-        "ur10e_load": [load_panel(results, log) for log in results.load_logs],
-        "ur10e_errors": [joint_errors_panel(results.errors[test], "Every joint"), traces[0]],
-        "ur10e_weighed": [weighed_panel(results), traces[1]],
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {
+        "ur10e_errors": [joint_errors_panel(results.errors[test]), traces[0]],
         "ur10e_drives": [delay_panel(results), gain_panel(results)],
     }
+    if results.load_logs:
+        drawn["ur10e_load"] = [load_panel(results, log) for log in results.load_logs]
+        drawn["ur10e_weighed"] = [weighed_panel(results), traces[1]]
+    return drawn
 
 
 @styled

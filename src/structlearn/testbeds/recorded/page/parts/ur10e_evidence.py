@@ -7,8 +7,8 @@ import numpy as np
 from structlearn.reporting.claims import UNKNOWN, Evidence, Found, counted, exact
 from structlearn.rigid_body.model_names import STRICT
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.evidence import TEXT_STRUCTURES
-from structlearn.testbeds.recorded.page.ur10e_results import (
+from structlearn.testbeds.recorded.page.parts.panda_part import TEXT_STRUCTURES
+from structlearn.testbeds.recorded.page.parts.ur10e_results import (
     BEST,
     BOUNDS,
     FEWEST_BLOCKS,
@@ -20,7 +20,7 @@ from structlearn.testbeds.recorded.page.ur10e_results import (
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
 
 
-def evidence(results: Ur10eResults) -> dict[str, Found]:
+def ur10e_evidence(results: Ur10eResults) -> dict[str, Found]:
     """By the names of the claims."""
     return _models(results) | _drives(results) | _load(results) | _written(results)
 

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from structlearn.reporting.claims import Evidence, Found, difference, exact
-from structlearn.testbeds.recorded.page.boxes_results import NONE, OURS, PLANNED, TEXT, BoxesFound
+from structlearn.testbeds.recorded.page.parts.boxes_results import NONE, OURS, PLANNED, TEXT, BoxesFound
 
 
 def boxes_evidence(found: BoxesFound) -> dict[str, Found]:
