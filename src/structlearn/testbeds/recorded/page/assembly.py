@@ -136,7 +136,7 @@ def recorded_report(results: RecordedResults, reports: Path = Path("reports")) -
             index,
             template="details.html.jinja",
             facts=facts | {"title": title, "its_parts": its},
-            judged=(),
+            judged=[one for one in judged if one.heading == its[0].heading] if len(its) == 1 else (),
             parameters={key: results.parameters[key] for key in keys},
         )
     return RecordedReport(pages, tables, metrics)
