@@ -21,7 +21,6 @@ from structlearn.recordings import synchronise, write_recordings
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.recordings.recording import NamedShape
-from structlearn.recordings.source import is_at_hand
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol import boxes_models, boxes_people
 from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
@@ -233,17 +232,14 @@ def test_the_same_results_every_time():
         pd.testing.assert_frame_equal(table, getattr(second, name), check_exact=True)
 
 
-def test_a_set_that_is_not_at_hand_is_passed_over(root, tmp_path, monkeypatch, capsys):
-    assert not is_at_hand(tmp_path / "reaches_past_boxes")
-    assert (
-        capsys.readouterr().out.strip().endswith("reaches_past_boxes: not there, so this set is passed over")
-    )
+def test_a_set_that_is_not_there_leaves_an_empty_folder(root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     shutil.copy(root / "params.yaml", tmp_path)
     write_recordings([], tmp_path / "data/raw/recorded/boxes")  # as the import leaves it
     runpy.run_path(str(root / "stages/recorded/boxes.py"), run_name="__main__")
+    assert capsys.readouterr().out.startswith("data/recorded/boxes: left empty")
     assert list((tmp_path / "data/recorded/boxes").iterdir()) == []
-    assert RecordedFiles(tmp_path / "data").boxes() == {}
+    assert RecordedFiles(tmp_path / "data").of_set("boxes") == {}
 
 
 def test_recorded_people_pass_beside_the_boxes():

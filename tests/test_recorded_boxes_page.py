@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,21 +11,21 @@ from committed import committed
 from reporting_verdicts import AnyFigure, verdicts
 from viewer_files import colour_of, contents, note
 
-from structlearn.reporting.claims import NOT_TESTED
 from structlearn.reporting.document import render, words_in_view
-from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.recorded.names import BOX_WAYS
-from structlearn.testbeds.recorded.page.boxes_evidence import boxes_evidence
-from structlearn.testbeds.recorded.page.boxes_figures import boxes_pictures
-from structlearn.testbeds.recorded.page.boxes_page import PACKAGE, boxes_document, boxes_tables
-from structlearn.testbeds.recorded.page.boxes_results import BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page import parts
+from structlearn.testbeds.recorded.page.assembly import recorded_report
+from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_evidence
+from structlearn.testbeds.recorded.page.parts.boxes_part import KEY, PART
+from structlearn.testbeds.recorded.page.parts.boxes_results import BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.protocol.boxes_models import SCENE, TEXT
 from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
 from structlearn.testbeds.recorded.protocol.boxes_people import MODELS, WAYS
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
 
 PEOPLE, REACHES = 12, 20
-PARAMETERS = {"recorded_boxes": committed(BoxesParameters, "recorded_boxes")}
+PARAMETERS = {KEY: committed(BoxesParameters, KEY)}
 
 
 @lru_cache
@@ -81,14 +82,20 @@ def made_up(good=True):
     )
 
 
-def page(found, figures=None):
-    document = boxes_document(found, boxes_tables(found), PARAMETERS)
-    return render(document, AnyFigure() if figures is None else figures)
+def results(found):
+    """As the pages take them."""
+    return RecordedResults(
+        {f"boxes_{name}": its for name, its in found.tables.items()}, parameters=PARAMETERS
+    )
+
+
+def page(found):
+    return render(recorded_report(results(found), Path("no such folder")).pages["boxes"], AnyFigure())
 
 
 @pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
 def test_every_claim_can_say_yes_and_no(good, word):
-    found = verdicts(PACKAGE, boxes_evidence(made_up(good)), "boxes_claims.yaml")
+    found = verdicts(parts.__name__, boxes_evidence(made_up(good)), "boxes_claims.yaml")
     assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
 
 
@@ -106,21 +113,12 @@ def test_metrics_pool_reaches_and_cluster_people():
     assert asked <= set(values)
 
 
-def test_the_page_is_whole_short_and_always_the_same(tmp_path):
-    found = made_up()
-    document = boxes_document(found, boxes_tables(found), PARAMETERS)
-    drawn = boxes_pictures(found)
-    for folder in ("first", "second"):
-        publish_report(
-            tmp_path / folder, {"boxes": document}, drawn, boxes_tables(found), boxes_metrics(found), ()
-        )
-    first, second = ((tmp_path / folder / "boxes.html").read_bytes() for folder in ("first", "second"))
-    assert first == second
-    text = first.decode()
+def test_the_page_is_whole_and_short():
+    text = page(made_up())
     assert words_in_view(text) <= 1000
+    drawn = PART.pictures(results(made_up()))
     assert all(f"figure-{name}" in text for name in drawn)
     assert {"boxes_paths", "boxes_more_paths", "boxes_rates"} == set(drawn)
-    assert 'src="http' not in text
     assert "badge" not in text.partition("</header>")[0].partition("</style>")[2]  # nothing here is simulated
 
 
@@ -128,14 +126,6 @@ def test_numbers_of_the_sentences_follow_the_tables():
     good, bad = page(made_up()), page(made_up(False))
     assert "whole scene it is 0.0 %" in good
     assert "whole scene it is 0.0 %" not in bad
-
-
-def test_a_set_that_is_not_at_hand_says_so():
-    nothing = BoxesFound({})
-    document = boxes_document(nothing, boxes_tables(nothing), PARAMETERS)
-    assert {one.verdict for one in document.judged} == {NOT_TESTED}
-    assert "Not recorded here" in page(nothing)
-    assert (boxes_metrics(nothing), boxes_tables(nothing), boxes_pictures(nothing)) == ({}, {}, {})
 
 
 def test_the_recording_shows_every_scene_and_way(tmp_path):

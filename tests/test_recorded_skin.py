@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,15 +16,15 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings.eflesh import PRESSES, STROKES, ProbeRun, read_runs
 from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.recorded import files, names
-from structlearn.testbeds.recorded.page.skin_evidence import SkinRuns, skin_evidence
-from structlearn.testbeds.recorded.page.skin_figures import skin_pictures
-from structlearn.testbeds.recorded.page.skin_results import (
-    PACKAGE,
+from structlearn.testbeds.recorded.page import parts
+from structlearn.testbeds.recorded.page.assembly import recorded_report
+from structlearn.testbeds.recorded.page.parts.skin_evidence import SkinRuns, skin_evidence
+from structlearn.testbeds.recorded.page.parts.skin_figures import skin_pictures
+from structlearn.testbeds.recorded.page.parts.skin_results import (
     SkinResults,
-    skin_document,
     skin_metrics,
-    skin_tables,
 )
+from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.protocol import skin_force, skin_map, skin_servoing
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
@@ -275,12 +276,14 @@ def made_up(good=True):
 
 
 def document(results):
-    return skin_document(results, skin_tables(results), {"recorded_skin": SMALL})
+    tables = {f"skin_{name}": table for name, table in results.tables.items()}
+    known = RecordedResults(tables, parameters={"recorded_skin": SMALL})
+    return recorded_report(known, Path("no such folder")).pages["skin"]
 
 
 @pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
 def test_every_claim_can_say_yes_and_no(good, word):
-    found = verdicts(PACKAGE, skin_evidence(made_up(good).runs), CLAIMS)
+    found = verdicts(parts.__name__, skin_evidence(made_up(good).runs), CLAIMS)
     assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
 
 
@@ -291,7 +294,7 @@ def test_blocks_of_the_run_tuned_on_decide_nothing():
     results = SkinResults(made_up().tables | {"errors": spoiled}, ("a",))
     assert skin_evidence(results.runs)["map_aim"] == skin_evidence(made_up().runs)["map_aim"]
     alone = SkinRuns({"errors": spoiled[own]}, ("a",))
-    words = cases(PACKAGE, skin_evidence(alone), CLAIMS)
+    words = cases(parts.__name__, skin_evidence(alone), CLAIMS)
     assert words["map_aim"] == {"": "not tested"}
 
 
@@ -321,11 +324,7 @@ def test_the_run_tuned_on_alone_makes_a_page_too():
     assert "not tested" in page
 
 
-def test_a_skin_that_is_not_there_is_not_tested(tmp_path):
-    results = SkinResults({}, ("a",))
-    assert set(verdicts(PACKAGE, skin_evidence(results.runs), CLAIMS).values()) == {"not tested"}
-    assert "not recorded here" in render(document(results), AnyFigure())
-    assert (skin_metrics(results), skin_pictures(results), skin_tables(results)) == ({}, {}, {})
+def test_nothing_to_learn_from_gives_nothing(tmp_path):
     assert learn_recorded_skin([], [], SMALL) == ({}, {})
     write_skin(tmp_path / "skin.rrd", {}, ("a",))
 
@@ -345,11 +344,11 @@ def test_places_have_the_colours_of_their_corners():
 
 def test_tables_are_found_by_their_names(tmp_path, learned):
     _, tables = learned
-    assert set(tables) == set(files.SKIN)
+    assert set(tables) == set(files.SETS[files.SKIN])
     folder = tmp_path / "recorded/skin"
     folder.mkdir(parents=True)
     tables["lags"].to_parquet(folder / "lags.parquet")
-    assert list(files.RecordedFiles(tmp_path).skin()) == ["lags"]
+    assert list(files.RecordedFiles(tmp_path).of_set("skin")) == ["lags"]
     assert len(read_table(folder / "lags.parquet")) == 2
 
 

@@ -19,12 +19,13 @@ from structlearn.reporting.document import render, words_in_view
 from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.files import UR10E, RecordedFiles
-from structlearn.testbeds.recorded.page.assembly import PACKAGE
-from structlearn.testbeds.recorded.page.ur10e_evidence import evidence
-from structlearn.testbeds.recorded.page.ur10e_figures import STAGES, ur10e_pictures
-from structlearn.testbeds.recorded.page.ur10e_page import ur10e_document, ur10e_tables
-from structlearn.testbeds.recorded.page.ur10e_results import Ur10eResults, metrics
+from structlearn.testbeds.recorded.files import SETS, UR10E
+from structlearn.testbeds.recorded.page import parts
+from structlearn.testbeds.recorded.page.assembly import recorded_report
+from structlearn.testbeds.recorded.page.parts.ur10e_evidence import ur10e_evidence
+from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES, ur10e_pictures
+from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
+from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.protocol import ur10e_identification as protocol
 from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, NETWORKS
 from structlearn.testbeds.recorded.protocol.arm_identification import URDF as MAKER
@@ -160,23 +161,25 @@ def made_up(good: bool = True) -> Ur10eResults:
     return Ur10eResults(tables, PARAMETERS)
 
 
-def page(results: Ur10eResults | None):
-    return ur10e_document(results, ur10e_tables(results), {"recorded_ur10e": PARAMETERS})
+def page(results: Ur10eResults):
+    tables = {f"ur10e_{name}": table for name, table in results.tables.items()}
+    known = RecordedResults(tables, parameters={"recorded_ur10e": PARAMETERS})
+    return recorded_report(known, Path("no such folder")).pages["ur10e"]
 
 
 def test_made_up_tables_are_those_of_the_files():
-    assert set(made_up().tables) == set(UR10E)
+    assert set(made_up().tables) == set(SETS[UR10E])
 
 
 @pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
 def test_every_claim_can_say_yes_and_no(good, word):
-    found = verdicts(PACKAGE, evidence(made_up(good)), "ur10e_claims.yaml")
+    found = verdicts(parts.__name__, ur10e_evidence(made_up(good)), "ur10e_claims.yaml")
     assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
 
 
 def test_errors_are_those_of_the_table_and_intervals_hold_them():
     results = made_up()
-    values = metrics(results)
+    values = ur10e_metrics(results)
     for joint in joints():
         assert values[f"ur10e_nmse_{joint}"] == pytest.approx(0.004, rel=0.01)
         assert values[f"ur10e_nmse_{joint}_low"] <= values[f"ur10e_nmse_{joint}"]
@@ -195,12 +198,7 @@ def test_the_page_is_whole_and_short():
     assert text == render(page(results), dict.fromkeys(drawn, ()))
 
 
-def test_without_the_logs_the_page_says_so_and_nothing_is_tested(tmp_path):
-    (tmp_path / "recorded/ur10e").mkdir(parents=True)
-    assert RecordedFiles(tmp_path).ur10e() is None
-    absent = page(None)
-    assert {one.verdict for one in absent.judged} == {"not tested"}
-    assert "not recorded here" in render(absent, {})
+def test_logs_that_are_missing_are_named():
     assert protocol.missing_logs([PARAMETERS.train], PARAMETERS) == [PARAMETERS.rest, PARAMETERS.test]
 
 
@@ -212,7 +210,7 @@ def test_without_the_load_the_rest_is_shown():
     assert judged["load"] == judged["load_carried"] == "not tested"
     assert judged["errors"] == "yes"
     assert "figure-ur10e_errors" in render(page(results), AnyFigure())
-    assert not any(name.startswith("ur10e_load_kg") for name in metrics(results))
+    assert not any(name.startswith("ur10e_load_kg") for name in ur10e_metrics(results))
 
 
 def test_a_joint_without_a_gain_is_named():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import eflesh
 
 START = 1_700_000_000.0
@@ -59,7 +59,7 @@ def test_nearest_rows_are_those_of_a_search_over_all():
 def test_tables_hold_what_was_read(folder, tmp_path):
     target = tmp_path / "out"
     target.mkdir()
-    eflesh.import_runs(folder, target)
+    eflesh.write_runs(eflesh.read_all_runs(folder), target)
     for kind in eflesh.FOLDERS:
         (read,), (back,) = eflesh.read_runs(folder, kind), eflesh.read_imported(target, kind)
         for name in ("time", "place", "counts", "force"):
@@ -69,16 +69,9 @@ def test_tables_hold_what_was_read(folder, tmp_path):
         eflesh.read_imported(target, eflesh.PRESSES, ["1x", "9q"])
 
 
-def test_a_set_that_is_not_there_leaves_nothing(tmp_path, capsys):
-    target = tmp_path / "out"
-    target.mkdir()
-    eflesh.import_runs(tmp_path / "nowhere", target)
-    assert list(target.iterdir()) == []
-    assert capsys.readouterr().out.count("\n") == 1
-    assert eflesh.read_imported(target, eflesh.PRESSES) == []
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="holds no run"):
-        eflesh.import_runs(tmp_path / "empty", target)
+def test_a_set_without_runs_over_places_is_missing(tmp_path):
+    with pytest.raises(MissingInputError, match="holds no run"):
+        eflesh.read_all_runs(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize(

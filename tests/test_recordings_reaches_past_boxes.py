@@ -5,7 +5,7 @@ import pytest
 from recordings_bags import recorded_data
 
 from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import read_demonstrations, write_recordings
 from structlearn.recordings.reaches_past_boxes import (
     read_reaches_past_boxes,
@@ -95,7 +95,7 @@ def test_faults_of_the_table_of_trials(folder):
     with pytest.raises(InputError, match=r"trials\.csv: line 2: start_moved_time is not a number: 'soon'"):
         read_reaches_past_boxes(folder)
     (folder / "trials.csv").write_text(TRIALS + "sub_09,7,main,1,2\n")
-    with pytest.raises(InputError, match=r"holds none of the trials of trials\.csv"):
+    with pytest.raises(MissingInputError, match=r"holds none of the trials of trials\.csv"):
         read_reaches_past_boxes(folder)
     (folder / "trials.csv").write_text("participant,trial\nsub_01,7\n")
     with pytest.raises(InputError, match=r"trials\.csv: has no column type, start_moved_time"):

@@ -13,6 +13,7 @@ from recordings_bags import header, make_recording, ros_pose
 from structlearn.ground.errors import InputError
 from structlearn.recordings import read_recording, synchronise, write_recording
 from structlearn.recordings.recording import NamedShape
+from structlearn.recordings.topics import SceneTopicMap
 
 SHAPES = (
     NamedShape(
@@ -64,7 +65,7 @@ def user_bag(path, messages):
         for stamp, message in enumerate(messages, start=10**9):
             writer.write_message("/world", markers, {"markers": message}, stamp, stamp)
         writer.finish()
-    return read_recording(path, topic_map(pose="/tool", obstacles="/world"))
+    return read_recording(path, SceneTopicMap(**topic_map(pose="/tool").model_dump(), obstacles="/world"))
 
 
 def test_shapes_survive_the_file_and_the_clock(tmp_path):

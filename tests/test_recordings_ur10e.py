@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import ur10e
 from structlearn.recordings.drive_log import DriveLog, on_clock, read_drive_log, write_drive_log
 
@@ -39,7 +39,7 @@ def test_faults_are_named_with_file_and_row(folder, tmp_path_factory):
     path.write_text("\n".join([rows[1], rows[0]]))
     with pytest.raises(InputError, match=r"b: row 1 .* does not come after the one before it"):
         ur10e.read_logs(folder)
-    with pytest.raises(InputError, match="holds no logs"):
+    with pytest.raises(MissingInputError, match="holds no logs"):
         ur10e.read_logs(tmp_path_factory.mktemp("empty"))
 
 

@@ -149,6 +149,7 @@ class Counterpart(BaseModel):
         statement: as it stands there.
         cases: those that are meant; all where none is named.
         page: of that testbed.
+        by: whose statement is meant where the text's and ours have the same words; None: they are the same.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -157,6 +158,7 @@ class Counterpart(BaseModel):
     statement: str
     cases: tuple[str, ...] = ()
     page: str = "index"
+    by: Literal["text", "ours"] | None = None
 
 
 class Claim(BaseModel):
@@ -310,6 +312,8 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
     rows = table[table["statement"] == counterpart.statement]
     if counterpart.cases:
         rows = rows[rows["case"].isin(counterpart.cases)]
+    if counterpart.by:
+        rows = rows[rows["by"] == counterpart.by]
     return combined(list(rows["verdict"])) if len(rows) else ""
 
 
