@@ -62,7 +62,7 @@ def test_the_pipeline_goes_on_with_what_there_is(few):
     assert set(found.tables()["reach_errors"]["demonstration"]) == {"002", "031", "032", "120"}
     assert not list((few / "data/recorded/dynamics").iterdir())
     page = (few / "reports/recorded/index.html").read_text()
-    assert page.count("Not recorded here.") == 7
+    assert page.count("Not recorded here.") == 10
     claims = pd.read_csv(few / "reports/recorded/tables/claims.csv")
     tested = set(claims.loc[claims["verdict"] != "not tested", "set"])
     assert tested == {"Reaches"}
