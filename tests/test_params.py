@@ -209,6 +209,6 @@ def lines_of_leaves(node: yaml.Node) -> Iterator[int]:
 def test_every_value_has_a_comment_beside_it(root):
     text = (root / "params.yaml").read_text()
     lines = text.splitlines()
-    assert len(lines) <= 430
+    assert len(lines) <= 450
     bare = {lines[number] for number in lines_of_leaves(yaml.compose(text)) if "# " not in lines[number]}
     assert bare == set()

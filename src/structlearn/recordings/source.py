@@ -57,8 +57,8 @@ class PublicSourceParameters(Parameters):
     """Source of the public recordings.
 
     Attributes:
-        source: folder that holds `clmc`, `slide`, `panda`, `reaches_past_boxes`, `eflesh` and `ur10e`, or some
-            of them; the environment variable RECORDED_DATA stands in for it, so that the place of the data on
+        source: folder that holds `clmc`, `slide`, `panda`, `reaches_past_boxes`, `eflesh` and `ur10e`, or
+            some; the environment variable RECORDED_DATA stands in for it, so that the place of the data on
             a machine need not be written into a file under version control.
         reaches: folder of the nominal reaches in `clmc/cart_coord_dmp`.
         corrected_reaches: likewise of those with the same start and goal along a higher arc.
