@@ -456,7 +456,8 @@ def test_a_row_says_what_the_simulated_testbed_found(tmp_path):
     like = next(claim.simulated for claim in avoidance_part.PART.claims if claim.simulated)
     folder = tmp_path / like.testbed / "tables"
     folder.mkdir(parents=True)
-    (folder / "claims.csv").write_text(f'by,statement,case,verdict\ntext,"{like.statement}",,no\ntext,other,,yes\n')
+    lines = ("by,statement,case,verdict", f'text,"{like.statement}",,no', "text,other,,yes")
+    (folder / "claims.csv").write_text("\n".join(lines) + "\n")
     made = report(made_up(), tmp_path)
     (one,) = [one for one in made.pages["index"].judged if one.simulated]
     assert (one.claim.simulated, one.verdict, one.simulated) == (like, "yes", "no")
