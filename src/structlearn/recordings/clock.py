@@ -4,7 +4,7 @@ import numpy as np
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.recordings.checks import at_row, check_recording
+from structlearn.recordings.checks import at_row, check_recording, check_speed
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
 
@@ -40,7 +40,7 @@ def synchronise(
 
     Raises:
         InputError: the rate is not positive, a stream fails `check_recording`, has a gap longer than
-            `max_gap_s`, or the streams do not share at least two ticks.
+            `max_gap_s`, the pose fails `check_speed`, or the streams do not share at least two ticks.
     """
     check_recording(recording)
     start = max(int(stream.stamps[0]) for stream in recording.streams)
@@ -48,11 +48,13 @@ def synchronise(
     if end <= start:
         raise InputError(f"{recording.name}: {_no_overlap(recording)}")
     pose = next(stream for stream in recording.streams if stream.kind == "pose")
+    for stream in recording.streams:  # before the ticks: one far stamp would ask for terabytes of them
+        _check_gaps(recording.name, stream, start, end, max_gap_s)
+    check_speed(recording.name, pose)
     ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
     signals: dict[str, np.ndarray] = {}
     tactile: list[np.ndarray] = []
     for stream in recording.streams:
-        _check_gaps(recording.name, stream, start, end, max_gap_s)
         stamps = (stream.stamps - start).astype(float)  # ns; exact: int64 before the difference
         if stream.kind == "pose":
             signals["position"] = _linear(ticks, stamps, stream.values[:, :3])
