@@ -92,7 +92,7 @@ def pose_messages(stamps, rows, topic="/tool"):
 def pose_rows(count, seed=0):
     rng = np.random.default_rng(seed)
     path = np.cumsum(rng.normal(scale=1e-3, size=(count, 3)), axis=0)
-    turns = [1.0, 0.0, 0.0, 0.0] + rng.normal(scale=0.03, size=(count, 4))
+    turns = np.array([1.0, 0.0, 0.0, 0.0]) + rng.normal(scale=0.03, size=(count, 4))
     return np.hstack([path, quaternion.normalised(turns)])
 
 

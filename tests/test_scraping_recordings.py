@@ -11,6 +11,7 @@ from viewer_files import colour_of, contents, demonstration, note, values, view_
 
 from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground import quaternion
+from structlearn.ground.artefacts import write_table
 from structlearn.primitives.fitting import FitParameters, learn_primitive
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.trajectory import differentiated, differentiated_orientation

@@ -92,7 +92,7 @@ def check_speed(name: str, stream: Stream) -> None:
         stream: poses that `check_recording` let pass.
 
     Raises:
-        InputError: a step from one pose to the next is faster than `FASTEST`; the message names topic and row.
+        InputError: a step from one pose to the next is faster than `FASTEST`; topic and row are named.
     """
     where = f"{name}: {stream.topic}"
     steps_s = 1e-9 * np.diff(stream.stamps)
