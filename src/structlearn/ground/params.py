@@ -11,11 +11,11 @@ import reprlib
 from collections.abc import Hashable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from structlearn.ground.errors import InputError
 
@@ -36,6 +36,12 @@ class Parameters(BaseModel):
                 raise ValueError("is true or false, as YAML also reads yes, no, on and off; not allowed here")
         return value
 
+
+NAME = r"^\w[\w .+()-]*$"
+"""A name becomes a file's, stands in figures, where dollars are formulas, and in tables, where a spreadsheet
+takes what begins with = or @ for one."""
+
+Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 
 ParametersType = TypeVar("ParametersType", bound=Parameters)
 
