@@ -6,6 +6,7 @@ one short loop, heads of messages are read at once, and every checksum and count
 of chunks, data and summary, and how many messages a topic has. The library reads the other records.
 """
 
+import json
 import mmap
 import zlib
 from collections import Counter
@@ -95,6 +96,21 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
                 return _read(content, topics)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def own_provenance(bag: Bag, path: Path) -> dict[str, str]:
+    """What our own metadata say of the origin; a file without them was recorded.
+
+    Raises:
+        InputError: it is not a mapping of words to words.
+    """
+    if bag.metadata is None:
+        return {"origin": "recorded", "source": path.name}
+    with damage_named(path):
+        provenance = json.loads(bag.metadata["provenance"])
+        if not isinstance(provenance, dict) or not all(isinstance(word, str) for word in provenance.values()):
+            raise _Damage("its provenance is not a mapping of words to words")
+    return provenance
 
 
 class _Damage(Exception):  # noqa: N818 - it is what is found
