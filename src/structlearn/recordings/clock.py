@@ -12,6 +12,9 @@ MAX_GAP_S = 0.2
 """Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
 recorders drop out for 0.15 s now and then, a hole of more than that hides a movement."""
 
+FASTEST_HZ = 10_000.0
+"""No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
+
 
 def synchronise(
     recording: Recording, rate_hz: float | None = None, max_gap_s: float = MAX_GAP_S
@@ -104,7 +107,11 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
     """Ticks per s."""
     if rate_hz is None:
-        return 1e9 / float(np.median(np.diff(pose.stamps)))
+        rate_hz = 1e9 / float(np.median(np.diff(pose.stamps)))
+        if rate_hz > FASTEST_HZ:
+            raise InputError(
+                f"{name}: {pose.topic}: poses come at {rate_hz:.3g} Hz, more than {FASTEST_HZ:g} Hz"
+            )
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"{name}: rate_hz must be positive, is {rate_hz}")
     return rate_hz
