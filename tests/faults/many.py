@@ -1,7 +1,7 @@
 """Damage many files and read them: `make faults N=10000`.
 
-Every damage is drawn from a seed; those below 1000 are the tests'. Writes `reports/reliability/faults.csv`: how
-often reading came to what, by kind of file and of damage; names each case that breaks the rule.
+Seeds below 1000 are the tests'. Writes `reports/reliability/faults.csv`: how often reading came to what, by
+kind of file and of damage; names each case that breaks the rule.
 """
 
 import argparse
