@@ -1,12 +1,19 @@
 """The errors that mean "the input is at fault, not the program"."""
 
+LONGEST = 600
+"""Characters of a message; libraries that quote what they could not read know no end."""
+
 
 class InputError(ValueError):
     """Bad input from the user: a file, a parameter or a recording.
 
-    The message is one sentence that names the file, topic, row or key. Stages print it without a
-    traceback and exit with code 1 (`structlearn.ground.stage.run`).
+    The message is one line that names the file, topic, row or key. Stages print it without a traceback and
+    exit with code 1 (`structlearn.ground.stage.run`).
     """
+
+    def __init__(self, message: str) -> None:
+        line = " ".join(message.split())
+        super().__init__(line if len(line) <= LONGEST else f"{line[:LONGEST]} ...")
 
 
 class MissingInputError(InputError):

@@ -6,13 +6,16 @@ import numpy as np
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.recordings.checks import at_row, check_recording
+from structlearn.recordings.checks import at_row, check_recording, check_speed
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
 
 MAX_GAP_S = 0.2
 """Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
 recorders drop out for 0.15 s now and then, a hole of more than that hides a movement."""
+
+FASTEST_HZ = 10_000.0
+"""No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
 
 
 def synchronise(
@@ -42,16 +45,18 @@ def synchronise(
 
     Raises:
         InputError: the rate is not positive, a stream fails `check_recording`, has a gap longer than
-            `max_gap_s`, or the streams do not share at least two ticks.
+            `max_gap_s`, the pose fails `check_speed`, or the streams do not share at least two ticks.
     """
     check_recording(recording)
     start, end = _shared_time(recording.name, recording.streams)
     pose = next(stream for stream in recording.streams if stream.kind == "pose")
+    for stream in recording.streams:  # before the ticks: one far stamp would ask for terabytes of them
+        _check_gaps(recording.name, stream, start, end, max_gap_s)
+    check_speed(recording.name, pose)
     ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
     signals: dict[str, np.ndarray] = {}
     tactile: list[np.ndarray] = []
     for stream in recording.streams:
-        _check_gaps(recording.name, stream, start, end, max_gap_s)
         stamps = (stream.stamps - start).astype(float)  # ns; exact: int64 before the difference
         if stream.kind == "pose":
             signals["position"] = _linear(ticks, stamps, stream.values[:, :3])
@@ -99,9 +104,9 @@ def on_one_clock(
         InputError: as `synchronise`, but that values are not looked at.
     """
     start, end = _shared_time(name, streams)
-    ticks = _ticks(name, end - start, _rate(name, streams[0], rate_hz))
     for stream in streams:
         _check_gaps(name, stream, start, end, max_gap_s)
+    ticks = _ticks(name, end - start, _rate(name, streams[0], rate_hz))
     sampled = [_linear(ticks, (stream.stamps - start).astype(float), stream.values) for stream in streams]
     return ticks * 1e-9, sampled
 
@@ -127,7 +132,11 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
     """Ticks per s."""
     if rate_hz is None:
-        return 1e9 / float(np.median(np.diff(pose.stamps)))
+        rate_hz = 1e9 / float(np.median(np.diff(pose.stamps)))
+        if rate_hz > FASTEST_HZ:
+            raise InputError(
+                f"{name}: {pose.topic}: poses come at {rate_hz:.3g} Hz, more than {FASTEST_HZ:g} Hz"
+            )
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"{name}: rate_hz must be positive, is {rate_hz}")
     return rate_hz

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import damage_named, read_bag
+from structlearn.recordings.bag_reader import own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.clock import MAX_GAP_S, on_one_clock
 from structlearn.recordings.joint_log import JOINT_STATES, check_signals
@@ -141,8 +141,4 @@ def read_drive_log(path: str | Path) -> DriveLog:
         clocks.append((tuple(names), stamps))
         if names != list(clocks[0][0]) or not np.array_equal(stamps, clocks[0][1]):
             raise InputError(f"{where} has other joints or stamps than '{JOINT_STATES}'")
-    provenance = {"origin": "recorded", "source": path.name}
-    if bag.metadata is not None:
-        with damage_named(path):
-            provenance = json.loads(bag.metadata["provenance"])
-    return DriveLog(path.stem, *clocks[0], **found, provenance=provenance)
+    return DriveLog(path.stem, *clocks[0], **found, provenance=own_provenance(bag, path))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import damage_named, read_bag
+from structlearn.recordings.bag_reader import own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.messages import JOINT_KINDS, check_readable, joint_states, joint_topic
@@ -132,10 +132,5 @@ def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
                 f"{where} has no {kind.replace('_', ' ')}; a dynamics model is learned from "
                 "position, velocity and effort"
             )
-    provenance = {"origin": "recorded", "source": path.name}
-    if bag.metadata is not None:
-        with damage_named(path):
-            provenance = json.loads(bag.metadata["provenance"])
-    return JointLog(
-        path.stem, tuple(names), stamps, *(values[kind] for kind in JOINT_KINDS), provenance=provenance
-    )
+    signals = (values[kind] for kind in JOINT_KINDS)
+    return JointLog(path.stem, tuple(names), stamps, *signals, provenance=own_provenance(bag, path))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import damage_named, read_bag
+from structlearn.recordings.bag_reader import damage_named, own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import check_recording
 from structlearn.recordings.messages import (
@@ -71,7 +71,7 @@ def read_recording(path: str | Path, topics: TopicMap = OWN_TOPICS) -> Recording
     roles = topics.roles()
     bag = read_bag(path, [topic for topic, _ in roles])
     with damage_named(path):
-        provenance, segments = _from_metadata(bag.metadata, path)
+        segments = _true_segments(bag.metadata)
     streams, shapes = [], ()
     for topic, role in roles:
         where = f"{path}: topic '{topic}'"
@@ -92,7 +92,7 @@ def read_recording(path: str | Path, topics: TopicMap = OWN_TOPICS) -> Recording
         sources = [stream.topic for stream in streams if stream.kind == kind]
         if len(sources) > 1:
             raise InputError(f"{path}: {kind} come from several topics: {', '.join(sources)}")
-    return Recording(path.stem, tuple(streams), segments, provenance, shapes)
+    return Recording(path.stem, tuple(streams), segments, own_provenance(bag, path), shapes)
 
 
 def _own_topics(recording: Recording) -> list[str]:
@@ -121,12 +121,6 @@ def _to_metadata(recording: Recording) -> dict[str, str]:
     }
 
 
-def _from_metadata(
-    metadata: Mapping[str, str] | None, path: Path
-) -> tuple[Mapping[str, str], np.ndarray | None]:
-    """Provenance and true segments; a file that is not ours was recorded."""
-    if metadata is None:
-        return {"origin": "recorded", "source": path.name}, None
-    segments = json.loads(metadata["true_segments"])
-    array = None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)
-    return json.loads(metadata["provenance"]), array
+def _true_segments(metadata: Mapping[str, str] | None) -> np.ndarray | None:
+    segments = None if metadata is None else json.loads(metadata["true_segments"])
+    return None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)
