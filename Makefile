@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench profile study studies other-processor view plot-page clean
+.PHONY: repro test lint recorded bench profile study studies other-processor faults view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -53,6 +53,11 @@ study studies: $(INSTALLED)
 # The whole pipeline once more as on another processor: no verdict may depend on it.
 other-processor: $(INSTALLED)
 	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
+
+# Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
+N ?= 10000
+faults: $(INSTALLED)
+	PYTHONPATH=tests $(BIN)/python -m faults.many --count $(N)
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping

@@ -9,7 +9,14 @@ from structlearn.reporting.front import read_report, render_front
 TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing", "recorded")
 """In the order of the page. `recorded` has a pipeline of its own, so its numbers are no dep of this stage."""
 
-PAGES = {"scraping": {"feedback.html": "Feedback", "refinement.html": "Refinement by trial"}}
+PAGES = {
+    "scraping": {"feedback.html": "Feedback", "refinement.html": "Refinement by trial"},
+    "recorded": {
+        "boxes.html": "People past boxes",
+        "skin.html": "Magnetic skin",
+        "ur10e.html": "UR10e and its load",
+    },
+}
 CARDS = Path(__file__).parents[1] / "src/structlearn/testbeds"
 
 

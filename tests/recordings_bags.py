@@ -91,7 +91,9 @@ def pose_messages(stamps, rows, topic="/tool"):
 
 def pose_rows(count, seed=0):
     rng = np.random.default_rng(seed)
-    return np.hstack([rng.normal(size=(count, 3)), quaternion.normalised(rng.normal(size=(count, 4)))])
+    path = np.cumsum(rng.normal(scale=1e-3, size=(count, 3)), axis=0)
+    turns = np.array([1.0, 0.0, 0.0, 0.0]) + rng.normal(scale=0.03, size=(count, 4))
+    return np.hstack([path, quaternion.normalised(turns)])
 
 
 def make_recording(name="demo", seed=0, count=40, fingers=2, provenance=None, segments=None, start=5 * 10**9):

@@ -77,7 +77,18 @@ REDUCED = {
         "network": {"hidden": [6], "members": 2, "training": {"iterations": 5}},
         "pmnn": {"steps": 60, "evaluate_every": 30},
     },
+    "recorded_boxes": {
+        "network": {"members": 1, "training": {"iterations": 3}},
+        "text_network": {"training": {"iterations": 3}},
+    },
     "recorded_dynamics": {"iterations": 5, "seeds": 1, "epochs": 1},
+    "recorded_ur10e": {
+        "iterations": 5,
+        "body_draws": 3,
+        "intervals": {"draws": 100},
+        "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
+        "carried": {"batch": 400, "iterations": 5},
+    },
     "recorded_latent_touch": {
         "folds": 2,
         "simulated_repeats": 1,
@@ -88,6 +99,17 @@ REDUCED = {
             "pair_pool": 1000,
             "evaluation_pairs": 100,
         },
+    },
+    "recorded_skin": {
+        "folds": 2,
+        "rival_samples": 100,
+        "spaces": {
+            "seeds": 1,
+            "training": {"steps": 5, "batch_size": 16},
+            "pair_pool": 1000,
+            "evaluation_pairs": 1000,
+        },
+        "servo": {"walks": 200, "trials": 4, "steps": 4},
     },
 }
 

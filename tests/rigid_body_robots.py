@@ -1,5 +1,6 @@
 """Robots for the tests of rigid-body dynamics: arms from public URDFs and one with everything odd."""
 
+import re
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -57,20 +58,21 @@ ODD = "\n".join(
 
 @lru_cache
 def robot(name: str) -> Robot:
-    """One of iiwa, panda (fingers locked), panda_hand (fingers move), xarm, odd."""
-    if name == "odd":
+    """One of iiwa, panda (fingers locked), panda_hand (fingers move, each by itself), xarm, odd."""
+    public = Path(pybullet_data.getDataPath())
+    if name in ("odd", "panda_hand"):
+        follows = r'<mimic joint="[^"]*" */>'
+        text = re.sub(follows, "", (public / "franka_panda/panda.urdf").read_text())
         with TemporaryDirectory() as folder:
-            path = Path(folder) / "odd.urdf"
-            path.write_text(ODD)
+            path = Path(folder) / f"{name}.urdf"
+            path.write_text(ODD if name == "odd" else text)
             return read_urdf(path)
     files = {
         "iiwa": "kuka_iiwa/model.urdf",
         "panda": "franka_panda/panda.urdf",
-        "panda_hand": "franka_panda/panda.urdf",
         "xarm": "xarm/xarm6_robot.urdf",
     }
-    path = Path(pybullet_data.getDataPath()) / files[name]
-    return read_urdf(path, FINGERS if name == "panda" else ())
+    return read_urdf(public / files[name], FINGERS if name == "panda" else ())
 
 
 ROBOTS = ("iiwa", "panda", "panda_hand", "xarm", "odd")
@@ -122,3 +124,13 @@ def pendulum(mass: float, length: float, moment: float) -> tuple[KinematicTree, 
         np.array([False]), -3.0 * one, 3.0 * one, 9.0 * one, np.array([0.0, 0.0, -9.81]),
     )  # fmt: skip
     return tree, LinkInertias(mass * one, np.array([[0.0, 0.0, -mass * length]]), moment * np.eye(3)[None])
+
+
+def robot_with(robot: Robot, inertias: LinkInertias) -> Robot:
+    """A robot with other inertias, in Pinocchio's model too."""
+    model = robot.model.copy()
+    for place, (mass, moment, inertia) in enumerate(
+        zip(inertias.mass, inertias.first_moment, inertias.inertia, strict=True), start=1
+    ):
+        model.inertias[place] = pinocchio.Inertia(mass, moment / mass, inertia)
+    return Robot(robot.name, robot.tree, inertias, model)

@@ -41,7 +41,8 @@ STARTS = {
         "scraping/coupling_dataset.py obstacles/demonstrate.py obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
-        "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py",
+        "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
+        "recorded/boxes.py",
     ),
     "robot": (
         ("pinocchio",),
@@ -52,11 +53,13 @@ STARTS = {
     "training": (
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
-        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py",
+        "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py "
+        "recorded/skin.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),
-        "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py",
+        "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py "
+        "recorded/ur10e.py",
     ),
     "recordings": (
         ("rerun",),

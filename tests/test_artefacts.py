@@ -1,9 +1,17 @@
+import errno
 import json
+import multiprocessing
+import os
 import re
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from structlearn.ground import artefacts
 from structlearn.ground.errors import InputError
@@ -209,3 +217,86 @@ def test_a_folder_moved_aside_by_a_killed_run_comes_back(tmp_path):
     with pytest.raises(RuntimeError), artefacts.publish(tmp_path / "folder"):
         raise RuntimeError
     assert (tmp_path / "folder" / "old").read_text() == "kept"
+
+
+def test_two_processes_never_publish_one_target(tmp_path):
+    target = tmp_path / "logs"
+    with artefacts.publish(target) as path:
+        path.mkdir()
+        (path / "first").write_text("first")
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("fork")) as pool:
+            complaint = pool.submit(_publish, target).result()
+    assert complaint == f"{target}: another process is writing it"
+    assert [entry.name for entry in target.iterdir()] == ["first"]
+    assert _publish(target) is None
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def _publish(target):
+    """Publish another folder; what is complained of."""
+    try:
+        with artefacts.publish(target) as path:
+            path.mkdir()
+    except InputError as error:
+        return str(error)
+
+
+def test_a_killed_process_does_not_hold_what_its_children_outlive(tmp_path):
+    """A pool forked while something is published inherits open files; the lock is not among them."""
+    target = tmp_path / "logs"
+    program = f"""
+import os, signal, sys, time
+from structlearn.ground.artefacts import publish
+with publish({str(target)!r}) as path:
+    path.mkdir()
+    if not os.fork():
+        os.close(1)
+        time.sleep(20)
+        os._exit(0)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, check=False)
+    assert _publish(target) is None
+    assert target.is_dir()
+
+
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EACCES, errno.EROFS])
+def test_a_disk_that_cannot_be_written_is_named_in_one_line(tmp_path, error):
+    target = tmp_path / "note.txt"
+    target.write_text("old")
+
+    def fail():
+        with artefacts.publish(target) as path:
+            path.write_text("half")
+            raise OSError(error, os.strerror(error), str(path))
+
+    with pytest.raises(InputError, match=f"note.txt: cannot be written: {os.strerror(error)}"):
+        fail()
+    assert target.read_text() == "old"
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(name=st.sampled_from(["table.parquet", "tensors.safetensors"]), data=st.data())
+def test_a_flipped_bit_is_never_taken_for_data(tmp_path_factory, name, data):
+    path = tmp_path_factory.mktemp("flip") / name
+    WRITERS[name](path)
+    read = artefacts.read_table if name.endswith("parquet") else artefacts.read_tensors
+    sound, content = read(path), bytearray(path.read_bytes())
+    place = data.draw(st.integers(0, 8 * len(content) - 1))
+    content[place // 8] ^= 1 << place % 8
+    path.write_bytes(content)
+    try:
+        found = read(path)
+    except InputError as error:
+        complaint = str(error)  # nearly always; some bits say nothing of the data
+    else:
+        complaint = None
+    if complaint is not None:
+        assert complaint.startswith(str(path))
+        assert "\n" not in complaint
+    elif name.endswith("parquet"):
+        pd.testing.assert_frame_equal(found, sound)
+    else:
+        assert {key: value.tobytes() for key, value in found.items()} == {
+            key: value.tobytes() for key, value in sound.items()
+        }

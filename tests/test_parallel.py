@@ -6,6 +6,7 @@ import sys
 import time
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 
 import dask
 import numpy as np
@@ -262,13 +263,42 @@ def test_dask_that_is_not_installed(chosen, monkeypatch):
         parallel_map(square, range(3), "squares")
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "host-without-port"])
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "localhost"])
 def test_a_scheduler_that_does_not_answer(impatient, address):
     with (
         dask.config.set({"scheduler-address": address}),
         pytest.raises(InputError, match=f"DASK_SCHEDULER_ADDRESS={address}: no Dask scheduler answers"),
     ):
         parallel_map(square, range(3), "squares")
+
+
+@pytest.mark.parametrize("address", ["tcp://192.0.2.1:8786", "tcp://[::]:8786", "cluster:8786"])
+def test_a_scheduler_that_others_can_reach_is_refused(impatient, address):
+    with (
+        dask.config.set({"scheduler-address": address}),
+        pytest.raises(InputError, match="whoever reaches this port can run code here"),
+    ):
+        parallel_map(square, range(3), "squares")
+
+
+def test_processes_end_with_a_parent_that_is_killed():
+    program = """
+import os, signal, sys
+from structlearn.ground import parallel
+parallel.parallel_map(abs, range(4), "sizes")
+print(*parallel._pools[2]._processes, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    environment = os.environ | {"STRUCTLEARN_PROCESSES": "2", "STRUCTLEARN_BACKEND": "fork"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, stdout=subprocess.PIPE, text=True, check=False
+    )
+    numbers = [int(number) for number in done.stdout.split()]
+    assert len(numbers) == 2
+    ends = time.monotonic() + 10.0
+    while any(Path("/proc", str(number)).exists() for number in numbers):
+        assert time.monotonic() < ends, "they live on"
+        time.sleep(0.1)
 
 
 def test_a_cluster_without_workers(impatient):

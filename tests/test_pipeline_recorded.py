@@ -1,7 +1,10 @@
 """The pipeline on recorded data, end to end, on reduced parameters, and what must hold of the recordings."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +36,56 @@ def values(project) -> dict[str, float]:
     """Metrics and details of the report."""
     files = (project / f"reports/recorded/{name}.json" for name in ("metrics", "details"))
     return {key: value for file in files for key, value in json.loads(file.read_text()).items()}
+
+
+@pytest.fixture(scope="module")
+def few(root, tmp_path_factory) -> Path:
+    """Every stage has run on four reaches that are made up, all that its source holds."""
+    source, project = (tmp_path_factory.mktemp(name) for name in ("source", "few"))
+    reaches = source / "clmc/cart_coord_dmp/dataset1"
+    reaches.mkdir(parents=True)
+    for number, duration in zip((2, 31, 32, 120), (0.6, 0.7, 0.8, 0.65), strict=True):
+        time = np.arange(0.0, duration, 1e-3)
+        s = (time / time[-1])[:, None]
+        position = [0.67, -0.19, 0.14] + s**3 * (10 - 15 * s + 6 * s**2) * [-0.27, 0.39, 0.03 + 1e-4 * number]
+        velocity = np.gradient(position, 1e-3, axis=0)
+        np.savetxt(
+            reaches / f"{number}.txt", np.column_stack([time, position, velocity, 0 * velocity]), "%.6f"
+        )
+    return by_hand(clone(root, project), file=FILE, RECORDED_DATA=str(source))
+
+
+def test_the_pipeline_goes_on_with_what_there_is(few):
+    found = RecordedFiles(few / "data")
+    names = set(found.tables())
+    assert names == {"reach_errors", "cut_errors"}
+    assert set(found.tables()["reach_errors"]["demonstration"]) == {"002", "031", "032", "120"}
+    assert not list((few / "data/recorded/dynamics").iterdir())
+    page = (few / "reports/recorded/index.html").read_text()
+    assert page.count("Not recorded here.") == 10
+    claims = pd.read_csv(few / "reports/recorded/tables/claims.csv")
+    tested = set(claims.loc[claims["verdict"] != "not tested", "set"])
+    assert tested == {"Reaches"}
+    assert [path.stem for path in (few / "reports/recordings/recorded").glob("*.rrd")] == ["reaches"]
+    assert "No scraping execution" in (few / "reports/calibration/index.html").read_text()
+
+
+def test_a_damaged_file_stops_the_import_and_leaves_what_was_there(few, tmp_path):
+    damaged = tmp_path / "clmc/cart_coord_dmp/dataset1/1.txt"
+    damaged.parent.mkdir(parents=True)
+    damaged.write_text("0 1 2\n")
+    script = [sys.executable, "stages/recorded/import_recordings.py"]
+    for source, complaint in (
+        (tmp_path, "1.txt: line 1 has 3 columns"),
+        (tmp_path / "none", "no such folder"),
+    ):
+        done = subprocess.run(
+            script, cwd=few, env=os.environ | {"RECORDED_DATA": str(source)}, capture_output=True, text=True
+        )
+        assert done.returncode == 1
+        assert complaint in done.stderr
+        assert len(done.stderr.splitlines()) == 1
+    assert len(list((few / "data/raw/recorded/reaches").iterdir())) == 4
 
 
 def test_everything_is_shown(project):

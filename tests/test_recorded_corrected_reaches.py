@@ -1,11 +1,13 @@
 """Corrections learned over phase: on reaches that are made up, and on the recorded ones where they are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from committed import committed
 
 from structlearn.feedback.pmnn import read_networks, write_networks
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
@@ -16,6 +18,7 @@ from structlearn.testbeds.recorded.protocol import correction_splits, human_reac
 from structlearn.testbeds.recorded.protocol.corrected_reaches import (
     adapted_path,
     complete,
+    completeness,
     corrected_reaches,
     phase_coupling,
     phase_networks,
@@ -26,7 +29,7 @@ from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionP
 HEIGHTS_M = (0.18, 0.2, 0.22, 0.19, 0.21, 0.2)
 START, GOAL = np.array([0.67, -0.19, 0.14]), np.array([0.40, 0.20, 0.17])
 PARAMETERS = committed(
-    CorrectionParameters, "recorded_corrections", smoothing_hz=20.0, learned_from=4, splits=3, seed=1
+    CorrectionParameters, "recorded_corrections", smoothing_hz=20.0, learned_share=0.67, splits=3, seed=1
 )
 
 
@@ -112,11 +115,11 @@ def test_the_same_seed_gives_the_same_results(nominal, corrected, learned):
         assert table.equals(getattr(second, name)), name
 
 
-def test_a_reach_must_be_left_out(nominal):
-    corrected = higher([0.2] * 4, nominal)
-    message = "4 corrected reaches are to be learned from, but there are 4 complete"
-    with pytest.raises(InputError, match=message):
-        learn_corrections(corrected, nominal.local, PARAMETERS)
+def test_some_are_learned_from_and_some_are_left_out_however_few_there_are(nominal):
+    _, results = learn_corrections(higher([0.2, 0.21], nominal), nominal.local, PARAMETERS)
+    assert set(results.distances["learned_from"]) == {1}
+    with pytest.raises(MissingInputError, match="1 complete corrected reaches; at least two"):
+        learn_corrections(higher([0.2], nominal), nominal.local, PARAMETERS)
 
 
 def test_known_coupling_over_phase_is_found_again():
@@ -182,17 +185,15 @@ def test_typical_paths_go_from_the_mean_start_to_the_mean_goal_in_the_mean_time(
     assert height["adapted"] - height["nominal"] == pytest.approx(0.15, abs=0.01)
 
 
-def test_incomplete_reaches_are_left_out_by_name():
-    demonstrations = [arc(str(number), 0.2) for number in (14, 15, 16, 21)]
-    assert [one.name for one in complete(demonstrations)] == ["14", "16"]
-
-
-def test_of_the_second_set_the_first_thirty_are_read(tmp_path):
-    folder = tmp_path / "cart_coord_dmp" / "dataset2_part"
-    folder.mkdir(parents=True)
-    for number in (2, 30, 31, 96):
-        (folder / f"{number}.txt").write_text("".join(f"{row}e-3 1 2 3 4 5 6 7 8 9\n" for row in range(3)))
-    assert [recording.name for recording in clmc.read_reaches(tmp_path, "dataset2_part")] == ["2", "30"]
+def test_incomplete_reaches_are_those_whose_ends_are_off_the_nominal_ones(nominal):
+    demonstrations = [arc("1", 0.2), arc("2", 0.2, shift=0.05), arc("3", 0.2, shift=0.06), arc("4", 0.2)]
+    cut_short = demonstrations[-1]
+    half = len(cut_short.time) // 2
+    demonstrations[-1] = replace(cut_short, time=cut_short.time[:half], position=cut_short.position[:half])
+    ends = completeness(demonstrations, nominal, 0.1)
+    assert [one.name for one in complete(demonstrations, ends)] == ["1", "2"]  # 0.05 m along three axes
+    np.testing.assert_allclose(ends["start_off_mm"][:3], [0, 50 * 3**0.5, 60 * 3**0.5], atol=0.01)
+    assert ends["start_off_mm"][3] < 0.01 < 100 < ends["goal_off_mm"][3]
 
 
 @pytest.fixture(scope="module")
@@ -204,7 +205,9 @@ def recorded(recorded_data):
     paths = [differentiated(one.position, one.dt, fit.smoothing_hz) for one in flat]
     nominal = fit_position(paths, fit.scaled_axes)
     raw = [synchronise(one) for one in clmc.read_reaches(recorded_data / "clmc", "dataset2_part")]
-    return nominal, corrected_reaches(complete(raw), nominal, smoothing_hz)
+    ends = completeness(raw, nominal, committed(CorrectionParameters, "recorded_corrections").incomplete_m)
+    assert list(ends.loc[~ends["complete"], "reach"]) == ["15", "21"]
+    return nominal, corrected_reaches(complete(raw, ends), nominal, smoothing_hz)
 
 
 def test_recorded_reaches_are_their_targets_unrolled(recorded):

@@ -10,7 +10,7 @@ from rigid_body_robots import pinocchio_torques, robot
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.panda import read_exciting_trajectory
+from structlearn.recordings.panda import read_trajectories
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_parameters import link_inertias
@@ -18,13 +18,8 @@ from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters
 from structlearn.rigid_body.structured_learning import MotionRegressor
-from structlearn.testbeds.recorded.protocol.panda_identification import (
-    LEAST_SQUARES,
-    TRACE_STRIDE,
-    URDF,
-    identify,
-    panda_motion,
-)
+from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, URDF
+from structlearn.testbeds.recorded.protocol.panda_identification import TRACE_STRIDE, identify, panda_motion
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
@@ -96,7 +91,7 @@ def test_sign_and_payload_of_slides_are_found():
 
 
 def test_a_body_that_can_exist_explains_the_recorded_arm_nearly_as_well_as_least_squares():
-    log = read_exciting_trajectory(recorded_data("panda"))
+    (log,) = read_trajectories(recorded_data("panda"))
     panda, terms = robot("panda"), ("viscous", "coulomb")
     parts = panda_motion(log, PARAMETERS).split(0.6)
     train, test = (MotionRegressor(panda.tree, part, True, terms) for part in parts)

@@ -7,7 +7,7 @@ import pytest
 from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import clmc, slide, synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
@@ -146,8 +146,29 @@ def test_a_faulty_trial_is_left_out_altogether():
     assert [one.name for one in sets] == ["slides", "unscrewing", "simulated", "simulated, magnitudes"]
     assert sets[0].groups == ("mat9", "mat15")
     assert len(sets[0].samples) == 300
-    with pytest.raises(InputError, match="no slide is left"):
-        touch_sets.touch_sets(trials[1:2], trials, simulated, SKIN, 1.0, faulty, few)
+    alone = touch_sets.touch_sets(trials[1:2], trials, simulated, SKIN, 1.0, faulty, few)
+    assert [one.name for one in alone] == ["unscrewing", "simulated"]
+    with pytest.raises(MissingInputError, match="no two slides or logs of unscrewing"):
+        touch_sets.touch_sets(trials[1:2], trials[:1], simulated, SKIN, 1.0, faulty, few)
+
+
+def test_a_set_goes_on_without_the_other(capsys):
+    """What is learned from slides needs no logs; a set too small for a map of the skin is left aside."""
+    found = latent_touch.learn_touch(
+        [touch_set(touch_sets.SLIDES, ("a", "a", "b", "b")), touch_set(touch_sets.MAGNITUDES, ("c",) * 4)],
+        SKIN,
+        FEW,
+    )
+    assert set(found.sets["set"]) == {touch_sets.SLIDES, touch_sets.MAGNITUDES}
+    assert set(found.errors["learned_from"]) == set(found.sets["set"])
+    assert list(found.likeness["first"]) == [touch_sets.SLIDES] * 2
+    counts = 50.0 + 10.0 * np.random.default_rng(0).normal(size=(150, 19)).cumsum(axis=0) / 12
+    long, short = ([demonstration(name, np.abs(counts[:samples])) for name in "ab"] for samples in (150, 20))
+    few = FEW.geodesics.model_copy(update={"bin_size": 100, "bins": 1, "bridge_mm": 20.0, "neighbours": 45})
+    simulated = toy_dataset(contacts=4, samples=130)
+    sets = touch_sets.touch_sets(long, short, simulated, SKIN, 1.0, (), few)
+    assert [one.name for one in sets] == ["slides", "simulated, magnitudes"]
+    assert "unscrewing left aside: touch: 40 points in a bin" in capsys.readouterr().out
 
 
 def test_recorded_slides_are_magnitudes(recorded_data):

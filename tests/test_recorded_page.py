@@ -5,34 +5,53 @@ from dataclasses import replace
 from functools import lru_cache
 from importlib.resources import files as package_files
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import two_move_demonstration
-from reporting_verdicts import verdicts
+from reporting_verdicts import AnyFigure, verdicts
+from test_recorded_boxes_page import PARAMETERS as BOXES_PARAMETERS
+from test_recorded_boxes_page import made_up as past_boxes
+from test_recorded_skin import SMALL as SKIN_PARAMETERS
+from test_recorded_skin import made_up as on_skin
 from test_recorded_touch_statistics import PARAMETERS, calibrated, traces
+from test_recorded_ur10e import PARAMETERS as UR10E_PARAMETERS
+from test_recorded_ur10e import made_up as weighed
 
 from structlearn.ground.params import read_parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
-from structlearn.reporting.claims import read_claims
-from structlearn.reporting.document import render, words_in_view
+from structlearn.reporting.claims import claims_table, read_claims, verdict_in
+from structlearn.reporting.document import anchor, render, words_in_view
 from structlearn.reporting.publishing import publish_report
 from structlearn.segmentation.result import METHODS
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import CALIBRATION, TABLES
-from structlearn.testbeds.recorded.page import assembly, calibration_figures, calibration_results, figures
-from structlearn.testbeds.recorded.page.evidence import evidence
-from structlearn.testbeds.recorded.page.results import AXES, RecordedResults, metrics
-from structlearn.testbeds.recorded.page.tables import tables
-from structlearn.testbeds.recorded.protocol import latent_touch, slides, touch_calibration
+from structlearn.testbeds.recorded.page import assembly, calibration_figures, calibration_results, parts
+from structlearn.testbeds.recorded.page.parts import (
+    avoidance_part,
+    higher_reaches_part,
+    reaches_part,
+    slides_part,
+    touch_part,
+)
+from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
+from structlearn.testbeds.recorded.protocol import latent_touch, slides, touch_calibration, touch_sets
+from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, URDF
 from structlearn.testbeds.recorded.protocol.avoidance_representations import REPRESENTATIONS
-from structlearn.testbeds.recorded.protocol.panda_identification import LEAST_SQUARES, URDF
 
 FIT = FitParameters.model_construct(
     smoothing_hz=5.0, kernel_count=10, regression="joint", scaled_axes=(False,) * 3
 )
+
+
+SET_PARAMETERS = {
+    **BOXES_PARAMETERS,
+    "recorded_skin": SKIN_PARAMETERS,
+    "recorded_ur10e": UR10E_PARAMETERS,
+}
 
 
 def rows(columns, values):
@@ -82,7 +101,9 @@ def coupling_tables(good):
         for path in ("recorded", "nominal", "coupling")
     ]
     scores = [(axis, 0.2, 0.01, 0.01, split) for split in range(2) for axis in AXES]
+    ends = [(f"{reach:02}", 1.0, 1.0 + 200.0 * (reach == 4), reach < 4) for reach in range(5)]
     return {
+        "coupling_completeness": rows("reach start_off_mm goal_off_mm complete", ends),
         "coupling_distances": rows(
             "reach learned_from nominal_mm coupling_mm spread_mm end_share split", distances
         ),
@@ -100,7 +121,9 @@ def movement_tables(good):
     groups = dict.fromkeys(("m9_1", "m9_2", "m9_4"), "learned") | {"m9_3": "left out", "m9_12": "left out"}
     groups |= {f"m15_{trial}": "other material" for trial in range(1, 5)}
     level = {"learned": 5.0, "left out": 6.0, "other material": 20.0 if good else 2.0}
-    deviations = [(name, group, level[group] + 0.1 * len(name), 40.0) for name, group in groups.items()]
+    deviations = [
+        (name, group, level[group] + 0.1 * int(name.split("_")[1]), 40.0) for name, group in groups.items()
+    ]
     time = np.arange(40) / 100
     statistics = [
         pd.DataFrame({"group": group, "electrode": electrode, "time_s": time, "mean": 1.0, "std": electrode})
@@ -120,6 +143,18 @@ def movement_tables(good):
         for electrode in range(8)
     ]
     kinds = ("pose", "wrench")
+    away = 60.0 if good else 1.0
+    across = [
+        (learned, name, name.split("_")[0], away + 0.1 * int(name.split("_")[1]), 2.0)
+        for learned in ("m9", "m15")
+        for name in groups
+        if not name.startswith(learned)
+    ]
+    channels = [
+        (name, name.split("_")[0], strength, 8, 5.0, (0.3 if good else 3.0) + 0.01 * len(name))
+        for name in groups
+        for strength in ("strong", "weak")
+    ]
     return {
         "unscrewing_errors": rows("learned_from compared_with turn_deg mean_deg max_deg end_deg", turns),
         "sequence_errors": rows(
@@ -140,6 +175,8 @@ def movement_tables(good):
                 for name, _, rms, _ in deviations
             ],
         ),
+        "slide_channels": rows("demonstration material channels electrodes rms nmse", channels),
+        "slide_across": rows("expected demonstration material rms nmse", across),
         "slide_statistics": pd.concat(statistics),
     }
 
@@ -158,7 +195,7 @@ def avoidance_tables(good):
         for axis in AXES
         for fold, noise in enumerate(spread(0.0, 5, 0.002))
     ]
-    folds = rows("representation inputs axis fold nmse", folds)
+    folds = rows("representation inputs axis fold nmse", folds).assign(samples=20)
     keys = ["representation", "inputs", "axis"]
     scores = folds.groupby(keys, sort=False)["nmse"].mean().reset_index().assign(train=0.05)
     worth = scores[(scores["inputs"] != "features") & (scores["representation"] != "pmnn")][keys]
@@ -246,7 +283,9 @@ def made_up(good=True):
     stored |= touch_tables(good) | panda_tables(good)
     stored["sequence"] = sequence.sequence_table(path, [one.name for one in primitives])
     reach, turn = learn_primitive("reach", segments, FIT), learn_primitive("turn", turns, FIT)
-    return RecordedResults(stored, segments, reach, turns, turn, parts)
+    for name, its in (("boxes", past_boxes(good)), ("skin", on_skin(good)), ("ur10e", weighed(good))):
+        stored |= {f"{name}_{table}": frame for table, frame in its.tables.items()}
+    return RecordedResults(stored, segments, reach, turns, turn, parts, SET_PARAMETERS)
 
 
 def _movement(place):
@@ -262,8 +301,21 @@ def _turns(samples):
     return np.column_stack([np.cos(half), np.sin(half), np.zeros((samples, 2))])
 
 
-def document(results):
-    return assembly.recorded_document(results, tables(results), {})
+def without(results, *parts):
+    """The same results where there are no data of some parts."""
+    missing = {table for part in parts for table in part.needs}
+    tables = {name: table for name, table in results.tables.items() if name not in missing}
+    nothing = {
+        "reaches": {"reach_segments": (), "reach_primitive": None},
+        "unscrewing": {"unscrewing_segments": (), "unscrewing_primitive": None},
+        "scraping": {"execution": ()},
+    }
+    gone = {name: value for part in parts for name, value in nothing.get(part.name, {}).items()}
+    return replace(results, tables=tables, **gone)
+
+
+def report(results, reports=Path("no such folder")):
+    return assembly.recorded_report(results, reports)
 
 
 @lru_cache
@@ -288,24 +340,26 @@ def test_made_up_tables_are_those_of_the_files():
     assert set(made_up().tables) == set(TABLES)
 
 
+@pytest.mark.parametrize("part", assembly.PARTS, ids=lambda part: part.name)
 @pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
-def test_every_claim_can_say_yes_and_no(good, word):
-    found = verdicts(assembly.PACKAGE, evidence(made_up(good)))
+def test_every_claim_can_say_yes_and_no(part, good, word):
+    found = verdicts(parts.__name__, part.evidence(made_up(good)), f"{part.name}_claims.yaml")
     assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
 
 
 def test_pairs_are_reaches_and_not_draws():
     """Draws of rests hardly differ, and a reach that was left out more often counts no more."""
-    found = evidence(made_up())
+    found = reaches_part.evidence(made_up())
     assert {one.n for one in found["printed_over_crossing"].values()} == {3}
-    assert found["coupling_gain"].n == 4
+    gain = higher_reaches_part.evidence(made_up())["coupling_gain"]
+    assert gain.n == 4
     uneven = made_up()["coupling_distances"].iloc[[0, *range(8)]]
     more = replace(made_up(), tables=made_up().tables | {"coupling_distances": uneven})
-    assert evidence(more)["coupling_gain"] == found["coupling_gain"]
+    assert higher_reaches_part.evidence(more)["coupling_gain"] == gain
 
 
 def test_the_best_representation_is_one_for_all_axes():
-    values = metrics(made_up())
+    values = report(made_up()).metrics
     scores = made_up()["avoidance_scores"].set_index(["representation", "inputs", "axis"])["nmse"]
     for axis in AXES:
         assert values[f"obstacle_nmse_{axis}"] == scores["ensemble", "phase", axis]
@@ -314,22 +368,115 @@ def test_the_best_representation_is_one_for_all_axes():
 @pytest.fixture(scope="module")
 def published(tmp_path_factory):
     """Folder of the report, and the names of its figures."""
-    results, folder = made_up(), tmp_path_factory.mktemp("recorded")
-    drawn, shown = figures.pictures(results), tables(results)
-    publish_report(folder, {"index": document(results)}, drawn, shown, metrics(results), assembly.HEADLINES)
+    made, folder = report(made_up()), tmp_path_factory.mktemp("recorded")
+    drawn = assembly.recorded_pictures(made_up())
+    publish_report(folder, made.pages, drawn, made.tables, made.metrics, made.headlines)
     return folder, list(drawn)
 
 
-def test_the_page_is_whole_short_and_always_the_same(published):
+def test_the_pages_are_whole_short_and_always_the_same(published):
     folder, shown = published
-    page = (folder / "index.html").read_text()
-    assert words_in_view(page) <= 1500
-    assert all(f"figure-{name}" in page for name in shown)
-    assert 'src="http' not in page
+    pages = {path.stem: path.read_text() for path in folder.glob("*.html")}
+    assert set(pages) == {"index", *assembly.PAGES}
+    assert words_in_view(pages["index"]) <= 1500
+    assert all(words_in_view(page) <= 1500 for page in pages.values())
+    assert all(any(f"figure-{name}" in page for page in pages.values()) for name in shown)
+    assert not any('src="http' in page for page in pages.values())
     others = json.loads((folder / "details.json").read_text())
     assert {"nominal_path_std_mm", "reach_fit_unscaled_end_max_mm", "touch_mds_nmse_slides"} <= set(others)
+    first, second = (report(made_up()).pages for _ in range(2))
     panels = dict.fromkeys(shown, ())
-    assert render(document(made_up()), panels) == render(document(made_up()), panels)
+    assert all(render(first[name], panels) == render(second[name], panels) for name in pages)
+    for part in assembly.PARTS:
+        assert f'id="{anchor(part.heading)}"' in pages["index"]
+        assert f'id="{anchor(part.heading)}"' in pages[part.page]
+
+
+@pytest.mark.parametrize("part", assembly.PARTS, ids=lambda part: part.name)
+def test_a_set_that_is_not_recorded_is_said_to_be_missing_and_the_others_stay(part):
+    whole, rest = report(made_up()), report(without(made_up(), part))
+    gone = [one for one in assembly.PARTS if not one.there(without(made_up(), part))]
+    assert part in gone  # with the reaches go those that are corrections of them
+    words = {(one.heading, one.claim.evidence): one.verdict for one in rest.pages["index"].judged}
+    missing = {(one.heading, claim.evidence) for one in gone for claim in one.claims}
+    for one in whole.pages["index"].judged:
+        key = one.heading, one.claim.evidence
+        assert words[key] == ("not tested" if key in missing else one.verdict)
+    assert {*whole.metrics} - {*rest.metrics} == {name for one in gone for name in one.metrics(made_up())}
+    for name in ("index", part.page):
+        text = render(rest.pages[name], AnyFigure())
+        assert text.count("Not recorded here.") == len(gone)
+
+
+def test_nothing_at_all_makes_pages_too():
+    made = report(without(made_up(), *assembly.PARTS))
+    assert {one.verdict for one in made.pages["index"].judged} == {"not tested"}
+    assert (made.metrics, made.tables, made.headlines) == ({}, {}, [])
+    assert render(made.pages["index"], {}).count("Not recorded here.") == len(assembly.PARTS)
+
+
+@pytest.mark.parametrize("missing", ["slides", "unscrewing"])
+def test_touch_goes_on_with_one_of_its_sets(missing):
+    gone = {missing, touch_part.PARTNERS[missing]}
+    found = dict(made_up().tables)
+    for name, columns in (
+        ("touch_errors", ("learned_from", "asked_about")),
+        ("touch_sets", ("set",)),
+        ("touch_likeness", ("first", "second")),
+        ("touch_correlations", ("set",)),
+    ):
+        for column in columns:
+            found[name] = found[name][~found[name][column].isin(gone)]
+    made = report(replace(made_up(), tables=found))
+    left = next(name for name in touch_part.PARTNERS if name != missing)
+    assert f"touch_reconstruction_nmse_{left}" in made.metrics
+    assert f"touch_reconstruction_nmse_{missing}" not in made.metrics
+    page = render(made.pages["touch"], AnyFigure())
+    assert missing not in page.partition("<main>")[2].partition("<details")[0]
+    assert all(touch_part.pictures(replace(made_up(), tables=found)).values())
+
+
+def test_slides_over_one_material_are_enough():
+    tables = dict(made_up().tables)
+    for name in ("slide_deviations", "slide_left_one_out", "slide_channels"):
+        its = tables[name]
+        tables[name] = its[its["demonstration"].isin(["m9_1", "m9_2"])]
+    tables["slide_across"] = tables["slide_across"][:0]
+    tables["slide_statistics"] = tables["slide_statistics"].query("group == 'learned'")
+    made = report(replace(made_up(), tables=tables))
+    words = {one.claim.evidence: one.verdict for one in made.pages["index"].judged}
+    assert (words["other_material"], words["other_material_any"]) == ("not tested", "not tested")
+    assert "slides_other_material_median_rms_counts" not in made.metrics
+    for name in ("index", "movements"):
+        render(made.pages[name], AnyFigure())
+    slides_part.pictures(replace(made_up(), tables=tables))
+
+
+def test_a_row_says_what_the_simulated_testbed_found(tmp_path):
+    like = next(claim.simulated for claim in avoidance_part.PART.claims if claim.simulated)
+    folder = tmp_path / like.testbed / "tables"
+    folder.mkdir(parents=True)
+    lines = ("by,statement,case,verdict", f'text,"{like.statement}",,no', "text,other,,yes")
+    (folder / "claims.csv").write_text("\n".join(lines) + "\n")
+    made = report(made_up(), tmp_path)
+    (one,) = [one for one in made.pages["index"].judged if one.simulated]
+    assert (one.claim.simulated, one.verdict, one.simulated) == (like, "yes", "no")
+    page = render(made.pages["index"], AnyFigure())
+    assert "0 of 1 statements" in page
+    assert f'title="{like.statement}"' in page
+    table = claims_table(made.pages["index"].judged)
+    assert list(table.loc[table["simulated"] != "", "statement"].unique()) == [one.claim.statement]
+    assert list(dict.fromkeys(table["set"])) == [part.heading for part in assembly.PARTS]
+
+
+def test_every_counterpart_is_a_statement_of_its_testbed(root):
+    simulated = assembly.simulated_claims(root / "reports")
+    likes = [claim.simulated for part in assembly.PARTS for claim in part.claims if claim.simulated]
+    assert likes
+    for like in likes:
+        assert verdict_in(simulated[like.testbed], like), like.statement
+        known = simulated[like.testbed].query("statement == @like.statement")["case"]
+        assert set(like.cases) <= set(known)
 
 
 def test_calibration_says_what_agrees(tmp_path):
@@ -347,6 +494,12 @@ def test_calibration_says_what_agrees(tmp_path):
     assert stronger == pytest.approx(3, rel=0.05)
 
 
+def test_calibration_without_a_recorded_execution_says_so():
+    page = calibration_results.calibration_document({}, {}, {"calibrate": PARAMETERS})
+    assert {one.verdict for one in page.judged} == {"not tested"}
+    assert "No scraping execution is recorded here" in render(page, {})
+
+
 def test_the_claims_bound_is_the_parameters_factor(root):
     parameters = touch_calibration.CalibrationParameters
     factor = read_parameters(root / "params.yaml", "calibrate", parameters).factor
@@ -360,6 +513,7 @@ def test_names_are_those_of_the_protocols():
     assert set(names.INPUTS) == {inputs for _, inputs in REPRESENTATIONS}
     assert tuple(names.TOUCH_MODELS) == latent_touch.MODELS
     assert set(names.SLIDE_GROUPS) == set(slides.GROUPS)
+    assert {name: touch_sets.PARTNERS[name] for name in touch_sets.RECORDED} == touch_part.PARTNERS
     assert {URDF, LEAST_SQUARES} < set(names.DYNAMICS_MODELS)
     known = {latent_touch.NEW_TRIALS, latent_touch.NEW_MATERIAL, latent_touch.OWN_UNITS, latent_touch.NEW_SET}
     assert {new for _, _, new in names.TOUCH_ASKED} == known

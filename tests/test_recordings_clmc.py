@@ -1,14 +1,19 @@
 """The importer on tiny logs that are made up, and on the recorded data where they are at hand."""
 
+import shutil
+
 import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
 from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import clmc, read_demonstrations, synchronise, write_recordings
 
 ROWS = 6
+
+INCOMPLETE = {("dataset2_part", "15"), ("dataset2_part", "21")}
+"""Recorded reaches that begin or end in mid-air."""
 
 
 @pytest.fixture
@@ -92,14 +97,43 @@ def test_scraping_streams_of_different_length_are_refused(folder):
     ("read", "complaint"),
     [
         (clmc.read_reaches, "dataset1: holds no reaches"),
-        (lambda folder: clmc.read_reaches(folder, "dataset3"), "dataset3: no such set of reaches"),
+        (lambda folder: clmc.read_reaches(folder, "dataset3"), "dataset3: holds no reaches"),
         (clmc.read_unscrewing, "quat_dmp_unscrewing: holds no logs"),
-        (clmc.read_scraping_execution, "prim1/position: cannot be read"),
+        (clmc.read_scraping_execution, "scraping: holds no execution"),
+        (lambda folder: clmc.read_scraping_execution(folder, "other"), "scraping/other: holds no execution"),
     ],
 )
 def test_missing_data(tmp_path, read, complaint):
-    with pytest.raises(InputError, match=complaint):
+    with pytest.raises(MissingInputError, match=complaint):
         read(tmp_path)
+
+
+def test_any_number_of_files_is_taken(folder):
+    """Reaches and logs under other numbers and in other folders, an execution of two primitives."""
+    reaches, logs = folder / "cart_coord_dmp", folder / "quat_dmp_unscrewing"
+    (reaches / "dataset1").rename(reaches / "dataset2")
+    (reaches / "dataset2/2.txt").rename(reaches / "dataset2/31.txt")
+    (reaches / "dataset2/notes.txt").write_text("not a reach")
+    assert [one.name for one in clmc.read_reaches(folder, "dataset2")] == ["1", "10", "31"]
+    for name in ("2", "10"):
+        (logs / f"{name}.txt").write_text((logs / "01.txt").read_text())
+    assert [one.name for one in clmc.read_unscrewing(folder)] == ["01", "2", "10"]
+    trials = folder / "scraping"
+    (trials / "setting_2_trial_3").rename(trials / "setting_10_trial_1")
+    shutil.rmtree(trials / "setting_10_trial_1/prim3")
+    assert [one.name for one in clmc.read_scraping_execution(folder)] == ["prim1", "prim2"]
+    shutil.copytree(trials / "setting_10_trial_1", trials / "setting_9_trial_1")
+    first, *_ = clmc.read_scraping_execution(folder)
+    assert "setting_9_trial_1" in first.provenance["files"]
+    first, *_ = clmc.read_scraping_execution(folder, "setting_10_trial_1")
+    assert "setting_10_trial_1" in first.provenance["files"]
+
+
+def test_a_primitive_without_one_of_its_files_is_refused(folder):
+    (folder / "scraping/setting_2_trial_3/prim2/sense_R_LF").unlink()
+    with pytest.raises(InputError, match="prim2/sense_R_LF: cannot be read") as error:
+        clmc.read_scraping_execution(folder)
+    assert not isinstance(error.value, MissingInputError)
 
 
 def test_a_wrong_table_is_named(folder):
@@ -118,7 +152,7 @@ def test_recorded_reaches(dataset, count):
         assert 0.4 < demonstration.time[-1] < 1.04
         shift = demonstration.position[-1] - demonstration.position[0]
         whole = np.abs(shift - [-0.268, 0.389, 0.033]).max() < 0.05
-        assert whole == (recording.name not in clmc.INCOMPLETE_REACHES[dataset])
+        assert whole == ((dataset, recording.name) not in INCOMPLETE)
         integral = np.trapezoid(demonstration.velocity, dx=1e-3, axis=0)
         np.testing.assert_allclose(integral, shift, atol=0.01)  # the twist is the pose's
 

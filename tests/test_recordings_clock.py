@@ -36,13 +36,13 @@ def test_the_error_of_interpolation_stays_below_its_bound(frequency_hz, seed):
     rng = np.random.default_rng(seed)
     omega = 2 * np.pi * frequency_hz
     stamps, other = irregular(rng, 400, 150), irregular(rng, 300, 100)
-    wave = np.sin(omega * seconds(stamps))
+    wave = 0.1 * np.sin(omega * seconds(stamps))
     wrench = np.cos(omega * seconds(other))[:, None] * np.ones(6)
     streams = (pose_stream(stamps, wave[:, None] * np.ones(3)), Stream("/wrist", "wrench", other, wrench))
     demonstration = synchronise(Recording("waves", streams), rate_hz=333.0)
     time = demonstration.time + seconds(max(stamps[0], other[0]))
     for values, clock, exact in (
-        (demonstration.position, stamps, np.sin(omega * time)),
+        (10 * demonstration.position, stamps, np.sin(omega * time)),
         (demonstration.wrench, other, np.cos(omega * time)),
     ):
         bound = (np.diff(clock).max() * 1e-9) ** 2 / 8 * omega**2  # max|x''| = omega^2
@@ -184,3 +184,54 @@ def test_a_faulty_stream_is_refused():
     pose.values[7, 1] = np.nan
     with pytest.raises(InputError, match=r"^bad: /tool: row 7 .*, column 1: value is nan"):
         synchronise(Recording("bad", (pose,)))
+
+
+def line_stream(count=200, rate_hz=100.0):
+    stamps = UNIX + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
+    return pose_stream(stamps, 0.1 * seconds(stamps)[:, None] * [1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("row", "jump_s"), [(0, -1_581_238_055), (199, 10**5), (100, 10**5), (100, 2 * 10**9)]
+)
+def test_a_stamp_far_off_is_named_at_once(row, jump_s):
+    """A header that is 0 before the clock is known, or a clock that is set: ticks would fill terabytes."""
+    stream = line_stream()
+    stream.stamps[row if row != 100 else slice(100, None)] += jump_s * 10**9
+    with pytest.raises(InputError, match=r"far: /tool: row \d+ .* is followed by a gap of"):
+        synchronise(Recording("far", (stream,)), rate_hz=300.0)
+
+
+@pytest.mark.parametrize("size_m", [0.2, 2.0, 100.0, 1e308])
+def test_a_pose_that_jumps_is_named(size_m):
+    stream = line_stream()
+    stream.values[70, 1] += size_m
+    with pytest.raises(
+        InputError, match=r"spike: /tool: row 70 .*: position jumps at .* m/s, more than 10 m/s"
+    ):
+        synchronise(Recording("spike", (stream,)))
+
+
+def test_an_orientation_that_jumps_is_named_and_one_with_the_other_sign_is_none():
+    stream = line_stream()
+    stream.values[50:, 3:] *= -1.0
+    synchronise(Recording("signs", (stream,)))
+    stream.values[60, 3:] = [0.0, 1.0, 0.0, 0.0]
+    with pytest.raises(InputError, match=r"turns: /tool: row 60 .*: orientation jumps at 314 rad/s"):
+        synchronise(Recording("turns", (stream,)))
+
+
+def test_bursts_of_messages_are_no_jumps():
+    """Samples of a steady motion whose stamps come in pairs 0.1 ms apart."""
+    stream = line_stream()
+    stream.stamps[1::2] = stream.stamps[::2] + 100_000
+    stream.values[:, 0] *= 10.0  # 1 m/s
+    assert synchronise(Recording("bursts", (stream,)), rate_hz=100.0).position.shape[1] == 3
+
+
+def test_poses_closer_than_any_robot_sends_them_are_named():
+    stream = line_stream()
+    stream.stamps[:] = UNIX + np.arange(200)
+    stream.values[:, :3] = 0.0
+    with pytest.raises(InputError, match=r"dense: /tool: poses come at 1e\+09 Hz, more than 10000 Hz"):
+        synchronise(Recording("dense", (stream,)))

@@ -96,9 +96,11 @@ def test_files_of_one_name_are_refused(tmp_path):
     [
         (["a", "a"], "several recordings have the name a"),
         (["1", "01"], "several recordings have the name 01"),
-        (["../a"], r"'\.\./a' cannot be a file name"),
-        (["a/b"], "'a/b' cannot be a file name"),
-        ([""], "'' cannot be a file name"),
+        (["../a"], r"'\.\./a' cannot be a name"),
+        (["a/b"], "'a/b' cannot be a name"),
+        ([""], "'' cannot be a name"),
+        (["$x^{$"], r"'\$x\^\{\$' cannot be a name"),
+        (["=1+1"], "'=1\\+1' cannot be a name"),
     ],
 )
 def test_names_must_be_file_names_of_their_own(tmp_path, names, complaint):

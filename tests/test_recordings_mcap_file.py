@@ -208,7 +208,7 @@ def test_an_empty_topic_whose_chunks_are_passed_over_is_named(tmp_path):
 
 def test_a_topic_that_is_optional_may_be_absent(tmp_path):
     write_bag(tmp_path / "bag.mcap", POSES)
-    optional = OptionalTopicMap(**topic_map(pose="/tool", wrench="/wrist").model_dump())
+    optional = OptionalTopicMap(**topic_map(pose="/tool", wrench="/wrist").model_dump(), obstacles=None)
     assert len(read_recording(tmp_path / "bag.mcap", optional).streams) == 1
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings_bags import recorded_data
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import slide, synchronise
 
 START = 1581238055_716234152
@@ -49,7 +49,7 @@ def test_a_missing_stream_and_an_empty_folder(folder, tmp_path_factory):
     (folder / "mat9_10_cw.csv").unlink()
     with pytest.raises(InputError, match=r"mat9_10_cw\.csv: cannot be read: No such file"):
         slide.read_slides(folder)
-    with pytest.raises(InputError, match="holds no trials"):
+    with pytest.raises(MissingInputError, match="holds no trials"):
         slide.read_slides(tmp_path_factory.mktemp("empty"))
 
 
@@ -60,10 +60,19 @@ def test_trials_may_lie_in_folders_of_their_material_and_be_limited(folder):
     for path in folder.glob("*.csv"):
         path.rename(inner / path.name)
     assert [recording.name for recording in slide.read_slides(folder)] == flat
-    limited = slide.read_slides(folder, trials=2)
-    assert [recording.name for recording in limited] == [
-        name for name in flat if int(name.split("_")[1]) <= 2
-    ]
+    assert [recording.name for recording in slide.read_slides(folder, trials=1)] == ["mat9_2"]
+
+
+def test_any_material_and_any_trials_are_taken(folder):
+    """Materials have any name, and of each the first trials that are there are the first."""
+    for path in folder.glob("mat9_10_*.csv"):
+        for name in ("rough_paper_7", "rough_paper_31", "mat15_3"):
+            (folder / path.name.replace("mat9_10", name)).write_text(path.read_text())
+        path.unlink()
+    names = [recording.name for recording in slide.read_slides(folder)]
+    assert names == ["mat9_2", "mat15_3", "rough_paper_7", "rough_paper_31"]
+    assert [recording.name for recording in slide.read_slides(folder, trials=1)] == names[:3]
+    assert [slide.material_of(name) for name in names[1:3]] == ["mat15", "rough_paper"]
 
 
 def test_a_broken_row_is_named(folder):

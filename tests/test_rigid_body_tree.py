@@ -109,6 +109,9 @@ BAD_JOINTS = {
     "joint 'hinge': the axis is zero": [
         hinge('<limit lower="-1" upper="1" velocity="1" effort="1"/>', axis="0 0 0")
     ],
+    "joint 'hinge': it follows another one (<mimic>)": [
+        hinge('<limit lower="-1" upper="1" velocity="1" effort="1"/><mimic joint="other"/>')
+    ],
     "the robot has no joint that moves": [hinge("", "fixed")],
     "not a valid URDF model": [HINGE.replace('child link="moved"', 'child link="lost"'), HINGE + HINGE],
 }
@@ -138,6 +141,17 @@ def test_bad_files_are_one_message(tmp_path, content, message):
         path.write_text(content)
     with pytest.raises(InputError, match=re.escape(f"{path}: {message}")):
         read_urdf(path)
+
+
+def test_a_joint_is_not_locked_twice(tmp_path):
+    with pytest.raises(InputError, match="joint 'hinge' is to be locked twice"):
+        read_urdf(write(tmp_path), ("hinge", "hinge"))
+
+
+def test_an_inertia_that_no_body_has_is_told_of(tmp_path):
+    body = BODY.replace('ixx="0.03"', 'ixx="0.3"')
+    with pytest.warns(UserWarning, match="no body has the inertia of what moves with 'hinge'"):
+        read_urdf(write(tmp_path, body=body))
 
 
 def test_an_unknown_joint_cannot_be_locked():

@@ -11,6 +11,7 @@ from viewer_files import colour_of, contents, demonstration, note, values, view_
 
 from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground import quaternion
+from structlearn.ground.artefacts import write_table
 from structlearn.primitives.fitting import FitParameters, learn_primitive
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.trajectory import differentiated, differentiated_orientation
@@ -354,7 +355,7 @@ def write_traces(files, kind, models, settings):
         for run in ("01", "02")
     ]
     (files.data / "feedback/scraping" / kind).mkdir(parents=True)
-    pd.concat(tables).to_parquet(files.data / "feedback/scraping" / kind / "traces.parquet")
+    write_table(pd.concat(tables), files.data / "feedback/scraping" / kind / "traces.parquet")
 
 
 def test_runs_with_feedback_are_found_where_the_stages_wrote_them(files):
@@ -375,7 +376,7 @@ def test_runs_with_feedback_are_found_where_the_stages_wrote_them(files):
             for setting in (2.5, 10.0)
             for number in (0, 1)
         ]
-        pd.concat(corrected).to_parquet(datasets / f"{name}.parquet")
+        write_table(pd.concat(corrected), datasets / f"{name}.parquet")
 
     runs = read_feedback_runs(files)
     assert list(runs) == [10.0, 2.5]

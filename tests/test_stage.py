@@ -4,7 +4,8 @@ import sys
 import pytest
 
 from structlearn.ground import stage
-from structlearn.ground.errors import InputError
+from structlearn.ground.artefacts import filled
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.params import Parameters
 
 
@@ -54,3 +55,34 @@ def test_a_stage_script_without_its_parameters_says_so(tmp_path):
     )
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr == "error: params.yaml: no such parameter file\n"
+
+
+def test_a_stage_without_its_data_leaves_an_empty_folder_and_says_why(tmp_path, capsys):
+    data, target = tmp_path / "data", tmp_path / "made"
+    data.mkdir()
+    target.mkdir()
+    (target / "old.txt").write_text("of data that are gone")
+    stage.or_empty(lambda: filled(data), target)()
+    assert list(target.iterdir()) == []
+    (said,) = capsys.readouterr().out.splitlines()
+    assert said == f"{target}: left empty: {data} holds 0 files, 1 or more are needed"
+
+
+def test_damaged_data_are_an_error_and_leave_what_was_there(tmp_path):
+    def damaged():
+        raise InputError("cut off")
+
+    (tmp_path / "old.txt").write_text("")
+    with pytest.raises(InputError, match="cut off"):
+        stage.or_empty(damaged, tmp_path)()
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_folder_is_filled_or_too_empty_or_not_there(tmp_path):
+    (tmp_path / "1.mcap").write_text("")
+    assert filled(tmp_path) == tmp_path
+    with pytest.raises(MissingInputError, match="holds 1 files, 2 or more are needed"):
+        filled(tmp_path, at_least=2)
+    with pytest.raises(InputError, match="no such folder; run the stage that writes it") as error:
+        filled(tmp_path / "none")
+    assert not isinstance(error.value, MissingInputError)

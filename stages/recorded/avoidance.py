@@ -1,15 +1,15 @@
-"""Cross-validate every representation of obstacle avoidance on 823 recorded samples (dissertation IV.8)."""
+"""Cross-validate every representation of obstacle avoidance on recorded samples (dissertation IV.8)."""
 
 from structlearn.avoidance.avoidance_dataset import from_table
-from structlearn.ground.artefacts import publish, read_table, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.ground.artefacts import filled, publish, read_table, write_table
+from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.avoidance_representations import compare_on_recorded
 
 
 def main() -> None:
     parameters = stage_parameters("recorded_avoidance", RecordedAvoidanceParameters)
-    samples = from_table(read_table("data/raw/recorded/avoidance/samples.parquet"))
+    samples = from_table(read_table(filled("data/raw/recorded/avoidance") / "samples.parquet"))
     results = compare_on_recorded(samples, parameters)
     with publish("data/recorded/avoidance") as folder:
         folder.mkdir()
@@ -18,4 +18,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(or_empty(main, "data/recorded/avoidance"))

@@ -1,7 +1,9 @@
 """Measure the same statistics of touch on recordings and on the simulated robot's nominal executions."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from pathlib import Path
+
+from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_recordings
 from structlearn.testbeds.recorded.protocol import touch_calibration
 from structlearn.testbeds.recorded.protocol.touch_traces import finger_traces, joined
@@ -16,10 +18,10 @@ SETS = {
 def main() -> None:
     parameters = stage_parameters("calibrate", touch_calibration.CalibrationParameters)
     clock = parameters.rate_hz, parameters.settling_s
-    primitives = read_recordings("data/raw/recorded/scraping")
+    primitives = read_recordings(filled("data/raw/recorded/scraping"))
     traces = joined(touch_calibration.REFERENCE, "execution", primitives, *clock)
     for group, folder in SETS.items():
-        for recording in read_recordings(folder):
+        for recording in read_recordings(folder) if any(Path(folder).iterdir()) else ():
             traces += finger_traces(group, recording, *clock)
     electrodes = touch_calibration.electrode_table(traces, parameters)
     fingers = touch_calibration.finger_table(traces, electrodes, parameters)
@@ -35,4 +37,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(or_empty(main, "data/recorded/calibration"))

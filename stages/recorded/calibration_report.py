@@ -16,15 +16,11 @@ from structlearn.testbeds.recorded.protocol.touch_calibration import Calibration
 def main() -> None:
     parameters = stage_parameters("calibrate", CalibrationParameters)
     stored = RecordedFiles().calibration()
-    shown = tables(stored)
-    publish_report(
-        "reports/calibration",
-        {"index": calibration_document(stored, shown, {"calibrate": parameters})},
-        pictures(stored, parameters.variance),
-        shown,
-        metrics(stored["comparison"]),
-        HEADLINES,
-    )
+    shown = tables(stored) if stored else {}
+    pages = {"index": calibration_document(stored, shown, {"calibrate": parameters})}
+    drawn = pictures(stored, parameters.variance) if stored else {}
+    found = metrics(stored["comparison"]) if stored else {}
+    publish_report("reports/calibration", pages, drawn, shown, found, HEADLINES if stored else ())
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
 """Identify a recorded arm, with and without Coulomb friction; torques of another one's slides (III.4)."""
 
-from dataclasses import fields
+import pandas as pd
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.ground.errors import MissingInputError
+from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_demonstrations
+from structlearn.recordings.folders import natural_order
 from structlearn.recordings.joint_log import read_joint_log
-from structlearn.rigid_body.model_files import write_dynamics_models
+from structlearn.rigid_body.model_files import DynamicsModels, write_dynamics_models
 from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
@@ -14,24 +16,48 @@ from structlearn.testbeds.recorded.protocol.panda_identification import identify
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
 
+Found = tuple[dict[str, DynamicsModels], dict[str, pd.DataFrame]]
+"""Models and tables by name."""
 
-def main() -> None:
+
+def identified() -> Found:
+    """Of the first motion of the Panda."""
     parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters)
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
+    logs = filled("data/raw/recorded/panda").glob("*.mcap")
+    log = read_joint_log(min(logs, key=lambda path: natural_order(path.stem)))
     panda = read_urdf(urdf_path(parameters.urdf), parameters.locked_joints)
-    log = read_joint_log("data/raw/recorded/panda/exciting_trajectory.mcap")
     models, results = identify(panda, panda_motion(log, parameters), parameters, learning)
-    slides = read_demonstrations("data/raw/recorded/slides", rate_hz=RATE_HZ)
+    return models, vars(results)
+
+
+def slide_torques() -> Found:
+    """Of all slides."""
+    slides = read_demonstrations(filled("data/raw/recorded/slides"), rate_hz=RATE_HZ)
     torques, payloads = torque_check(read_urdf(urdf_path(ARM)), slides, CUTOFF_HZ)
+    return {}, {"slide_torques": torques, "slide_payloads": payloads}
+
+
+def main() -> None:
+    models, tables, missing = {}, {}, []
+    for find in (identified, slide_torques):
+        try:
+            its_models, its_tables = find()
+        except MissingInputError as error:
+            missing.append(str(error))
+        else:
+            models, tables = models | its_models, tables | its_tables
+    if not tables:
+        raise MissingInputError("; ".join(missing))
+    for message in missing:
+        print(f"without {message}")
     with publish("data/recorded/dynamics") as folder:
         folder.mkdir()
         for name, learned in models.items():
             write_dynamics_models(learned, folder / "models" / f"{name}.safetensors")
-        for field in fields(results):
-            write_table(getattr(results, field.name), folder / f"{field.name}.parquet")
-        write_table(torques, folder / "slide_torques.parquet")
-        write_table(payloads, folder / "slide_payloads.parquet")
+        for name, table in tables.items():
+            write_table(table, folder / f"{name}.parquet")
 
 
 if __name__ == "__main__":
-    run(main)
+    run(or_empty(main, "data/recorded/dynamics"))

@@ -1,7 +1,10 @@
 """Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4)."""
 
+from pathlib import Path
+
 from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.ground.errors import MissingInputError
+from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_demonstrations, synchronise
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
@@ -21,12 +24,14 @@ def main() -> None:
     person = stage_parameters("toucher", ToucherParameters).model_copy(update=fewer)
     finger = stage_parameters("touch_finger", TouchFingerParameters)
     electrodes = stage_parameters("testbed.touch", TouchParameters)
+    slides, unscrewing = (
+        read_demonstrations(folder, rate_hz=samples.rate_hz) if any(folder.iterdir()) else []
+        for folder in (Path("data/raw/recorded/slides"), Path("data/raw/recorded/unscrewing"))
+    )
+    if max(len(slides), len(unscrewing)) < 2:
+        raise MissingInputError("two slides or two logs of unscrewing are needed")
     runs = demonstrate(person, finger.with_electrodes_of(electrodes))
     touches = [synchronise(recorded(one, person), samples.rate_hz) for one in runs]
-    slides, unscrewing = (
-        read_demonstrations(f"data/raw/recorded/{name}", rate_hz=samples.rate_hz)
-        for name in ("slides", "unscrewing")
-    )
     simulated = prepare(touches, skin, samples)
     sets = touch_sets(
         slides, unscrewing, simulated, skin, samples.cutoff_hz, parameters.faulty, parameters.geodesics
@@ -39,4 +44,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(or_empty(main, "data/recorded/latent_touch"))

@@ -1,20 +1,21 @@
-"""The report on recorded data: figures, tables, metrics and the page that shows them."""
+"""The report on recorded data: figures, tables, metrics and the pages that show them."""
 
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.primitives.fitting import FitParameters, segment_paths, whole
+from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
-from structlearn.testbeds.recorded import files
-from structlearn.testbeds.recorded.page.assembly import HEADLINES, recorded_document
-from structlearn.testbeds.recorded.page.figures import pictures
-from structlearn.testbeds.recorded.page.results import RecordedResults, metrics
-from structlearn.testbeds.recorded.page.tables import tables
+from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
+from structlearn.testbeds.recorded.page.results import read_results
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 PARAMETERS = {
     "recorded_reaches": ReachParameters,
@@ -23,27 +24,19 @@ PARAMETERS = {
     "recorded_scraping": ExecutionParameters,
     "recorded_slides": SlideParameters,
     "recorded_avoidance": RecordedAvoidanceParameters,
+    "recorded_boxes": BoxesParameters,
     "recorded_latent_touch": LatentTouchParameters,
+    "recorded_skin": SkinParameters,
     "recorded_dynamics": RecordedDynamicsParameters,
+    "recorded_ur10e": RecordedUr10eParameters,
 }
 
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    stored = files.RecordedFiles()
-    reaches, logs = stored.demonstrations(files.REACHES), stored.demonstrations(files.UNSCREWING)
-    fit, turn_fit = parameters["recorded_reaches"].fit, parameters["recorded_unscrewing"]
-    results = RecordedResults(
-        tables=stored.tables(),
-        reach_segments=segment_paths(reaches, whole(reaches), fit.smoothing_hz),
-        reach_primitive=stored.primitives(files.REACHES)[0],
-        unscrewing_segments=segment_paths(logs, whole(logs), turn_fit.smoothing_hz),
-        unscrewing_primitive=stored.primitives(files.UNSCREWING)[0],
-        execution=stored.demonstrations(files.SCRAPING),
-    )
-    shown = tables(results)
-    page = recorded_document(results, shown, parameters)
-    publish_report("reports/recorded", {"index": page}, pictures(results), shown, metrics(results), HEADLINES)
+    results = read_results(RecordedFiles(), parameters)
+    report, drawn = recorded_report(results), recorded_pictures(results)
+    publish_report("reports/recorded", report.pages, drawn, report.tables, report.metrics, report.headlines)
 
 
 if __name__ == "__main__":

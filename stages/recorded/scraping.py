@@ -1,7 +1,7 @@
 """Learn the primitives and the 38 electrode traces of a recorded scraping execution (dissertation IV.9)."""
 
-from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.stage import run, stage_parameters
+from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.sequence import sequence_table
 from structlearn.recordings import read_demonstrations
@@ -14,7 +14,7 @@ from structlearn.testbeds.recorded.protocol.scraping_execution import (
 
 def main() -> None:
     parameters = stage_parameters("recorded_scraping", ExecutionParameters)
-    parts = read_demonstrations("data/raw/recorded/scraping")
+    parts = read_demonstrations(filled("data/raw/recorded/scraping"))
     primitives, path, errors = learn_execution(parts, parameters.fit)
     sensors, scores, traces = learn_traces(parts, parameters)
     with publish("data/recorded/scraping") as folder:
@@ -31,4 +31,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    run(main)
+    run(or_empty(main, "data/recorded/scraping"))

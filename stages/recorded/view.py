@@ -1,35 +1,87 @@
 """Recordings of the recorded data to look at: what was recorded, what was learned from it, deviations."""
 
+from pathlib import Path
+
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.testbeds.recorded import files
+from structlearn.testbeds.recorded.protocol.corrected_reaches import complete
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
+from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
+from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
 from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
+from structlearn.testbeds.recorded.recordings.ur10e_recording import write_carried
+
+
+def show_reaches(stored: files.RecordedFiles, folder: Path) -> None:
+    reaches, primitive = stored.demonstrations(files.REACHES), stored.primitives(files.REACHES)
+    movements.write_reaches(folder / "reaches.rrd", reaches, primitive)
+
+
+def show_higher_reaches(stored: files.RecordedFiles, folder: Path) -> None:
+    higher = complete(stored.demonstrations(files.HIGHER_REACHES), stored.completeness())
+    learned = stored.primitives(files.REACHES), stored.coupling_networks()
+    movements.write_higher_reaches(folder / "corrected_reaches.rrd", higher, *learned)
+
+
+def show_unscrewing(stored: files.RecordedFiles, folder: Path) -> None:
+    fit = stage_parameters("recorded_unscrewing", FitParameters)
+    logs = stored.demonstrations(files.UNSCREWING)
+    turns = [turn for _, turn in segment_paths(logs, whole(logs), fit.smoothing_hz)]
+    write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
+
+
+def show_scraping(stored: files.RecordedFiles, folder: Path) -> None:
+    execution, sequence = stored.demonstrations(files.SCRAPING), stored.primitives(files.SCRAPING)
+    movements.write_execution(folder / "scraping_recorded.rrd", execution)
+    movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
+
+
+def show_slides(stored: files.RecordedFiles, folder: Path) -> None:
+    slides = stage_parameters("recorded_slides", SlideParameters)
+    trials = stored.demonstrations(files.SLIDES, rate_hz=slides.rate_hz, max_gap_s=slides.max_gap_s)
+    movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
+
+
+def show_boxes(stored: files.RecordedFiles, folder: Path) -> None:
+    write_box_reaches(folder / "boxes.rrd", stored.of_set("boxes"))
+
+
+def show_skin(stored: files.RecordedFiles, folder: Path) -> None:
+    skin = stage_parameters("recorded_skin", SkinParameters)
+    write_skin(folder / "skin.rrd", stored.of_set("skin"), skin.tuned_on)
+
+
+def show_ur10e(stored: files.RecordedFiles, folder: Path) -> None:
+    own, tables = stage_parameters("recorded_ur10e", RecordedUr10eParameters), stored.of_set("ur10e")
+    if len(tables["carried"]):
+        write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own)
+
+
+SHOWN = {
+    files.REACHES: show_reaches,
+    files.HIGHER_REACHES: show_higher_reaches,
+    files.UNSCREWING: show_unscrewing,
+    files.SCRAPING: show_scraping,
+    files.SLIDES: show_slides,
+    files.BOXES: show_boxes,
+    files.SKIN: show_skin,
+    files.UR10E: show_ur10e,
+}
+"""By set."""
 
 
 def main() -> None:
-    slides = stage_parameters("recorded_slides", SlideParameters)
-    turn_fit = stage_parameters("recorded_unscrewing", FitParameters)
     stored = files.RecordedFiles()
-    reach = stored.primitives(files.REACHES)
-    higher = stored.demonstrations(files.HIGHER_REACHES)
-    logs = stored.demonstrations(files.UNSCREWING)
-    turns = [turn for _, turn in segment_paths(logs, whole(logs), turn_fit.smoothing_hz)]
-    execution, sequence = stored.demonstrations(files.SCRAPING), stored.primitives(files.SCRAPING)
-    clock = {"rate_hz": slides.rate_hz, "max_gap_s": slides.max_gap_s}
-    trials = stored.demonstrations(files.SLIDES, **clock)
     with publish("reports/recordings/recorded") as folder:
         folder.mkdir()
-        movements.write_reaches(folder / "reaches.rrd", stored.demonstrations(files.REACHES), reach)
-        movements.write_higher_reaches(
-            folder / "corrected_reaches.rrd", higher, reach, stored.coupling_networks()
-        )
-        write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
-        movements.write_execution(folder / "scraping_recorded.rrd", execution)
-        movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
-        movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
+        for name, show in SHOWN.items():
+            if stored.shown(name):
+                show(stored, folder)
 
 
 if __name__ == "__main__":

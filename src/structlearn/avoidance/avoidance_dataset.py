@@ -50,7 +50,7 @@ class AvoidanceDataset:
     """Samples of demonstrations in several scenarios.
 
     Attributes:
-        features: (S, 17), see `avoidance.features`.
+        features: (S, 17) of one obstacle (`avoidance.features`), or (S, F) of a scene (`look_ahead`).
         target: (S, 3) coupling term in the local frame.
         phase: (S,) p.
         phase_velocity: (S,) u.

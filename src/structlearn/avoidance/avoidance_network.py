@@ -30,6 +30,7 @@ FEATURES = tuple(range(17))
 PHASE_VELOCITY = 18
 FEATURES_AND_PHASE = (*FEATURES, 17, PHASE_VELOCITY)
 FEATURES_AND_PHASE_VELOCITY = (*FEATURES, PHASE_VELOCITY)
+"""Of other features, too, the phase and its velocity are the columns behind them."""
 
 Layers = Sequence[np.ndarray]
 """One network: (before + 1, after) of each layer, the biases in the last row."""

@@ -36,6 +36,12 @@ NAMES = (
 )
 """Names of the 17 columns."""
 
+MIRROR = (1.0, -1.0, 1.0)
+"""What a vector of the local frame is multiplied by if the scene is mirrored in the plane y = 0."""
+
+MIRROR_SIGNS = np.array([*MIRROR, *np.repeat(MIRROR, CLOSEST_POINTS), *MIRROR, 1.0, 1.0])
+"""Likewise of the 17 columns."""
+
 CouplingModel = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Avoidance model: features (B, 17), phase (B,), phase velocity (B,) -> coupling terms (B, 3) in m."""
 

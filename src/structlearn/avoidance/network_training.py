@@ -52,6 +52,12 @@ COLUMNS = {
 """What a network sees beside the features: nothing, the phase velocity, or the phase as well."""
 
 
+def seen_columns(inputs: str, features: int) -> tuple[int, ...]:
+    """The columns of `COLUMNS` where there are other features than 17: they, and the same of what follows."""
+    behind = [column - len(avoidance_network.FEATURES) for column in COLUMNS[inputs]]
+    return (*range(features), *(features + column for column in behind if column >= 0))
+
+
 class NetworkParameters(Parameters):
     """A feed-forward avoidance network.
 
@@ -164,7 +170,7 @@ def stacked(
     parameters: NetworkParameters,
 ) -> AvoidanceNetworks:
     """Networks of `train_member`, or means of them, each with the dataset that it was trained on."""
-    columns = COLUMNS[parameters.inputs]
+    columns = seen_columns(parameters.inputs, datasets[0].features.shape[1])
     inputs = [_inputs(one, columns) for one in datasets]
     return avoidance_network.scaled_networks(layers, inputs, [one.target for one in datasets], columns)
 
@@ -190,7 +196,8 @@ def train_member(
     Raises:
         InputError: the target of an axis is constant, or there is one demonstration and none to validate.
     """
-    columns, seen = COLUMNS[parameters.inputs], dataset if seen is None else seen
+    columns = seen_columns(parameters.inputs, dataset.features.shape[1])
+    seen = dataset if seen is None else seen
     low, high = avoidance_network.input_range(_inputs(dataset, columns))
     samples = Samples(
         2.0 * (_inputs(seen, columns) - low) / (high - low) - 1.0,

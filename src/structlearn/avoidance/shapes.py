@@ -9,7 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
+from structlearn.recordings.recording import NamedShape
 
 Shape = Literal["sphere", "cube", "cylinder"]
 SHAPES: tuple[Shape, ...] = ("sphere", "cube", "cylinder")
@@ -137,6 +139,16 @@ def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
     c, s = np.cos(yaw), np.sin(yaw)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return Obstacle(shape, np.asarray(centre, dtype=float), np.array(HALF_SIZE_M[shape]), rotation)
+
+
+def recorded_obstacle(shape: NamedShape) -> Obstacle:
+    """A shape of a recording as an obstacle.
+
+    Raises:
+        InputError: it is not as round as its form says.
+    """
+    half = 0.5 * np.asarray(shape.size, dtype=float)
+    return Obstacle(shape.form, shape.position, half, quaternion.matrix(shape.orientation))
 
 
 def virtual_radius(cloud: np.ndarray) -> np.ndarray | float:

@@ -58,7 +58,9 @@ class Limits(Parameters):
     Attributes:
         largest_coupling: bound of |c|; held for long, c turns by c / (ALPHA BETA): the default, 15 degrees.
             `largest_coupling` derives it from demonstrated coupling terms.
-        fade_s: time in which the largest coupling may fade out, or in; it bounds |dc/dt| at any time.
+        fade_s: time in which the largest coupling may fade out, or in; it bounds |dc/dt| within a primitive.
+            Where the next one begins c is 0 at once, and the evolving goal takes up what it was (eq. IV.14):
+            acceleration, the robot's own measure, goes on as it was.
         stale_after_s: age of the newest good sensor sample at which the coupling begins to fade.
         offset_within_s: time from the start in which the samples of the offset must have come.
     """

@@ -1,10 +1,14 @@
 """Artefacts: how stages publish and read files.
 
-Every file or folder is written beside its place under a temporary name and moved in place when it is
-complete, so a killed stage leaves nothing half-written. Writers are deterministic: the same data give the
-same bytes.
+Every file or folder is written beside its place under a temporary name, brought to the disk, and moved in
+place when it is complete, so neither a killed stage nor a power cut leaves anything half-written. Writers are
+deterministic: the same data give the same bytes. Tables and arrays carry checksums, so that a damaged file is
+an error and not other data.
 """
 
+import errno
+import fcntl
+import hashlib
 import json
 import math
 import os
@@ -20,7 +24,7 @@ import pyarrow.parquet
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save_file
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 
 Metrics = dict[str, float | int | str | bool | None]
 """Flat key figures."""
@@ -38,61 +42,186 @@ def publish(target: str | Path) -> Iterator[Path]:
 
     Yields:
         The temporary path; it has the target's suffix, for writers that look at it.
+
+    Raises:
+        InputError: the disk is full or may not be written on, or another process publishes the same target.
     """
     target = Path(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    workspace = target.parent / f".publish-{target.name}"
-    replaced = workspace / "replaced"
-    if replaced.exists() and not target.exists():  # killed between the two moves below
-        replaced.rename(target)
-    shutil.rmtree(workspace, ignore_errors=True)  # left by a killed run
-    workspace.mkdir()
+    with _writable(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        workspace = target.parent / f".publish-{target.name}"
+        with _alone_in(workspace, target):
+            replaced, temporary = workspace / "replaced", workspace / target.name
+            if replaced.exists() and not target.exists():  # killed between the two moves below
+                replaced.rename(target)
+            _empty(workspace)  # left by a killed run
+            try:
+                yield temporary
+                _to_disk(temporary)
+                if target.is_dir() and temporary.exists():  # nothing written: the old content stays
+                    target.rename(replaced)  # a folder cannot be replaced in one step
+                os.replace(temporary, target)
+                _to_disk(target.parent, deep=False)
+            finally:
+                shutil.rmtree(workspace, ignore_errors=True)
+
+
+OF_THE_DISK = {
+    getattr(errno, name)
+    for name in ("ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EACCES", "EPERM", "ENAMETOOLONG", "ENOTDIR")
+}
+"""Faults of writing that are nobody's but the machine's."""
+
+
+@contextmanager
+def _writable(target: Path) -> Iterator[None]:
+    """Say in one line why a target cannot be written."""
     try:
-        temporary = workspace / target.name
-        yield temporary
-        if target.is_dir() and temporary.exists():  # nothing written: the old content stays
-            target.rename(replaced)  # a folder cannot be replaced in one step
-        os.replace(temporary, target)
-    finally:
-        shutil.rmtree(workspace, ignore_errors=True)
+        yield
+    except OSError as error:
+        if error.errno not in OF_THE_DISK:
+            raise
+        raise InputError(f"{target}: cannot be written: {os.strerror(error.errno)}") from error
+
+
+_locks: set[int] = set()
+"""Open files by which this process holds its workspaces."""
+
+
+@contextmanager
+def _alone_in(workspace: Path, target: Path) -> Iterator[None]:
+    """Make a workspace, or take over that of a killed process, and hold it against all others."""
+    while True:
+        workspace.mkdir(exist_ok=True)
+        lock = os.open(workspace, os.O_RDONLY)
+        _locks.add(lock)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if workspace.exists() and os.path.samestat(os.fstat(lock), workspace.stat()):
+                yield
+                return
+        except BlockingIOError as error:  # whoever had it before us may have removed it: then try again
+            raise InputError(f"{target}: another process is writing it") from error
+        finally:
+            _locks.discard(lock)
+            os.close(lock)
+
+
+def _let_go() -> None:
+    """In a forked process: the workspaces are its parent's, and free when that is killed."""
+    while _locks:
+        os.close(_locks.pop())
+
+
+os.register_at_fork(after_in_child=_let_go)
+
+
+def _empty(folder: Path) -> None:
+    for entry in folder.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        else:
+            entry.unlink()
+
+
+def _to_disk(path: Path, deep: bool = True) -> None:
+    """Wait until a file, or a folder with all below it, has reached the disk."""
+    inside = path.rglob("*") if deep and path.is_dir() else ()
+    for entry in (*inside, path):
+        if entry.exists() and not entry.is_symlink():
+            file = os.open(entry, os.O_RDONLY)
+            try:
+                os.fsync(file)
+            finally:
+                os.close(file)
+
+
+def filled(folder: str | Path, at_least: int = 1) -> Path:
+    """A folder that a stage before wrote, which is empty where its data are missing.
+
+    Args:
+        folder: there it is.
+        at_least: files that are needed.
+
+    Returns:
+        The folder.
+
+    Raises:
+        MissingInputError: it holds fewer.
+        InputError: it does not exist.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; run the stage that writes it")
+    count = len(list(folder.iterdir()))
+    if count < at_least:
+        raise MissingInputError(f"{folder} holds {count} files, {at_least} or more are needed")
+    return folder
 
 
 def write_table(frame: pd.DataFrame, target: str | Path) -> None:
-    """Publish a table as Parquet, without pandas' index and without versions in its metadata."""
+    """Publish a table as Parquet, without pandas' index and without versions in its metadata.
+
+    Pages carry checksums, and a digest stands for names and types of the columns and the number of rows.
+    """
     table = pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
+    table = table.replace_schema_metadata({HEADINGS: _headings(table)})
     with publish(target) as path:
-        pyarrow.parquet.write_table(table, path, compression="zstd")
+        pyarrow.parquet.write_table(table, path, compression="zstd", write_page_checksum=True)
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
     """Read a Parquet table.
 
     Raises:
-        InputError: the file is missing, truncated or of another kind.
+        InputError: the file is missing, truncated, of another kind or not as it was written.
     """
     try:
-        return pyarrow.parquet.read_table(path).to_pandas()
+        table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; run the stage that writes it") from error
-    except (pyarrow.ArrowInvalid, OSError) as error:  # OSError: damaged pages
+    except (pyarrow.ArrowException, OSError) as error:  # OSError: damaged pages
         raise InputError(f"{path}: not a readable Parquet file: {error}") from error
+    if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
+        raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
+    return table.to_pandas()
+
+
+HEADINGS = b"columns sha256"
+
+
+def _headings(table: pyarrow.Table) -> bytes:
+    """Digest of all that no page holds."""
+    schema = table.schema.remove_metadata()
+    return hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode()).hexdigest().encode()
 
 
 def write_tensors(tensors: Mapping[str, np.ndarray], target: str | Path, description: str) -> None:
-    """Publish named arrays as safetensors; one metadata key only, since more are not deterministic."""
+    """Publish named arrays as safetensors; one metadata key only, since more are not deterministic.
+
+    A digest of names, types, shapes, values and description is the last line of the description.
+    """
     ordered = {name: np.asarray(tensors[name], order="C") for name in sorted(tensors)}
+    signed = f"{description}\n{DIGEST}{_digest(ordered, description)}"
     with publish(target) as path:
-        save_file(ordered, path, metadata={"description": description})
+        try:
+            save_file(ordered, path, metadata={"description": signed})
+        except SafetensorError as error:  # as the library tells of a disk that is full
+            raise InputError(f"{target}: cannot be written: {error}") from error
 
 
 def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
     """Read named arrays from a safetensors file.
 
     Raises:
-        InputError: the file is missing, truncated or of another kind, or a value is NaN or infinite.
+        InputError: the file is missing, truncated, of another kind or not as it was written, or a value is
+            NaN or infinite.
     """
+    description, digest = _signed(path)
     with _readable_tensors(path):
         tensors = load_file(path)
+    if digest != _digest(tensors, description):
+        raise InputError(f"{path}: damaged: its content is not what was written")
     for name, tensor in tensors.items():
         if not np.isfinite(tensor).all():
             raise InputError(f"{path}: {name} holds a value that is not finite")
@@ -100,9 +229,35 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def read_description(path: str | Path) -> str:
-    """The description in a safetensors file's metadata; empty if it has none. Raises as `read_tensors`."""
+    """The description that a safetensors file was written with; whoever needs it reads the tensors too.
+
+    Raises:
+        InputError: the file is missing, truncated or of another kind.
+    """
+    return _signed(path)[0]
+
+
+DIGEST = "sha256 "
+
+
+def _signed(path: str | Path) -> tuple[str, str]:
+    """Description and digest of a safetensors file."""
     with _readable_tensors(path), safe_open(path, framework="np") as file:
-        return (file.metadata() or {}).get("description", "")
+        text = (file.metadata() or {}).get("description", "")
+    description, _, last = text.rpartition("\n")
+    if not last.startswith(DIGEST):
+        raise InputError(f"{path}: not written by this project: it has no digest of its content")
+    return description, last.removeprefix(DIGEST)
+
+
+def _digest(tensors: Mapping[str, np.ndarray], description: str) -> str:
+    """Of all that a file says."""
+    digest = hashlib.sha256(description.encode())
+    for name in sorted(tensors):
+        values = tensors[name]
+        digest.update(f"\0{name}\0{values.dtype.str}\0{values.shape}\0".encode())
+        digest.update(np.ascontiguousarray(values).data)
+    return digest.hexdigest()
 
 
 @contextmanager

@@ -1,9 +1,24 @@
-"""The one error that means "the input is at fault, not the program"."""
+"""The errors that mean "the input is at fault, not the program"."""
+
+LONGEST = 600
+"""Characters of a message; libraries that quote what they could not read know no end."""
 
 
 class InputError(ValueError):
     """Bad input from the user: a file, a parameter or a recording.
 
-    The message is one sentence that names the file, topic, row or key. Stages print it without a
-    traceback and exit with code 1 (`structlearn.ground.stage.run`).
+    The message is one line that names the file, topic, row or key. Stages print it without a traceback and
+    exit with code 1 (`structlearn.ground.stage.run`).
+    """
+
+    def __init__(self, message: str) -> None:
+        line = " ".join(message.split())
+        super().__init__(line if len(line) <= LONGEST else f"{line[:LONGEST]} ...")
+
+
+class MissingInputError(InputError):
+    """Input that is not there at all, or too little of it for what is asked of it.
+
+    What is there and damaged is an `InputError`. Who can do without says what is missing and goes on
+    (`structlearn.ground.stage.or_empty`).
     """

@@ -11,6 +11,7 @@ that import everything anew take seconds. They stay for the next work, so each l
 import logging
 import multiprocessing
 import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -18,6 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, TypeVar
+from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
@@ -34,6 +36,8 @@ Result = TypeVar("Result")
 BACKEND = "STRUCTLEARN_BACKEND"
 PROCESSES = "STRUCTLEARN_PROCESSES"
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
+
+UNENCRYPTED = "STRUCTLEARN_UNENCRYPTED_DASK"
 
 ANSWER_S = 10.0
 """A scheduler that runs answers within milliseconds."""
@@ -185,7 +189,9 @@ def _processes(count: int) -> ProcessPoolExecutor:
     if count not in _pools:
         _end_processes()
         context = multiprocessing.get_context("fork")
-        _pools[count] = ProcessPoolExecutor(count, mp_context=context, initializer=_keep_to_one_core)
+        _pools[count] = ProcessPoolExecutor(
+            count, mp_context=context, initializer=_begin_to_work, initargs=(os.getpid(),)
+        )
     return _pools[count]
 
 
@@ -195,12 +201,23 @@ def _end_processes() -> None:
         pool.shutdown(cancel_futures=True)
 
 
-def _keep_to_one_core() -> None:
-    """In a new process: BLAS and OpenMP, so torch too, whose threads did not survive the fork, take one."""
+def _begin_to_work(parent: int) -> None:
+    """In a new process: end with the parent, and keep to one core.
+
+    BLAS and OpenMP, so torch too, whose threads did not survive the fork, take one thread.
+    """
     global _works_for_another
     _works_for_another = True
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     threadpool_limits(1)
     os.environ["OMP_NUM_THREADS"] = "1"  # of libraries that are loaded later
+
+
+def _end_with(parent: int) -> None:
+    """A parent that is killed, as for want of memory, cannot tell its processes to end."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
 
 
 def _on_cluster(function: Callable[[Item], Result], work: Mapping[int, Item]) -> Iterator[tuple[int, Result]]:
@@ -222,6 +239,13 @@ def _on_cluster(function: Callable[[Item], Result], work: Mapping[int, Item]) ->
         raise _ProcessDied(killed) from next(iter(killed.values()))
 
 
+def _private(address: str) -> bool:
+    """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
+    given = urlsplit(address if "://" in address else f"tcp://{address}")
+    local = given.hostname == "localhost" or str(given.hostname).startswith("127.")
+    return local or given.scheme not in ("tcp", "ws")
+
+
 def _connected() -> "Client":
     """The client of this process, connected at the first call.
 
@@ -239,6 +263,11 @@ def _connected() -> "Client":
         address = dask.config.get("scheduler-address", None)
     if not address:
         raise InputError(f"{BACKEND}=dask needs the scheduler's address in {SCHEDULER}, e.g. tcp://host:8786")
+    if not (_private(address) or os.environ.get(UNENCRYPTED) == "yes"):
+        raise InputError(
+            f"{SCHEDULER}={address}: whoever reaches this port can run code here; use tls:// with "
+            f"certificates, or, in a network that only you reach, {UNENCRYPTED}=yes"
+        )
     # Not for the user: that the work is large, and that results which died with a worker are worked out anew.
     dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"})
     logging.getLogger("distributed.client").setLevel(logging.ERROR)

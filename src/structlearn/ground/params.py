@@ -6,13 +6,16 @@ models share. The file is read by YAML's C loader, once per process:
 `dvc.api.params_show` costs 0.7 s a stage.
 """
 
+import re
+import reprlib
 from collections.abc import Hashable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
+import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 
 from structlearn.ground.errors import InputError
 
@@ -22,6 +25,23 @@ class Parameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_value_is_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """YAML reads `yes` and `on` as true, and pydantic would go on with 1."""
+        numbers = (value, *value) if isinstance(value, list | tuple) else (value,)
+        if any(isinstance(one, bool) for one in numbers):
+            allowed = str(cls.model_fields[info.field_name].annotation)
+            if "bool" not in allowed and "Any" not in allowed:
+                raise ValueError("is true or false, as YAML also reads yes, no, on and off; not allowed here")
+        return value
+
+
+NAME = r"^\w[\w .+()-]*$"
+"""A name becomes a file's, stands in figures, where dollars are formulas, and in tables, where a spreadsheet
+takes what begins with = or @ for one."""
+
+Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 
 ParametersType = TypeVar("ParametersType", bound=Parameters)
 
@@ -47,9 +67,11 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
         values = _tree(path.resolve(), state.st_mtime_ns, state.st_size)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such parameter file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except _DuplicateKeyError as error:
         raise InputError(f"{path}: {error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date, a number, or bytes that are none
         raise InputError(f"{path}: not a YAML file: {error}") from error
     for part in key.split("."):
         if not isinstance(values, dict) or part not in values:
@@ -64,7 +86,15 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
 @lru_cache(maxsize=4)
 def _tree(path: Path, modified_ns: int, size: int) -> Any:
     """What one version of the file holds; nobody may change it."""
-    return yaml.load(path.read_bytes().decode(), _Loader)
+    text = path.read_bytes().decode()
+    brackets = np.cumsum([1 if bracket in "[{" else -1 for bracket in re.findall(r"[\[\]{}]", text)])
+    if max(brackets, default=0) > DEEPEST or max(map(len, text.splitlines()), default=0) > LONGEST_LINE:
+        raise ValueError("nested too deeply")  # the loader in C would end the process
+    return yaml.load(text, _Loader)
+
+
+DEEPEST, LONGEST_LINE = 1000, 10_000
+"""Brackets in brackets, and characters of a line: each further level takes one of either."""
 
 
 class _DuplicateKeyError(ValueError):
@@ -92,5 +122,5 @@ def _reasons(key: str, error: ValidationError) -> list[str]:
         if fault["type"] == "extra_forbidden":
             reasons.append(f"{where}: unknown parameter")
         else:
-            reasons.append(f"{where}: {fault['msg']} (got {fault['input']!r})")
+            reasons.append(f"{where}: {fault['msg']} (got {reprlib.repr(fault['input'])})")
     return reasons

@@ -7,7 +7,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.artefacts import publish
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.params import ParametersType, read_parameters
 from structlearn.ground.wall_clock import timed
 
@@ -17,6 +18,20 @@ PARAMETER_FILE = Path("params.yaml")
 def stage_parameters(key: str, model: type[ParametersType]) -> ParametersType:
     """Parameters of one stage from `params.yaml` in the working directory (see `read_parameters`)."""
     return read_parameters(PARAMETER_FILE, key, model)
+
+
+def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]:
+    """`main`, which leaves an empty folder at `target` and says why where its input is missing."""
+
+    def made() -> None:
+        try:
+            main()
+        except MissingInputError as missing:
+            print(f"{target}: left empty: {missing}")
+            with publish(target) as folder:
+                folder.mkdir()
+
+    return made
 
 
 def run(main: Callable[[], None]) -> None:

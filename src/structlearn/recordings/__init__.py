@@ -2,8 +2,8 @@
 
 `read_demonstrations` is the way in for a pipeline. Below it: `mcap_file` (one bag <-> one `Recording`),
 `bag_reader` and `bag_writer` (a bag <-> raw messages), `messages` and `schemas` (ROS 2 messages <-> streams),
-`cdr` (raw messages <-> columns of numbers), `clock` (streams -> one clock), `clmc`, `slide` and `text_log`
-(public data sets).
+`cdr` (raw messages <-> columns of numbers), `clock` (streams -> one clock), `clmc`, `slide`, `panda`,
+`ur10e` and `text_log` (public data sets).
 """
 
 from structlearn.recordings.clock import synchronise

@@ -1,25 +1,38 @@
 """Raw messages of an MCAP file, ours or a robot's.
 
 The library reads a file record by record and field by field, ten times as long as all that is done with the
-numbers in its messages. Here a chunk's messages are found in one short loop and their heads are read at once;
-all other records are the library's to read.
+numbers in its messages, and checks little of what a file says of itself. Here the file's records are found in
+one short loop, heads of messages are read at once, and every checksum and count that is there must be right:
+of chunks, data and summary, and how many messages a topic has. The library reads the other records.
 """
 
-import struct
+import json
+import mmap
+import zlib
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
+import lz4.frame
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
-from mcap.reader import McapReader, NonSeekingReader, make_reader
-from mcap.records import Channel, Chunk, Message, Schema
-from mcap.stream_reader import get_chunk_data_stream
-from mcap.summary import Summary
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    McapRecord,
+    Metadata,
+    Schema,
+    Statistics,
+)
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 from numpy.lib.stride_tricks import sliding_window_view
@@ -27,7 +40,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_writer import MESSAGE_HEAD, METADATA, RECORD_PREFIX
 
-_LENGTH = struct.Struct("<Q")
+LARGEST_CHUNK = 2**28
+"""Bytes of a chunk when it is unpacked; writers begin a new one after a few million."""
+
+Buffer = bytes | mmap.mmap
+RecordType = TypeVar("RecordType", bound=McapRecord)
 
 
 @dataclass(frozen=True)
@@ -75,17 +92,29 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
     try:
         with open(path, "rb") as file:
             _check_complete(path, file)
-            with damage_named(path):
-                reader = make_reader(file, validate_crcs=True)
-                present = _topics(file, reader)
-                own = [record.metadata for record in reader.iter_metadata() if record.name == METADATA]
-                pieces: dict[str, list[RawMessages]] = {topic: [] for topic in topics if topic in present}
-                for topic, piece in _pieces(file, reader, topics):
-                    pieces[topic].append(piece)
-                messages = {topic: _joined(found) for topic, found in pieces.items() if found}
+            with damage_named(path), mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                return _read(content, topics)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    return Bag(present, own[0] if own else None, messages)
+
+
+def own_provenance(bag: Bag, path: Path) -> dict[str, str]:
+    """What our own metadata say of the origin; a file without them was recorded.
+
+    Raises:
+        InputError: it is not a mapping of words to words.
+    """
+    if bag.metadata is None:
+        return {"origin": "recorded", "source": path.name}
+    with damage_named(path):
+        provenance = json.loads(bag.metadata["provenance"])
+        if not isinstance(provenance, dict) or not all(isinstance(word, str) for word in provenance.values()):
+            raise _Damage("its provenance is not a mapping of words to words")
+    return provenance
+
+
+class _Damage(Exception):  # noqa: N818 - it is what is found
+    """What a file says of itself is not so."""
 
 
 @contextmanager
@@ -93,6 +122,8 @@ def damage_named(where: str | Path) -> Iterator[None]:
     """Turn whatever is raised on damaged bytes into an InputError; only what reads them goes inside."""
     try:
         yield
+    except _Damage as error:
+        raise InputError(f"{where}: damaged MCAP file: {error}") from error
     except Exception as error:
         raise InputError(f"{where}: damaged MCAP file: {type(error).__name__}: {error}") from error
 
@@ -108,15 +139,179 @@ def _check_complete(path: Path, file: BinaryIO) -> None:
     file.seek(0)
 
 
-def _topics(file: BinaryIO, reader: McapReader) -> dict[str, list[str]]:
-    """Topics of a file with the types of their messages."""
-    summary = _index(reader)
-    if summary is not None:
-        pairs = [(channel, summary.schemas.get(channel.schema_id)) for channel in summary.channels.values()]
+def _read(content: mmap.mmap, topics: Collection[str]) -> Bag:
+    records = list(_records(content, len(MCAP0_MAGIC), len(content) - len(MCAP0_MAGIC)))
+    _check_sums(content, records)
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    pieces: dict[str, list[_Piece]] = {topic: [] for topic in topics}
+    counted: Counter[int] = Counter()
+
+    def take(buffer: Buffer, inside: Sequence[tuple[int, int, int]]) -> None:
+        """What a chunk, or all that is outside of chunks, holds."""
+        for opcode, start, end in inside:
+            if opcode == Opcode.SCHEMA:
+                schema = _parsed(Schema, buffer, start, end)
+                schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                channel = _parsed(Channel, buffer, start, end)
+                if channels.setdefault(channel.id, channel) != channel:
+                    raise _Damage(f"channel {channel.id} is defined twice")
+        places = np.array([(start, end) for opcode, start, end in inside if opcode == Opcode.MESSAGE])
+        if len(places):
+            for topic, piece in _pieces(buffer, places, channels, topics):
+                pieces[topic].append(piece)
+                counted.update(piece.channels.tolist())
+
+    others = [record for record in records if record[0] != Opcode.CHUNK]
+    indexes = [_parsed(ChunkIndex, content, *its) for opcode, *its in records if opcode == Opcode.CHUNK_INDEX]
+    own = [_parsed(Metadata, content, *its) for opcode, *its in records if opcode == Opcode.METADATA]
+    take(content, others)
+    unwanted = _unwanted(content, records, indexes, channels, topics)
+    for opcode, start, end in records:
+        if opcode == Opcode.CHUNK and start - RECORD_PREFIX.size not in unwanted:
+            chunk = _unpacked(_parsed(Chunk, content, start, end))
+            take(chunk, list(_records(chunk, 0, len(chunk))))
+    for opcode, start, end in records:
+        if opcode == Opcode.STATISTICS:
+            _check_counts(_parsed(Statistics, content, start, end), records, counted, channels, topics)
+    ours = [dict(record.metadata) for record in own if record.name == METADATA]
+    return Bag(
+        topics=_present(channels, schemas),
+        metadata=ours[0] if ours else None,
+        messages={topic: _joined(found, channels, schemas) for topic, found in pieces.items() if found},
+    )
+
+
+def _records(buffer: Buffer, place: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """Opcode, begin and end of the content of each record between two places."""
+    while place < end:
+        opcode, length = RECORD_PREFIX.unpack_from(buffer, place)
+        start = place + RECORD_PREFIX.size
+        place = start + length
+        yield opcode, start, place
+    if place > end:
+        raise _Damage("a record is longer than what holds it")
+
+
+def _parsed(kind: type[RecordType], buffer: Buffer, start: int, end: int) -> RecordType:
+    return kind.read(ReadDataStream(BytesIO(buffer[start:end])))
+
+
+def _check_sums(content: mmap.mmap, records: Sequence[tuple[int, int, int]]) -> None:
+    """Checksums of data and summary, where there are any."""
+    opcode, start, end = records[-1]
+    if opcode != Opcode.FOOTER:
+        raise _Damage("there is no footer")
+    footer = _parsed(Footer, content, start, end)
+    view = memoryview(content)
+    try:
+        if footer.summary_crc and footer.summary_crc != zlib.crc32(view[footer.summary_start : end - 4]):
+            raise _Damage("the checksum of the summary is wrong")
+        for opcode, start, end in records:
+            if opcode == Opcode.DATA_END:
+                crc = _parsed(DataEnd, content, start, end).data_section_crc
+                if crc and crc != zlib.crc32(view[: start - RECORD_PREFIX.size]):
+                    raise _Damage("the checksum of the data is wrong")
+    finally:
+        view.release()
+
+
+def _unwanted(
+    content: mmap.mmap,
+    records: Sequence[tuple[int, int, int]],
+    indexes: Sequence[ChunkIndex],
+    channels: Mapping[int, Channel],
+    topics: Collection[str],
+) -> set[int]:
+    """Where chunks begin that hold none of the topics; only a summary whose checksum is right is believed."""
+    if not _parsed(Footer, content, *records[-1][1:]).summary_crc:
+        return set()
+    wanted = {number for number, channel in channels.items() if channel.topic in topics}
+    return {
+        index.chunk_start_offset
+        for index in indexes
+        if index.message_index_offsets
+        and index.message_index_offsets.keys() <= channels.keys()
+        and wanted.isdisjoint(index.message_index_offsets)
+    }
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """Content of a chunk; never more of it than `LARGEST_CHUNK`, whatever a compressed one grows to."""
+    size = chunk.uncompressed_size
+    if size > LARGEST_CHUNK:
+        raise _Damage(f"a chunk of {size} bytes is larger than {LARGEST_CHUNK}, which this reader allows")
+    if chunk.compression == "zstd":
+        content = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
+    elif chunk.compression == "lz4":
+        content = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression == "":
+        content = chunk.data
     else:
-        pairs = [(channel, schema) for schema, channel, _ in _one_by_one(file)]
+        raise _Damage(f"chunks are compressed by '{chunk.compression}', not by zstd or lz4")
+    if len(content) != size:
+        raise _Damage(f"a chunk of {size} bytes does not unpack to as many")
+    if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(content):
+        raise _Damage("the checksum of a chunk is wrong")
+    return content
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Messages of one topic in one chunk, or outside of all: as `RawMessages`, in the order of the file."""
+
+    channels: np.ndarray
+    log_times: np.ndarray
+    data: Sequence[bytes]
+
+
+def _pieces(
+    buffer: Buffer, places: np.ndarray, channels: Mapping[int, Channel], topics: Collection[str]
+) -> Iterator[tuple[str, _Piece]]:
+    """Messages of the topics, each piece with its topic; `places` (M, 2): begin and end of records."""
+    starts, ends = places.T
+    if (ends - starts < MESSAGE_HEAD.itemsize - RECORD_PREFIX.size).any():
+        raise _Damage("a message is shorter than its head")
+    windows = sliding_window_view(np.frombuffer(buffer, dtype=np.uint8), MESSAGE_HEAD.itemsize)
+    heads = windows[starts - RECORD_PREFIX.size].view(MESSAGE_HEAD)[:, 0]
+    unknown = set(heads["channel"].tolist()) - channels.keys()
+    if unknown:
+        raise _Damage(f"a message is of channel {min(unknown)}, which is not defined")
+    for topic in topics:
+        its = [number for number, channel in channels.items() if channel.topic == topic]
+        mine = np.flatnonzero(np.isin(heads["channel"], its))
+        if len(mine):
+            begins = starts[mine] + MESSAGE_HEAD.itemsize - RECORD_PREFIX.size
+            data = [
+                buffer[begin:end] for begin, end in zip(begins.tolist(), ends[mine].tolist(), strict=True)
+            ]
+            yield topic, _Piece(heads["channel"][mine], heads["log_time"][mine], data)
+
+
+def _check_counts(
+    statistics: Statistics,
+    records: Sequence[tuple[int, int, int]],
+    counted: Mapping[int, int],
+    channels: Mapping[int, Channel],
+    topics: Collection[str],
+) -> None:
+    """Nothing is missing, and nothing is there twice."""
+    chunks = sum(opcode == Opcode.CHUNK for opcode, _, _ in records)
+    if statistics.chunk_count != chunks:
+        raise _Damage(f"there are {chunks} chunks, not {statistics.chunk_count}")
+    for number, channel in channels.items():
+        found = counted.get(number, 0)
+        said = statistics.channel_message_counts.get(number, found)
+        if channel.topic in topics and found != said:
+            raise _Damage(f"topic '{channel.topic}' has {found} messages, not {said}")
+
+
+def _present(channels: Mapping[int, Channel], schemas: Mapping[int, Schema]) -> dict[str, list[str]]:
+    """Topics of a file with the types of their messages."""
     present: dict[str, list[str]] = {}
-    for channel, schema in pairs:
+    for channel in channels.values():
+        schema = schemas.get(channel.schema_id)
         name = schema.name if schema is not None else "unknown"
         if channel.message_encoding != MessageEncoding.CDR or (
             schema and schema.encoding != SchemaEncoding.ROS2
@@ -129,80 +324,18 @@ def _topics(file: BinaryIO, reader: McapReader) -> dict[str, list[str]]:
     return present
 
 
-def _index(reader: McapReader) -> Summary | None:
-    """The summary at the end of the file; None unless it has chunks, channels and schemas, each optional."""
-    summary = reader.get_summary()
-    if summary is None or not (summary.chunk_indexes and summary.channels):
-        return None
-    needed = {channel.schema_id for channel in summary.channels.values()} - {0}  # 0: without a schema
-    return summary if needed <= summary.schemas.keys() else None
-
-
-def _one_by_one(file: BinaryIO) -> Iterator[tuple[Schema | None, Channel, Message]]:
-    """All messages in the order of the file, by the library."""
-    file.seek(0)
-    return NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False)
-
-
-def _pieces(file: BinaryIO, reader: McapReader, topics: Collection[str]) -> Iterator[tuple[str, RawMessages]]:
-    """Messages of the topics as the file has them, chunk by chunk, each piece with its topic."""
-    summary = _index(reader)
-    if summary is None:
-        for schema, channel, message in _one_by_one(file):
-            if channel.topic not in topics:
-                continue
-            number, time = np.array([channel.id]), np.array([message.log_time], dtype=np.uint64)
-            yield channel.topic, RawMessages({channel.id: schema}, number, time, [message.data])
-        return
-    channels = {number: channel for number, channel in summary.channels.items() if channel.topic in topics}
-    for index in summary.chunk_indexes:
-        if index.message_index_offsets and channels.keys().isdisjoint(index.message_index_offsets):
-            continue
-        file.seek(index.chunk_start_offset + RECORD_PREFIX.size)
-        stream, size = get_chunk_data_stream(Chunk.read(ReadDataStream(file)), validate_crc=True)
-        chunk = stream.read(size)
-        starts = _message_places(chunk)
-        if not len(starts):
-            continue
-        windows = sliding_window_view(np.frombuffer(chunk, dtype=np.uint8), MESSAGE_HEAD.itemsize)
-        heads = windows[starts].view(MESSAGE_HEAD)[:, 0]
-        ends = starts + RECORD_PREFIX.size + heads["length"].astype(int)
-        for topic in dict.fromkeys(channel.topic for channel in channels.values()):
-            schemas = {
-                number: summary.schemas.get(channel.schema_id)
-                for number, channel in channels.items()
-                if channel.topic == topic
-            }
-            mine = np.flatnonzero(np.isin(heads["channel"], list(schemas)))
-            if len(mine):
-                begins = starts[mine] + MESSAGE_HEAD.itemsize
-                places = zip(begins.tolist(), ends[mine].tolist(), strict=True)
-                data = [chunk[begin:end] for begin, end in places]
-                yield topic, RawMessages(schemas, heads["channel"][mine], heads["log_time"][mine], data)
-
-
-def _message_places(chunk: bytes) -> np.ndarray:
-    """Where the records of messages begin in a chunk."""
-    places, place, message = [], 0, int(Opcode.MESSAGE)  # an enumeration's own comparison is slow
-    while place < len(chunk):
-        if chunk[place] == message:
-            places.append(place)
-        place += RECORD_PREFIX.size + _LENGTH.unpack_from(chunk, place + 1)[0]
-    if place > len(chunk):
-        raise EndOfFile
-    return np.array(places, dtype=int)
-
-
-def _joined(pieces: Sequence[RawMessages]) -> RawMessages:
+def _joined(
+    pieces: Sequence[_Piece], channels: Mapping[int, Channel], schemas: Mapping[int, Schema]
+) -> RawMessages:
     """Pieces of one topic in the order of the file, put in the order of their log times."""
-    schemas = {number: schema for piece in pieces for number, schema in piece.schemas.items()}
-    channels = np.concatenate([piece.channels for piece in pieces])
+    numbers = np.concatenate([piece.channels for piece in pieces])
     log_times = np.concatenate([piece.log_times for piece in pieces])
     data = [message for piece in pieces for message in piece.data]
     if log_times.max() >= 2**63:
-        raise OverflowError("a log time is beyond 2^63 ns")
+        raise _Damage("a log time is beyond 2^63 ns")
     if (log_times[1:] < log_times[:-1]).any():
         order = np.argsort(log_times, kind="stable")
-        channels, log_times = channels[order], log_times[order]
+        numbers, log_times = numbers[order], log_times[order]
         data = [data[place] for place in order.tolist()]
-    return RawMessages(schemas, channels, log_times.astype(np.int64), data)
+    its = {number: schemas.get(channels[number].schema_id) for number in np.unique(numbers).tolist()}
+    return RawMessages(its, numbers, log_times.astype(np.int64), data)

@@ -104,13 +104,14 @@ def write_bag(path: str | Path, metadata: Mapping[str, str], topics: Sequence[Ra
     ids = np.argsort(np.argsort(first)) + 1  # (topics,) channel of each
     before = [0] * len(schemas) + np.sort(first).tolist()
     content, ends, ids, stamps = _records(topics, owners, stamps, ids, [*schemas, *channels], before)
-    with open(path, "wb") as file:
+    with open(path, "w+b") as file:
         file.write(MCAP0_MAGIC)
         file.write(_bytes(Header(Profile.ROS2, _library())))
         place = file.tell()
         length = file.write(_bytes(Metadata(METADATA, dict(metadata))))
         chunks = list(_write_chunks(file, content, ends, ids, stamps))
-        file.write(_bytes(DataEnd(0)))
+        file.seek(0)
+        file.write(_bytes(DataEnd(zlib.crc32(file.read()))))
         counts = np.bincount(ids)[1:].tolist()
         statistics = Statistics(
             attachment_count=0,

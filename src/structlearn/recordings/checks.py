@@ -11,6 +11,9 @@ NORM_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
 rotation given in another form does not."""
 
+FASTEST = {"position": 10.0, "orientation": 100.0}
+"""m/s and rad/s; no arm and no hand that shows one a movement is so fast, so it is the sensor that jumps."""
+
 
 def check_recording(recording: Recording) -> None:
     """Check streams one by one and together.
@@ -18,8 +21,8 @@ def check_recording(recording: Recording) -> None:
     Raises:
         InputError: there is no pose stream or more than one stream of a kind other than tactile; a stream has
             fewer than two samples, the wrong number of columns, a stamp that repeats or runs back, a value
-            that is NaN or infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`. The
-            message names recording, topic and row (counted from 0).
+            that is NaN or infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two
+            shapes have one name. The message names recording, topic and row (counted from 0).
     """
     counts = Counter(stream.kind for stream in recording.streams)
     if counts["pose"] == 0:
@@ -28,6 +31,9 @@ def check_recording(recording: Recording) -> None:
         if count > 1 and kind != "tactile":
             topics = ", ".join(stream.topic for stream in recording.streams if stream.kind == kind)
             raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
+    shapes = Counter(shape.name for shape in recording.shapes)
+    if repeated := [name for name, count in shapes.items() if count > 1]:
+        raise InputError(f"{recording.name}: several shapes have the name {', '.join(repeated)}")
     for stream in recording.streams:
         where = f"{recording.name}: {stream.topic}"
         _check_shape(where, stream)
@@ -76,4 +82,33 @@ def _check_values(where: str, stream: Stream) -> None:
             row = int(np.argmax(off))
             raise InputError(
                 f"{where}: {at_row(row, stream.stamps)}: quaternion has norm {norm[row]:.6g}, not 1"
+            )
+
+
+def check_speed(name: str, stream: Stream) -> None:
+    """Refuse poses that nothing can have gone through.
+
+    Bursts of messages are no jumps: a step counts as no shorter than the mean one.
+
+    Args:
+        name: of the recording.
+        stream: poses that `check_recording` let pass.
+
+    Raises:
+        InputError: a step from one pose to the next is faster than `FASTEST`; topic and row are named.
+    """
+    where = f"{name}: {stream.topic}"
+    steps_s = 1e-9 * np.diff(stream.stamps)
+    steps_s = np.maximum(steps_s, np.mean(steps_s))
+    with np.errstate(over="ignore"):
+        distances = np.linalg.norm(np.diff(stream.values[:, :3], axis=0), axis=1)
+    cosines = np.abs(np.sum(stream.values[1:, 3:] * stream.values[:-1, 3:], axis=1))
+    turns = 2.0 * np.arccos(np.minimum(cosines, 1.0))
+    for name, changes, unit in (("position", distances, "m/s"), ("orientation", turns, "rad/s")):
+        speeds = changes / steps_s
+        if (speeds > FASTEST[name]).any():
+            row = int(np.argmax(speeds > FASTEST[name])) + 1
+            raise InputError(
+                f"{where}: {at_row(row, stream.stamps)}: {name} jumps at {speeds[row - 1]:.3g} {unit}, "
+                f"more than {FASTEST[name]:g} {unit}"
             )

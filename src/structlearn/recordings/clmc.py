@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.recordings.folders import natural_order
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance, uniform_stamps
 
@@ -22,13 +23,6 @@ ROBOT_RATE_HZ = 300.0
 ELECTRODES = 19
 """Electrodes of one BioTac finger."""
 
-REACH_SETS = {"dataset1": 97, "dataset2_part": 30}
-"""Reaches taken of each set: 97, and 30 with the same start and goal along a higher arc. The latter are the
-first of the repository's `dataset2`, which has 96 under the same numbers."""
-
-INCOMPLETE_REACHES = {"dataset1": (), "dataset2_part": ("15", "21")}
-"""Reaches whose log begins or ends in mid-air, over 0.1 m from start or goal; imported as they are."""
-
 
 def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recording]:
     """Reaches of one end-effector, 1000 Hz, named by their number.
@@ -38,22 +32,20 @@ def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recordin
 
     Args:
         folder: the data set's folder.
-        dataset: one of `REACH_SETS`.
+        dataset: the reaches' folder in `cart_coord_dmp`.
 
     Returns:
-        Recordings in the order of their numbers up to that in `REACH_SETS`, with pose and twist.
+        Recordings in the order of their numbers, with pose and twist.
 
     Raises:
-        InputError: the set is unknown or has no files, or a file is not a table of 10 columns.
+        MissingInputError: there are no numbered files.
+        InputError: a file is not a table of 10 columns.
     """
-    folder = Path(folder)
-    if dataset not in REACH_SETS:
-        raise InputError(f"{dataset}: no such set of reaches; there are {', '.join(REACH_SETS)}")
-    numbered = [path for path in (folder / "cart_coord_dmp" / dataset).glob("*.txt") if path.stem.isdecimal()]
-    files = [path for path in numbered if int(path.stem) <= REACH_SETS[dataset]]
+    reaches = Path(folder) / "cart_coord_dmp" / dataset
+    files = [path for path in reaches.glob("*.txt") if path.stem.isdecimal()]
     if not files:
-        raise InputError(f"{folder / 'cart_coord_dmp' / dataset}: holds no reaches (1.txt, 2.txt, ...)")
-    return [_reach(folder, path) for path in sorted(files, key=lambda path: int(path.stem))]
+        raise MissingInputError(f"{reaches}: holds no reaches (1.txt, 2.txt, ...)")
+    return [_reach(Path(folder), path) for path in sorted(files, key=lambda path: int(path.stem))]
 
 
 def read_unscrewing(folder: str | Path) -> list[Recording]:
@@ -66,35 +58,42 @@ def read_unscrewing(folder: str | Path) -> list[Recording]:
         folder: the data set's folder.
 
     Returns:
-        Recordings named "01", "02", ...
+        Recordings named after their files: "01", "02", ...
 
     Raises:
-        InputError: there is no file, or a file is not a table of 93 columns whose times are those of 300 Hz.
+        MissingInputError: there is no file.
+        InputError: a file is not a table of 93 columns whose times are those of 300 Hz.
     """
-    folder = Path(folder)
-    files = sorted((folder / "quat_dmp_unscrewing").glob("*.txt"))
+    logs = Path(folder) / "quat_dmp_unscrewing"
+    files = sorted(logs.glob("*.txt"), key=lambda path: natural_order(path.stem))
     if not files:
-        raise InputError(f"{folder / 'quat_dmp_unscrewing'}: holds no logs (01.txt, 02.txt, ...)")
-    return [_unscrewing(folder, path) for path in files]
+        raise MissingInputError(f"{logs}: holds no logs (01.txt, 02.txt, ...)")
+    return [_unscrewing(Path(folder), path) for path in files]
 
 
-def read_scraping_execution(folder: str | Path) -> list[Recording]:
-    """One robot execution of the three scraping primitives on a tilted board, 300 Hz, without times.
+def read_scraping_execution(folder: str | Path, trial: str | None = None) -> list[Recording]:
+    """One robot execution of the scraping primitives on a tilted board, 300 Hz, without times.
 
     Args:
         folder: the data set's folder.
+        trial: the execution's folder in `scraping`; None: the first that holds primitives.
 
     Returns:
-        Recordings "prim1", "prim2" and "prim3" with pose, twist, joint positions and two fingers' electrodes
-        (left, right); each starts at time 0.
+        Recordings "prim1", "prim2", ... with pose, twist, joint positions and two fingers' electrodes (left,
+        right); each starts at time 0.
 
     Raises:
-        InputError: a file is missing, is not a table of its columns, or has another number of rows than its
-            fellows.
+        MissingInputError: there is no such execution.
+        InputError: a file of a primitive is missing, is not a table of its columns, or has another number of
+            rows than its fellows.
     """
-    folder = Path(folder)
-    trial = folder / "scraping" / "setting_2_trial_3"
-    return [_primitive(folder, trial / name) for name in ("prim1", "prim2", "prim3")]
+    scraping = Path(folder) / "scraping"
+    found = [path for path in scraping.glob(f"{trial or '*'}/prim*") if path.is_dir()]
+    if not found:
+        raise MissingInputError(f"{scraping / (trial or '')}: holds no execution (prim1, prim2, ...)")
+    first = min((path.parent for path in found), key=lambda path: natural_order(path.name))
+    primitives = sorted(first.glob("prim*"), key=lambda path: natural_order(path.name))
+    return [_primitive(Path(folder), primitive) for primitive in primitives]
 
 
 def _reach(folder: Path, path: Path) -> Recording:

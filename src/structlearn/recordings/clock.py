@@ -1,16 +1,21 @@
 """Several streams with clocks of their own, put on one uniform clock."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.recordings.checks import at_row, check_recording
+from structlearn.recordings.checks import at_row, check_recording, check_speed
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
 
 MAX_GAP_S = 0.2
 """Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
 recorders drop out for 0.15 s now and then, a hole of more than that hides a movement."""
+
+FASTEST_HZ = 10_000.0
+"""No robot reports its pose more often; a faster clock is one whose stamps say nothing."""
 
 
 def synchronise(
@@ -40,19 +45,18 @@ def synchronise(
 
     Raises:
         InputError: the rate is not positive, a stream fails `check_recording`, has a gap longer than
-            `max_gap_s`, or the streams do not share at least two ticks.
+            `max_gap_s`, the pose fails `check_speed`, or the streams do not share at least two ticks.
     """
     check_recording(recording)
-    start = max(int(stream.stamps[0]) for stream in recording.streams)
-    end = min(int(stream.stamps[-1]) for stream in recording.streams)
-    if end <= start:
-        raise InputError(f"{recording.name}: {_no_overlap(recording)}")
+    start, end = _shared_time(recording.name, recording.streams)
     pose = next(stream for stream in recording.streams if stream.kind == "pose")
+    for stream in recording.streams:  # before the ticks: one far stamp would ask for terabytes of them
+        _check_gaps(recording.name, stream, start, end, max_gap_s)
+    check_speed(recording.name, pose)
     ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
     signals: dict[str, np.ndarray] = {}
     tactile: list[np.ndarray] = []
     for stream in recording.streams:
-        _check_gaps(recording.name, stream, start, end, max_gap_s)
         stamps = (stream.stamps - start).astype(float)  # ns; exact: int64 before the difference
         if stream.kind == "pose":
             signals["position"] = _linear(ticks, stamps, stream.values[:, :3])
@@ -77,8 +81,34 @@ def synchronise(
         time=time,
         true_segments=_shifted(recording.true_segments, (start - int(pose.stamps[0])) * 1e-9, time[-1]),
         provenance=dict(recording.provenance),
+        shapes=recording.shapes,
         **signals,
     )
+
+
+def on_one_clock(
+    name: str, streams: Sequence[Stream], rate_hz: float, max_gap_s: float = MAX_GAP_S
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Sample streams of plain signals, of which none need be a pose, as `synchronise` does.
+
+    Args:
+        name: of what they belong to, for messages.
+        streams: without orientations; several may be of one kind.
+        rate_hz: ticks per second.
+        max_gap_s: longest step in s between neighbouring samples of a stream within the clock's time.
+
+    Returns:
+        Times (T,) of the ticks in s since the start, and each stream's values (T, D).
+
+    Raises:
+        InputError: as `synchronise`, but that values are not looked at.
+    """
+    start, end = _shared_time(name, streams)
+    for stream in streams:
+        _check_gaps(name, stream, start, end, max_gap_s)
+    ticks = _ticks(name, end - start, _rate(name, streams[0], rate_hz))
+    sampled = [_linear(ticks, (stream.stamps - start).astype(float), stream.values) for stream in streams]
+    return ticks * 1e-9, sampled
 
 
 def held_out_error(stream: Stream) -> tuple[float, float]:
@@ -102,7 +132,11 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
     """Ticks per s."""
     if rate_hz is None:
-        return 1e9 / float(np.median(np.diff(pose.stamps)))
+        rate_hz = 1e9 / float(np.median(np.diff(pose.stamps)))
+        if rate_hz > FASTEST_HZ:
+            raise InputError(
+                f"{name}: {pose.topic}: poses come at {rate_hz:.3g} Hz, more than {FASTEST_HZ:g} Hz"
+            )
     if not (np.isfinite(rate_hz) and rate_hz > 0):
         raise InputError(f"{name}: rate_hz must be positive, is {rate_hz}")
     return rate_hz
@@ -143,14 +177,17 @@ def _check_gaps(name: str, stream: Stream, start: int, end: int, max_gap_s: floa
         )
 
 
-def _no_overlap(recording: Recording) -> str:
-    """Words for streams that share no time: the two that are furthest apart."""
-    late = max(recording.streams, key=lambda stream: int(stream.stamps[0]))
-    early = min(recording.streams, key=lambda stream: int(stream.stamps[-1]))
-    return (
-        f"{late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
-        f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
-    )
+def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
+    """First and last ns that all streams cover."""
+    late = max(streams, key=lambda stream: int(stream.stamps[0]))
+    early = min(streams, key=lambda stream: int(stream.stamps[-1]))
+    start, end = int(late.stamps[0]), int(early.stamps[-1])
+    if end <= start:
+        raise InputError(
+            f"{name}: {late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
+            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
+        )
+    return start, end
 
 
 def _shifted(segments: np.ndarray | None, shift: float, end: float) -> np.ndarray | None:

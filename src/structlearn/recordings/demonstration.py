@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.recording import NamedShape
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class Demonstration:
         tool_to_board: (T, 4) orientation of the tool relative to the board, sign-continuous, where recorded.
         true_segments: (P, 2) start and end of each primitive in s, known only when simulated.
         provenance: what is known of the origin (simulated or recorded, seed, source, licence).
+        shapes: solids at rest around the movement, where recorded.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Demonstration:
     tool_to_board: np.ndarray | None = None
     true_segments: np.ndarray | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
+    shapes: tuple[NamedShape, ...] = ()
 
     def __post_init__(self) -> None:
         length = len(self.time)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from structlearn.ground.errors import InputError
+from structlearn.ground.params import NAME
 from structlearn.recordings.checks import check_recording
 from structlearn.recordings.clock import MAX_GAP_S, synchronise
 from structlearn.recordings.demonstration import Demonstration
@@ -73,8 +74,7 @@ def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> Non
     stems = [name.zfill(digits) if name.isdecimal() else name for name in names]
     _check_unique(stems, str(folder))
     for stem in stems:
-        if not stem or stem.startswith(".") or "/" in stem or "\\" in stem:
-            raise InputError(f"{folder}: '{stem}' cannot be a file name")
+        _check_name(stem, str(folder))
     Path(folder).mkdir(parents=True, exist_ok=True)
     for recording, stem in zip(recordings, stems, strict=True):
         write_recording(recording, Path(folder) / f"{stem}.mcap")
@@ -113,13 +113,23 @@ def _mcap_files(source: Path) -> list[Path]:
         found += files
     if not found:
         raise InputError(f"{source}: holds no .mcap file; other bags become one with `ros2 bag convert`")
+    for path in found:
+        _check_name(path.stem, str(path))
     _check_unique([path.stem for path in found], str(source))
-    return sorted(found, key=lambda path: _natural(path.stem))
+    return sorted(found, key=lambda path: natural_order(path.stem))
 
 
-def _natural(name: str) -> list[str | int]:
-    """Key that sorts runs of digits as numbers; odd places are numbers, so keys compare."""
+def natural_order(name: str) -> list[str | int]:
+    """Key that sorts runs of digits in a name as numbers; odd places are numbers, so keys compare."""
     return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
+
+
+def _check_name(name: str, where: str) -> None:
+    if not re.fullmatch(NAME, name):
+        raise InputError(
+            f"{where}: '{name}' cannot be a name: it needs a letter or digit first, then such, spaces and "
+            "_ . + - ( )"
+        )
 
 
 def _check_unique(names: Sequence[str], where: str) -> None:

@@ -5,14 +5,14 @@ file is an MCAP with one topic of ROS 2 `sensor_msgs/JointState`, as a robot's d
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import damage_named, read_bag
+from structlearn.recordings.bag_reader import own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.messages import JOINT_KINDS, check_readable, joint_states, joint_topic
@@ -44,30 +44,48 @@ class JointLog:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        count, width = len(self.stamps), len(self.joints)
-        if count < 2:
-            raise InputError(f"{self.name}: needs at least two samples, has {count}")
-        steps = np.diff(self.stamps)
-        if (steps <= 0).any():
-            row = int(np.argmax(steps <= 0)) + 1
-            raise InputError(f"{self.name}: {at_row(row, self.stamps)} does not come after the one before it")
-        for signal in ("positions", "velocities", "torques"):
-            values = getattr(self, signal)
-            if values.shape != (count, width):
-                raise InputError(
-                    f"{self.name}: {signal} have shape {values.shape}, not {count} samples of {width} joints"
-                )
-            if not np.isfinite(values).all():
-                row, column = np.argwhere(~np.isfinite(values))[0]
-                raise InputError(
-                    f"{self.name}: {at_row(int(row), self.stamps)}: {signal} of joint "
-                    f"'{self.joints[column]}' are {values[row, column]}"
-                )
+        signals = {name: getattr(self, name) for name in ("positions", "velocities", "torques")}
+        check_signals(self.name, self.joints, self.stamps, signals)
 
     @property
     def time(self) -> np.ndarray:
         """(T,) s since the first sample."""
         return (self.stamps - self.stamps[0]) * 1e-9
+
+
+def check_signals(
+    name: str, joints: Sequence[str], stamps: np.ndarray, signals: Mapping[str, np.ndarray]
+) -> None:
+    """Check what a log of joints holds.
+
+    Args:
+        name: of the log, for messages.
+        joints: (n,) names.
+        stamps: (T,) ns.
+        signals: (T, n) each.
+
+    Raises:
+        InputError: there are fewer than two samples, stamps do not increase, a signal has another shape or a
+            value that is not finite; the message names log and row.
+    """
+    count, width = len(stamps), len(joints)
+    if count < 2:
+        raise InputError(f"{name}: needs at least two samples, has {count}")
+    steps = np.diff(stamps)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        raise InputError(f"{name}: {at_row(row, stamps)} does not come after the one before it")
+    for signal, values in signals.items():
+        if values.shape != (count, width):
+            raise InputError(
+                f"{name}: {signal} have shape {values.shape}, not {count} samples of {width} joints"
+            )
+        if not np.isfinite(values).all():
+            row, column = np.argwhere(~np.isfinite(values))[0]
+            raise InputError(
+                f"{name}: {at_row(int(row), stamps)}: {signal} of joint '{joints[column]}' are "
+                f"{values[row, column]}"
+            )
 
 
 def write_joint_log(log: JointLog, path: str | Path) -> None:
@@ -114,10 +132,5 @@ def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
                 f"{where} has no {kind.replace('_', ' ')}; a dynamics model is learned from "
                 "position, velocity and effort"
             )
-    provenance = {"origin": "recorded", "source": path.name}
-    if bag.metadata is not None:
-        with damage_named(path):
-            provenance = json.loads(bag.metadata["provenance"])
-    return JointLog(
-        path.stem, tuple(names), stamps, *(values[kind] for kind in JOINT_KINDS), provenance=provenance
-    )
+    signals = (values[kind] for kind in JOINT_KINDS)
+    return JointLog(path.stem, tuple(names), stamps, *signals, provenance=own_provenance(bag, path))

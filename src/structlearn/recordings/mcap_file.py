@@ -7,10 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import damage_named, read_bag
+from structlearn.recordings.bag_reader import damage_named, own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import check_recording
-from structlearn.recordings.messages import JOINT_KINDS, check_readable, to_streams, to_topic
+from structlearn.recordings.messages import (
+    JOINT_KINDS,
+    check_readable,
+    shapes_topic,
+    to_shapes,
+    to_streams,
+    to_topic,
+)
 from structlearn.recordings.recording import Kind, Recording
 from structlearn.recordings.topics import MAX_FINGERS, OWN_TOPICS, TopicMap
 
@@ -19,9 +26,10 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording as an MCAP file of ROS 2 messages on `OWN_TOPICS`.
 
     Messages stand in the order of their stamps, at equal stamps in the order of the streams; log and publish
-    time are the stamp. The same recording gives the same bytes. Tactile counts are written as float32 (whole
-    numbers up to 2^24 are exact), everything else as float64. The file is written in place: whoever calls
-    publishes it or the folder that it is in (`structlearn.ground.artefacts.publish`).
+    time are the stamp. Shapes stand in one message at the first of all stamps. The same recording gives the
+    same bytes. Tactile counts are written as float32 (whole numbers up to 2^24 are exact), everything else as
+    float64. The file is written in place: whoever calls publishes it or the folder that it is in
+    (`structlearn.ground.artefacts.publish`).
 
     Args:
         recording: at least two samples per stream; its name is not written, the file's stem is the name.
@@ -35,6 +43,9 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     topics = _own_topics(recording)
     pairs = zip(topics, recording.streams, strict=True)
     raw = [to_topic(f"{recording.name}: {topic}", topic, stream) for topic, stream in pairs]
+    if recording.shapes:
+        start = min(int(stream.stamps[0]) for stream in recording.streams)
+        raw.append(shapes_topic(OWN_TOPICS.obstacles, start, recording.shapes))
     write_bag(path, _to_metadata(recording), raw)
 
 
@@ -60,15 +71,18 @@ def read_recording(path: str | Path, topics: TopicMap = OWN_TOPICS) -> Recording
     roles = topics.roles()
     bag = read_bag(path, [topic for topic, _ in roles])
     with damage_named(path):
-        provenance, segments = _from_metadata(bag.metadata, path)
-    streams = []
+        segments = _true_segments(bag.metadata)
+    streams, shapes = [], ()
     for topic, role in roles:
         where = f"{path}: topic '{topic}'"
         if topic in bag.topics:
             check_readable(where, role, bag.topics[topic])
             if topic not in bag.messages:
                 raise InputError(f"{where} has no messages")
-            streams += to_streams(where, topic, role, bag.messages[topic])
+            if role == "obstacles":
+                shapes = to_shapes(where, bag.messages[topic])
+            else:
+                streams += to_streams(where, topic, role, bag.messages[topic])
         elif topics.must_exist or role == "pose":
             listing = ", ".join(
                 f"{name} ({' and '.join(types)})" for name, types in sorted(bag.topics.items())
@@ -78,7 +92,7 @@ def read_recording(path: str | Path, topics: TopicMap = OWN_TOPICS) -> Recording
         sources = [stream.topic for stream in streams if stream.kind == kind]
         if len(sources) > 1:
             raise InputError(f"{path}: {kind} come from several topics: {', '.join(sources)}")
-    return Recording(path.stem, tuple(streams), segments, provenance)
+    return Recording(path.stem, tuple(streams), segments, own_provenance(bag, path), shapes)
 
 
 def _own_topics(recording: Recording) -> list[str]:
@@ -107,12 +121,6 @@ def _to_metadata(recording: Recording) -> dict[str, str]:
     }
 
 
-def _from_metadata(
-    metadata: Mapping[str, str] | None, path: Path
-) -> tuple[Mapping[str, str], np.ndarray | None]:
-    """Provenance and true segments; a file that is not ours was recorded."""
-    if metadata is None:
-        return {"origin": "recorded", "source": path.name}, None
-    segments = json.loads(metadata["true_segments"])
-    array = None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)
-    return json.loads(metadata["provenance"]), array
+def _true_segments(metadata: Mapping[str, str] | None) -> np.ndarray | None:
+    segments = None if metadata is None else json.loads(metadata["true_segments"])
+    return None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)

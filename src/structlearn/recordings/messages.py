@@ -4,11 +4,14 @@ Stamps. A topic whose messages have a header is stamped by the header: when the 
 header stamp of the topic is set (all are zero), and for types without a header, MCAP's log time stands in:
 when the recorder got it. The choice is made per topic, so that a simulator's clock may start at zero.
 
+Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Its first message counts.
+
 Frames. Poses, twists and wrenches are taken as published; that their frame is the robot's base is up to the
 user. No transforms are looked up.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from types import SimpleNamespace
@@ -24,8 +27,8 @@ from structlearn.recordings import cdr
 from structlearn.recordings.bag_reader import RawMessages, damage_named
 from structlearn.recordings.bag_writer import RawTopic
 from structlearn.recordings.checks import at_row
-from structlearn.recordings.recording import Kind, Stream
-from structlearn.recordings.schemas import MESSAGE_TYPES, definition
+from structlearn.recordings.recording import Form, Kind, NamedShape, Stream
+from structlearn.recordings.schemas import MESSAGE_TYPES, SHAPES_TYPE, definition
 from structlearn.recordings.topics import Role
 
 FRAME = "base"
@@ -171,6 +174,70 @@ def joint_topic(
     return raw
 
 
+def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
+    """Shapes of the first message of a topic of markers, in their order.
+
+    A marker is named by its namespace, with its number behind it where several have the same. Markers of
+    other types (arrows, text, meshes) are passed over.
+
+    Args:
+        where: file and topic, for error messages.
+        messages: its messages.
+
+    Raises:
+        InputError: a message cannot be decoded or lacks a field of its type, or a shape is not finite, has no
+            extent, or no orientation.
+    """
+    with damage_named(where):
+        first = _decoded(replace(messages, channels=messages.channels[:1], data=messages.data[:1]))[0]
+    short = cdr.short_name(next(iter(messages.schemas.values())).name)
+    try:
+        markers = [one for one in READERS["obstacles"][short](first) if one[2] in FORMS]
+    except AttributeError as error:
+        raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
+    spaces = [space for space, *_ in markers]
+    shapes = []
+    for space, number, kind, values in markers:
+        name = space if spaces.count(space) == 1 else f"{space} {number}"
+        position, orientation, size = np.split(np.array(values), (3, 7))
+        if not (np.isfinite(values).all() and (size > 0).all()):
+            raise InputError(f"{where}: shape '{name}' needs a finite pose and a positive size")
+        length = np.linalg.norm(orientation)
+        if not length > 0:
+            raise InputError(f"{where}: shape '{name}' has the orientation 0, 0, 0, 0")
+        turned = quaternion.from_xyzw(orientation / length)
+        shapes.append(NamedShape(name, FORMS[kind], position, turned, size))
+    return tuple(shapes)
+
+
+def shapes_topic(topic: str, stamp: int, shapes: Sequence[NamedShape]) -> RawTopic:
+    """One message of markers with all shapes, for `write_bag`.
+
+    Args:
+        topic: to write on.
+        stamp: ns, when they are there; also in the headers.
+        shapes: with different names, which become the markers' namespaces.
+    """
+    seconds, rest = divmod(int(stamp), 10**9)
+    header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": FRAME}
+    markers = [
+        {
+            "header": header,
+            "ns": shape.name,
+            "type": _MARKERS[shape.form],
+            "pose": {
+                "position": dict(zip("xyz", map(float, shape.position), strict=True)),
+                "orientation": dict(zip("wxyz", map(float, shape.orientation), strict=True)),
+            },
+            "scale": dict(zip("xyz", map(float, shape.size), strict=True)),
+            "color": dict.fromkeys("rgb", 0.5) | {"a": 1.0},  # transparent is invisible
+        }
+        for shape in shapes
+    ]
+    data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
+    return RawTopic(topic, SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
+
+
 def _blank(
     where: str,
     topic: str,
@@ -194,11 +261,15 @@ def _blank(
 
 @cache
 def _template(message_type: str, names: Sequence[str], lengths: Sequence[tuple[str, int]]) -> bytes:
-    """A message with these names and sequences of zeros, encoded by the library."""
+    """A message with these names and sequences of zeros."""
+    message = {"header": {"frame_id": FRAME}, "name": names}  # what a type does not have is passed over
+    return _encoded(message_type, message | {field: [0.0] * length for field, length in lengths})
+
+
+def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
+    """A message as the library encodes it; fields that are not given are zero or empty."""
     from mcap_ros2.writer import Writer  # whoever only reads starts sooner without
 
-    message = {"header": {"frame_id": FRAME}, "name": names}  # what a type does not have is passed over
-    message |= {field: [0.0] * length for field, length in lengths}
     file = BytesIO()
     writer = Writer(file)
     writer.write_message("/", writer.register_msgdef(message_type, definition(message_type)), message, 0)
@@ -308,6 +379,22 @@ def _of_sequence(field: Any) -> Sequence:
     return field.T if isinstance(field, np.ndarray) else field
 
 
+def _of_markers(markers: Sequence[Any]) -> list[tuple[str, int, int, list[float]]]:
+    """Namespace, number, type, and pose and size as 10 numbers of each marker of one message."""
+    rows = []
+    for one in markers:
+        numbers = [one.id, one.type, *_of_pose(one.pose), one.scale.x, one.scale.y, one.scale.z]
+        number, kind, *values = (float(np.ravel(value)[0]) for value in numbers)  # a column of one row, or it
+        rows.append((one.ns, int(number), int(kind), values))
+    return rows
+
+
+FORMS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}
+"""What a marker's type says; the others are no solids."""
+
+_MARKERS = {form: kind for kind, form in FORMS.items()}
+
+
 JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
 """Kinds of stream that the fields position, velocity and effort of a joint state give."""
 
@@ -337,6 +424,10 @@ READERS: Mapping[Role, Mapping[str, Callable[[Any], Any]]] = {
         "geometry_msgs/QuaternionStamped": lambda message: _of_quaternion(message.quaternion),
         "geometry_msgs/PoseStamped": lambda message: _of_quaternion(message.pose.orientation),
         "geometry_msgs/TransformStamped": lambda message: _of_quaternion(message.transform.rotation),
+    },
+    "obstacles": {
+        "visualization_msgs/MarkerArray": lambda message: _of_markers(message.markers),
+        "visualization_msgs/Marker": lambda message: _of_markers([message]),
     },
 }
 """Message types that can be read in each role, and how a message gives its columns: numbers, or where its

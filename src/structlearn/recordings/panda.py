@@ -1,4 +1,4 @@
-"""Public log of a Franka Emika Panda on an exciting trajectory.
+"""Public logs of a Franka Emika Panda on exciting trajectories.
 
 Files of the repository marcocognetti/FrankaEmikaPandaDynModel (C. Gaz et al., "Dynamic identification of the
 Franka Emika Panda robot with retrieval of feasible parameters using penalty-based optimization", RA-L 2019).
@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.recordings.folders import natural_order
 from structlearn.recordings.joint_log import JointLog
 from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance
 
@@ -20,28 +21,36 @@ LICENCE = "GPL-3.0"
 JOINTS = tuple(f"panda_joint{number}" for number in range(1, 8))
 """Names in the arm's URDF."""
 
-FILES = {"positions": "positions", "velocities": "velocity", "torques": "torques"}
+SIGNALS = {"positions": "positions", "velocities": "velocity", "torques": "torques"}
 """Signals and the last word of their files' names."""
 
 
-def read_exciting_trajectory(folder: str | Path) -> JointLog:
-    """Read the 21 s of motion at about 1 kHz.
+def read_trajectories(folder: str | Path) -> list[JointLog]:
+    """Read all motions of a folder; the one of the repository has 21 s at about 1 kHz.
 
     The logger wrote positions in five or six significant digits and its times by hundredths of a millisecond;
     nothing is done about either here.
 
     Args:
-        folder: holds exciting_traj_{positions,velocity,torques,time}.txt.
+        folder: holds NAME_{positions,velocity,torques,time}.txt, or folders of them.
 
     Returns:
-        The log, named `exciting_trajectory`.
+        The logs by their names, such as `exciting_traj`, with the folders' before it where there are some.
 
     Raises:
+        MissingInputError: there is no file of times.
         InputError: a file is missing, no table of numbers or not of the length that the times ask for.
     """
     folder = Path(folder)
-    paths = {signal: folder / f"exciting_traj_{word}.txt" for signal, word in FILES.items()}
-    times = folder / "exciting_traj_time.txt"
+    times = sorted(folder.rglob("*_time.txt"), key=lambda path: natural_order(path.as_posix()))
+    if not times:
+        raise MissingInputError(f"{folder}: holds no motion (exciting_traj_time.txt, ...)")
+    return [_read(folder, path) for path in times]
+
+
+def _read(folder: Path, times: Path) -> JointLog:
+    name = times.name.removesuffix("_time.txt")
+    paths = {signal: times.with_name(f"{name}_{word}.txt") for signal, word in SIGNALS.items()}
     stamps, _ = read_stamped_table(times, 1)
     signals = {}
     for signal, path in paths.items():
@@ -53,4 +62,5 @@ def read_exciting_trajectory(folder: str | Path) -> JointLog:
             )
         signals[signal] = values.reshape(len(stamps), len(JOINTS))
     provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [times, *paths.values()])
-    return JointLog("exciting_trajectory", JOINTS, np.asarray(stamps), **signals, provenance=provenance)
+    whole_name = "_".join([*times.parent.relative_to(folder).parts, name])
+    return JointLog(whole_name, JOINTS, np.asarray(stamps), **signals, provenance=provenance)

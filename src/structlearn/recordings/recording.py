@@ -30,6 +30,29 @@ WIDTHS: Mapping[str, int | None] = {
 """Columns of each kind of stream; None: any number, constant within the stream."""
 
 
+Form = Literal["cube", "sphere", "cylinder"]
+"""What a shape is; a cuboid is a cube of unequal sides, as in ROS."""
+
+
+@dataclass(frozen=True)
+class NamedShape:
+    """A solid at rest beside the movement: an obstacle, or what is reached for.
+
+    Attributes:
+        name: unique within its recording.
+        form: what it is; a cylinder stands along its own z axis.
+        position: (3,) m, its centre in the base frame.
+        orientation: (4,) unit quaternion w, x, y, z, own to base frame.
+        size: (3,) m, full extent along its own axes.
+    """
+
+    name: str
+    form: Form
+    position: np.ndarray
+    orientation: np.ndarray
+    size: np.ndarray
+
+
 @dataclass(frozen=True)
 class Stream:
     """Samples of one source with its own, possibly irregular, clock.
@@ -60,9 +83,11 @@ class Recording:
         true_segments: (P, 2) start and end of each primitive in s since the first stamp of the pose stream,
             known only when simulated.
         provenance: what is known of the origin, string to string; `origin` is `simulated` or `recorded`.
+        shapes: solids around the movement, where recorded.
     """
 
     name: str
     streams: tuple[Stream, ...]
     true_segments: np.ndarray | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
+    shapes: tuple[NamedShape, ...] = ()

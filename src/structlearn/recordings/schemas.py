@@ -1,7 +1,7 @@
 """The ROS 2 messages that this package writes: their types and definitions.
 
-Definitions are those of ROS 2's `geometry_msgs`, `sensor_msgs` and `std_msgs` without comments, so that bags
-open in any ROS 2 tool without our package.
+Definitions are those of ROS 2's `geometry_msgs`, `sensor_msgs`, `std_msgs` and `visualization_msgs` without
+comments and constants, so that bags open in any ROS 2 tool without our package.
 """
 
 from collections.abc import Mapping
@@ -19,6 +19,9 @@ MESSAGE_TYPES: Mapping[Kind, str] = {
     "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
 }
 """Type in which each kind of stream is written."""
+
+SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"
+"""Type in which named shapes are written, one message for all: rviz, Foxglove and rerun draw it."""
 
 
 def definition(message_type: str) -> str:
@@ -39,6 +42,19 @@ _NESTED = {
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
     "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n",
     "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride\n",
+    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data\n",
+    "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v\n",
+    "visualization_msgs/MeshFile": "string filename\nuint8[] data\n",
+    "visualization_msgs/Marker": (
+        "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n"
+        "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n"
+        "bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
+        "string texture_resource\nsensor_msgs/CompressedImage texture\n"
+        "visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\nstring mesh_resource\n"
+        "visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n"
+    ),
 }
 
 _HEADER = ("std_msgs/Header", "builtin_interfaces/Time")
@@ -76,5 +92,19 @@ _DEFINITIONS: Mapping[str, tuple[str, ...]] = {  # own text, then the names of a
         "std_msgs/MultiArrayLayout layout\nfloat32[] data\n",
         "std_msgs/MultiArrayLayout",
         "std_msgs/MultiArrayDimension",
+    ),
+    SHAPES_TYPE: (
+        "visualization_msgs/Marker[] markers\n",
+        "visualization_msgs/Marker",
+        *_HEADER,
+        "geometry_msgs/Pose",
+        "geometry_msgs/Point",
+        "geometry_msgs/Quaternion",
+        "geometry_msgs/Vector3",
+        "std_msgs/ColorRGBA",
+        "builtin_interfaces/Duration",
+        "sensor_msgs/CompressedImage",
+        "visualization_msgs/UVCoordinate",
+        "visualization_msgs/MeshFile",
     ),
 }

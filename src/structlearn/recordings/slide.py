@@ -4,13 +4,13 @@ Files of the repository dexrob/BioTac_slide_20_50 (R. Gao et al., "Supervised au
 heterogeneous tactile sensory data"): six streams per trial, each with Unix times of its own.
 """
 
-import re
 from pathlib import Path
 
 import numpy as np
 
 from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
+from structlearn.recordings.folders import natural_order
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.text_log import read_stamped_table, source_provenance
 
@@ -36,17 +36,21 @@ def read_slides(folder: str | Path, trials: int | None = None) -> list[Recording
         Recordings named "MATERIAL_TRIAL", e.g. "mat9_1", by material and trial; stamps are Unix time.
 
     Raises:
-        InputError: there is no trial, or a stream is missing or not a table of its columns.
+        MissingInputError: there is no trial.
+        InputError: a stream is missing or not a table of its columns.
     """
-    folder = Path(folder)
-    found = {}
-    for path in folder.rglob("*_cp.csv"):
-        name = re.fullmatch(r"mat(\d+)_(\d+)_cp", path.stem)
-        if name and (trials is None or int(name[2]) <= trials):
-            found[int(name[1]), int(name[2])] = path.parent
+    found = {path.stem.removesuffix("_cp"): path.parent for path in Path(folder).rglob("*_*_cp.csv")}
+    by_material: dict[str, list[str]] = {}
+    for name in sorted(found, key=natural_order):
+        by_material.setdefault(material_of(name), []).append(name)
     if not found:
-        raise InputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
-    return [read_slide(found[number], "mat{}_{}".format(*number)) for number in sorted(found)]
+        raise MissingInputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
+    return [read_slide(found[name], name) for names in by_material.values() for name in names[:trials]]
+
+
+def material_of(trial: str) -> str:
+    """`mat9` of `mat9_1`."""
+    return trial.rpartition("_")[0]
 
 
 def read_slide(folder: str | Path, name: str) -> Recording:

@@ -57,13 +57,20 @@ class PublicSourceParameters(Parameters):
     """Source of the public recordings.
 
     Attributes:
-        source: folder that holds `clmc` and `slide`; the environment variable RECORDED_DATA stands in for it,
-            so that the place of the data on a machine need not be written into a file under version control.
-        slide_trials: the first so many trials of each material are taken.
+        source: folder that holds `clmc`, `slide`, `panda`, `reaches_past_boxes`, `eflesh` and `ur10e`, or
+            some; the environment variable RECORDED_DATA stands in for it, so that the place of the data on
+            a machine need not be written into a file under version control.
+        reaches: folder of the nominal reaches in `clmc/cart_coord_dmp`.
+        corrected_reaches: likewise of those with the same start and goal along a higher arc.
+        scraping: folder of the execution in `clmc/scraping`; None: the first that holds primitives.
+        slide_trials: the first so many trials of each material are taken; None: all.
     """
 
     source: str = Field(min_length=1)
-    slide_trials: int = Field(ge=1)
+    reaches: str = Field(min_length=1)
+    corrected_reaches: str = Field(min_length=1)
+    scraping: str | None = Field(min_length=1)
+    slide_trials: int | None = Field(ge=1)
 
     @property
     def folder(self) -> Path:

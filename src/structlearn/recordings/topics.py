@@ -6,7 +6,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from structlearn.ground.params import Parameters
 
-Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board"]
+Role = Literal["pose", "twist", "joint_states", "wrench", "tactile", "tool_to_board", "obstacles"]
 
 MAX_FINGERS = 10
 """Tactile streams that our own files may have: two hands."""
@@ -62,7 +62,21 @@ class TopicMap(Parameters):
         return [(topic, role) for topic, role in pairs if topic is not None]
 
 
-class OptionalTopicMap(TopicMap):
+class SceneTopicMap(TopicMap):
+    """Topics of a demonstration in a scene of which something is known.
+
+    Attributes:
+        obstacles: solids at rest around the movement.
+    """
+
+    obstacles: Topic | None
+
+    def roles(self) -> list[tuple[str, Role]]:
+        """Every named topic with what it is read as, in a fixed order."""
+        return super().roles() + ([(self.obstacles, "obstacles")] if self.obstacles else [])
+
+
+class OptionalTopicMap(SceneTopicMap):
     """Topics of which a file has those of the signals that were recorded."""
 
     must_exist: ClassVar[bool] = False
@@ -75,6 +89,7 @@ OWN_TOPICS = OptionalTopicMap(
     wrench="/wrench",
     tactile=tuple(f"/tactile/{finger}" for finger in range(MAX_FINGERS)),
     tool_to_board="/tool_to_board",
+    obstacles="/obstacles",
 )
 """The topics of the files that this package writes. Joint signals have a topic each, since each may have a
 clock of its own; a file has those of the topics that were recorded."""

@@ -141,6 +141,26 @@ TESTS: Mapping[str, Callable[[Evidence, Any], str]] = {
 NEEDS_BOUND = {"at most", "at least", "between"}
 
 
+class Counterpart(BaseModel):
+    """The like statement of another testbed.
+
+    Attributes:
+        testbed: whose `claims.csv` has it.
+        statement: as it stands there.
+        cases: those that are meant; all where none is named.
+        page: of that testbed.
+        by: whose statement is meant where the text's and ours have the same words; None: they are the same.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    testbed: str
+    statement: str
+    cases: tuple[str, ...] = ()
+    page: str = "index"
+    by: Literal["text", "ours"] | None = None
+
+
 class Claim(BaseModel):
     """One entry of a `claims.yaml`.
 
@@ -155,6 +175,7 @@ class Claim(BaseModel):
         format: of the numbers, or `share` for percentages, or `count` for `3 of 63`.
         unit: written behind them.
         note: what else a reader must know, e.g. what the number is of.
+        simulated: the like statement of a simulated testbed, for claims about recorded data.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -169,6 +190,7 @@ class Claim(BaseModel):
     format: str = ".2f"
     unit: str = ""
     note: str = ""
+    simulated: Counterpart | None = None
 
     @model_validator(mode="after")
     def _is_known(self) -> "Claim":
@@ -196,11 +218,15 @@ class Judged:
         claim: with its texts rendered.
         cases: name, number in words, n and verdict of each; one with an empty name where there are no cases.
         verdict: over all cases.
+        heading: of the set of data that it is about, on a page with several.
+        simulated: verdict on the claim's counterpart; empty where it is not known.
     """
 
     claim: Claim
     cases: tuple[tuple[str, str, int, str], ...]
     verdict: str
+    heading: str = ""
+    simulated: str = ""
 
 
 def read_claims(path: Path) -> list[Claim]:
@@ -281,12 +307,26 @@ def claim_metrics(judged: Sequence[Judged]) -> dict[str, int]:
     return {f"claims_{word.replace(' ', '_')}": count for word, count in verdict_counts(judged).items()}
 
 
+def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
+    """The verdict on a statement, or on some of its cases, in a `claims_table`; empty where it has none."""
+    rows = table[table["statement"] == counterpart.statement]
+    if counterpart.cases:
+        rows = rows[rows["case"].isin(counterpart.cases)]
+    if counterpart.by:
+        rows = rows[rows["by"] == counterpart.by]
+    return combined(list(rows["verdict"])) if len(rows) else ""
+
+
 def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """One row per case of each claim, as the CSV file holds them."""
+    """One row per case of each claim, as the CSV file holds them; with its set where there are several."""
     rows = [
         (one.claim.by, one.claim.statement, one.claim.source, one.claim.published, *case, one.verdict)
         for one in judged
         for case in one.cases
     ]
     columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
-    return pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows, columns=columns)
+    if any(one.heading for one in judged):
+        sets = [(one.heading, one.simulated) for one in judged for _ in one.cases]
+        table[["set", "simulated"]] = pd.DataFrame(sets, index=table.index)
+    return table

@@ -150,10 +150,11 @@ class Scribe:
         return self._parts.table(name, shown, caption, self._sources(source), self._document.stage, folded)
 
     def verdicts(self) -> Markup:
-        """The table of verdicts, with its counts above."""
+        """The table of verdicts, with its counts above; by sets of data where there are several."""
         judged = self._document.judged
         counts = {by: verdict_counts(judged, by) for by in ("text", "ours")}
-        return self._parts.verdicts(judged, counts, VERDICTS)
+        several = any(one.heading for one in judged)
+        return (self._parts.verdicts_by_set if several else self._parts.verdicts)(judged, counts, VERDICTS)
 
     def recording(self, name: str, note: str) -> Markup:
         """A link to a recording, with what it shows."""

@@ -42,7 +42,8 @@ def publish_report(
     if len(headlines) > HEADLINES:
         raise ValueError(f"{len(headlines)} headlines are more than {HEADLINES}")
     folder = Path(folder)
-    judged: list[Judged] = [one for page in pages.values() for one in page.judged]
+    shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
+    judged: list[Judged] = list(shown.values())
     with publish(folder / "figures") as target:
         target.mkdir()
         figures = _figures(drawings, target)

@@ -45,6 +45,7 @@ def fit_structure(
     start: LinkInertias,
     iterations: int,
     known: LinkInertias | None = None,
+    rubbing: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The structure's best parameters for the same loss as `least_squares`, by L-BFGS.
 
@@ -57,6 +58,7 @@ def fit_structure(
         start: inertias (n,) to start from.
         iterations: at most so many.
         known: where the pull goes; None: to the start, e.g. the URDF's values.
+        rubbing: (1, n, t) free parameters of friction to start from; None: small ones.
 
     Returns:
         Free parameters of the inertias (1, n, k) and of friction (1, n, t).
@@ -65,7 +67,7 @@ def fit_structure(
 
     place, squares = STRUCTURES.index(structure), squared(friction)
     free = free_parameters(structure, start)[None].numpy()
-    rubbing = initial_friction(1, len(start.mass), friction)
+    rubbing = initial_friction(1, len(start.mass), friction) if rubbing is None else rubbing
     pulled = free if known is None else free_parameters(structure, known)[None].numpy()
     reference = structure_theta(place, pulled, rubbing[..., :0], squares[:0])[0]
     weight = ANCHOR / (reference @ reference)

@@ -83,10 +83,42 @@ def measured_motion(
         np.stack([np.interp(ticks, time, column) for column in values.T], axis=1)
         for values in (positions, velocities, torques)
     ]
-    filtered = (signals.low_pass(values, 1.0 / rate_hz, cutoff_hz) for values in uniform)
+    return smoothed_motion(name, *uniform, 1.0 / rate_hz, cutoff_hz)
+
+
+def smoothed_motion(
+    name: str,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    torques: np.ndarray,
+    dt: float,
+    cutoff_hz: float = np.inf,
+) -> Motion:
+    """As `measured_motion`, of samples that are on a uniform clock already, `dt` in s apart."""
+    filtered = (signals.low_pass(values, dt, cutoff_hz) for values in (positions, velocities, torques))
     q, qd, torque = map(np.ascontiguousarray, filtered)  # the filter's are reversed, which torch refuses
-    motion = Motion(q, qd, signals.derivative(qd, 1.0 / rate_hz), torque)
+    motion = Motion(q, qd, signals.derivative(qd, dt), torque)
     constant = np.flatnonzero(motion.torque_variance < SMALLEST_VARIANCE)
     if len(constant):
         raise InputError(f"{name}: the torque of joint {constant[0] + 1} does not vary; was it recorded?")
     return motion
+
+
+def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
+    """The longest motion of a log, without the rests and the run-in around it.
+
+    Args:
+        name: of the log, for messages.
+        velocities: (N, n) rad/s.
+        slow: rad/s; the arm rests where no joint is faster.
+        rest: samples; shorter rests belong to a motion.
+
+    Raises:
+        InputError: the arm never moves.
+    """
+    moving = np.flatnonzero((np.abs(velocities) > slow).any(axis=1))
+    if not len(moving):
+        raise InputError(f"{name}: no joint ever moves faster than {slow:g} rad/s")
+    pieces = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
+    longest = max(pieces, key=lambda piece: piece[-1] - piece[0])
+    return slice(int(longest[0]), int(longest[-1]) + 1)

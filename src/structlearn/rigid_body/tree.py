@@ -5,6 +5,7 @@ numba need no Pinocchio. Joint i moves link i; the joint frame is fixed to the l
 position, as `rotation` and `translation` say in the frame of the parent joint.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -202,9 +203,12 @@ def _inertias(model: pinocchio.Model) -> LinkInertias[np.ndarray]:
 
 
 def _check_inertias(robot: Robot, path: str | Path) -> None:
-    """What Pinocchio merged at fixed joints must have mass and inertia; single links need not."""
-    least = np.linalg.eigvalsh(robot.inertias.inertia)[:, 0]
-    for name, mass, moment in zip(robot.tree.names, robot.inertias.mass, least, strict=True):
+    """What Pinocchio merged at fixed joints must have mass and inertia; single links need not.
+
+    Moments that no body has are so common in makers' files that they are only told of.
+    """
+    moments = np.linalg.eigvalsh(robot.inertias.inertia)
+    for name, mass, moment in zip(robot.tree.names, robot.inertias.mass, moments[:, 0], strict=True):
         if mass <= 0.0:
             raise InputError(
                 f"{path}: the link that joint '{name}' moves has no mass: <inertial> is absent or zero"
@@ -214,3 +218,11 @@ def _check_inertias(robot: Robot, path: str | Path) -> None:
                 f"{path}: the link that joint '{name}' moves has no positive definite inertia "
                 f"(least principal moment {moment:g} kg m^2)"
             )
+    excess = moments[:, 2] / (moments[:, 0] + moments[:, 1]) - 1.0
+    if (excess > 1e-6).any():
+        links = ", ".join(f"'{robot.tree.names[place]}'" for place in np.flatnonzero(excess > 1e-6))
+        warnings.warn(
+            f"{path}: no body has the inertia of what moves with {links}: the largest principal moment "
+            f"exceeds the sum of both others, by up to {100 * excess.max():.2g} %",
+            stacklevel=3,
+        )

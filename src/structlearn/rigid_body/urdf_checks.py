@@ -41,8 +41,14 @@ def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
     for name in locked:
         if name not in moving:
             raise InputError(f"{path}: there is no moving joint '{name}' to lock")
+        if list(locked).count(name) > 1:
+            raise InputError(f"{path}: joint '{name}' is to be locked twice")
     for name, joint in moving.items():
         _check_joint(joint, f"{path}: joint '{name}'")
+        if joint.find("mimic") is not None and name not in locked:
+            raise InputError(
+                f"{path}: joint '{name}': it follows another one (<mimic>); only locked ones may"
+            )
     for link in root.findall("link"):
         inertial = link.find("inertial")
         if inertial is not None:

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from structlearn.ground.params import Parameters
+from structlearn.ground.params import Name, Parameters
 
 AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
 """Columns of the position that show a primitive."""
@@ -20,7 +20,7 @@ class PrimitiveParameters(Parameters):
         threshold_m_s: speed along the axis above which it moves; needs none when between.
     """
 
-    name: str = Field(min_length=1)
+    name: Name
     axis: Literal["x", "y", "z", "xyz", "between"]
     threshold_m_s: float | None = Field(gt=0)
 

@@ -18,7 +18,7 @@ from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.autoencoder import LATENT
 
 ACTION = 6
-"""Components of an action."""
+"""Components of the action of a finger that also turns; a skin that is only pressed has fewer (K)."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class AffineDynamics:
 
     Attributes:
         state: A, (M, 3, 3, B).
-        action: B, (M, 3, 6, B).
+        action: B, (M, 3, K, B).
         constant: c, (M, 3, B).
     """
 
@@ -36,7 +36,7 @@ class AffineDynamics:
     constant: Tensor
 
     def rate(self, latent: Tensor, action: Tensor) -> Tensor:
-        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, 6, B)."""
+        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, K, B)."""
         return applied(self.state, latent) + applied(self.action, action) + self.constant
 
 
@@ -51,24 +51,31 @@ class LocallyLinearDynamics:
     network: StackedLayers
 
     @classmethod
-    def initial(cls, models: int, hidden: Sequence[int], generator: torch.Generator) -> Self:
-        """Models to be trained, with a network of these hidden layers."""
-        sizes = (LATENT, *hidden, LATENT * (LATENT + ACTION + 1))
+    def initial(
+        cls, models: int, hidden: Sequence[int], generator: torch.Generator, actions: int = ACTION
+    ) -> Self:
+        """Models to be trained, with a network of these hidden layers, for actions of K components."""
+        sizes = (LATENT, *hidden, LATENT * (LATENT + actions + 1))
         return cls(StackedLayers.initial(models, sizes, generator))
 
     def part(self, models: slice) -> Self:
         """Some of the models."""
         return type(self)(self.network.part(models))
 
+    @property
+    def actions(self) -> int:
+        """Components of an action K."""
+        return self.network.weights[-1].shape[1] // LATENT - LATENT - 1
+
     def affine(self, latent: Tensor) -> AffineDynamics:
         """A, B and c at latent states (M, 3, B)."""
-        parts = self.network.forward(latent).split((LATENT**2, LATENT * ACTION, LATENT), dim=1)
+        parts = self.network.forward(latent).split((LATENT**2, LATENT * self.actions, LATENT), dim=1)
         return AffineDynamics(
-            parts[0].unflatten(1, (LATENT, LATENT)), parts[1].unflatten(1, (LATENT, ACTION)), parts[2]
+            parts[0].unflatten(1, (LATENT, LATENT)), parts[1].unflatten(1, (LATENT, self.actions)), parts[2]
         )
 
     def rate(self, latent: Tensor, action: Tensor) -> Tensor:
-        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, 6, B)."""
+        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, K, B)."""
         return self.affine(latent).rate(latent, action)
 
 
@@ -83,17 +90,22 @@ class NonLinearDynamics:
     network: StackedLayers
 
     @classmethod
-    def initial(cls, models: int, hidden: int, generator: torch.Generator) -> Self:
-        """Models to be trained, with so many nodes in the hidden layer."""
-        sizes = (LATENT + ACTION, hidden, LATENT)
+    def initial(cls, models: int, hidden: int, generator: torch.Generator, actions: int = ACTION) -> Self:
+        """Models to be trained, with so many nodes in the hidden layer, for actions of K components."""
+        sizes = (LATENT + actions, hidden, LATENT)
         return cls(StackedLayers.initial(models, sizes, generator))
 
     def part(self, models: slice) -> Self:
         """Some of the models."""
         return type(self)(self.network.part(models))
 
+    @property
+    def actions(self) -> int:
+        """Components of an action K."""
+        return self.network.weights[0].shape[2] - LATENT
+
     def rate(self, latent: Tensor, action: Tensor) -> Tensor:
-        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, 6, B)."""
+        """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, K, B)."""
         return self.network.forward(torch.cat([latent, action], dim=1))
 
     def jacobians(self, latent: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
@@ -103,15 +115,15 @@ class NonLinearDynamics:
 
         Args:
             latent: (M, 3, B).
-            action: (M, 6, B).
+            action: (M, K, B).
 
         Returns:
-            J_z: (M, 3, 3, B).   J_a: (M, 3, 6, B).
+            J_z: (M, 3, 3, B).   J_a: (M, 3, K, B).
         """
         first, second = self.network.weights
         slope = 1.0 - self.network.activations(torch.cat([latent, action], dim=1))[-1].square()
-        products = (second[:, :, None] * first.transpose(1, 2)[:, None]).flatten(1, 2)  # (M, 3 * 9, hidden)
-        jacobian = torch.bmm(products, slope).unflatten(1, (LATENT, LATENT + ACTION))
+        products = (second[:, :, None] * first.transpose(1, 2)[:, None]).flatten(1, 2)  # (M, 3 (3 + K), H)
+        jacobian = torch.bmm(products, slope).unflatten(1, (LATENT, LATENT + self.actions))
         return jacobian[:, :, :LATENT], jacobian[:, :, LATENT:]
 
 
@@ -124,7 +136,7 @@ def chained(dynamics: ForwardDynamics, latent: Tensor, actions: Tensor, time_ste
     Args:
         dynamics: the models.
         latent: (M, 3, B) at the start.
-        actions: (C, M, 6, B) successive actions.
+        actions: (C, M, K, B) successive actions.
         time_step: (B,) s or (M, 1, B) s, per step.
 
     Returns:

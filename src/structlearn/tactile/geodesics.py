@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from structlearn.ground.artefacts import read_tensors, write_tensors
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.tactile.latent_parameters import GeodesicParameters
 
@@ -52,14 +52,15 @@ def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
         parameters: see there; fewer points than a bin make one smaller bin.
 
     Raises:
-        InputError: a point is NaN or infinite, a bin has no more points than neighbours, or patches of it lie
+        InputError: a point is NaN or infinite.
+        MissingInputError: a bin has no more points than neighbours, or patches of it lie
             farther apart than `bridge_mm`.
     """
     if not np.isfinite(points).all():
         raise InputError(f"touch: contact point {np.argwhere(~np.isfinite(points))[0][0]} is not finite")
     size = min(parameters.bin_size, len(points))
     if size <= parameters.neighbours:
-        raise InputError(f"touch: bins of {size} points have no {parameters.neighbours} neighbours each")
+        raise MissingInputError(f"touch: {size} points in a bin have no {parameters.neighbours} neighbours")
     count = len(points) // size if parameters.bins is None else min(parameters.bins, len(points) // size)
     rows = np.random.default_rng(parameters.seed).permutation(len(points))[: count * size].reshape(count, -1)
     measure = partial(graph_distances, neighbours=parameters.neighbours, bridge=1e-3 * parameters.bridge_mm)
@@ -80,7 +81,7 @@ def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.nd
         (N, N) float32 m.
 
     Raises:
-        InputError: patches lie farther apart.
+        MissingInputError: patches lie farther apart.
     """
     length, near = cKDTree(points).query(points, k=neighbours + 1)
     source = np.repeat(np.arange(len(points)), neighbours)
@@ -142,7 +143,7 @@ def _bridged(graph: csr_matrix, points: np.ndarray, bridge: float) -> csr_matrix
         gap, nearest = cKDTree(points[inside]).query(points[outside])
         place = int(np.argmin(gap))
         if gap[place] > bridge:
-            raise InputError(
+            raise MissingInputError(
                 f"touch: contact points lie in {count} patches, {1e3 * gap[place]:.3g} mm apart and more; "
                 f"record touches between them, or take more neighbours or a longer bridge"
             )

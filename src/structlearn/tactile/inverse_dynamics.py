@@ -17,7 +17,6 @@ from torch import Tensor
 
 from structlearn.tactile.autoencoder import LATENT
 from structlearn.tactile.forward_dynamics import (
-    ACTION,
     AffineDynamics,
     ForwardDynamics,
     NonLinearDynamics,
@@ -33,7 +32,7 @@ class LatentStep:
     Attributes:
         latent: (M, 3, B) z_t.
         previous_latent: (M, 3, B) z_t-1.
-        previous_action: (M, 6, B) a_t-1.
+        previous_action: (M, K, B) a_t-1.
         time_step: (B,) or (M, 1, B) s, of the step before and the step to come.
     """
 
@@ -46,7 +45,7 @@ class LatentStep:
 def inferred_action(
     inverse: str, dynamics: ForwardDynamics, step: LatentStep, target: Tensor, penalty: float
 ) -> Tensor:
-    """Action (M, 6, B) of one of the inverse models (eq. II.21).
+    """Action (M, K, B) of one of the inverse models (eq. II.21).
 
     Args:
         inverse: `LOCALLY_LINEAR`, `NEGATIVE_GRADIENT` or `JACOBIAN`.
@@ -82,7 +81,7 @@ def optimal_action(
         penalty: beta > 0, of the squared action beside the squared distance to the target.
 
     Returns:
-        (M, 6, B) actions.
+        (M, K, B) actions.
     """
     wanted = (target - latent) / time_step - applied(dynamics.state, latent) - dynamics.constant
     gram = (dynamics.action[:, :, None] * dynamics.action[:, None]).sum(dim=3)  # (M, 3, 3, B)
@@ -117,9 +116,9 @@ def negative_gradient(
         time_step: (B,) or (M, 1, B) s.
 
     Returns:
-        (M, 6, B).
+        (M, K, B).
     """
-    rest = latent.new_zeros(latent.shape[0], ACTION, latent.shape[-1])
+    rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
     _, by_action = dynamics.jacobians(latent, rest)
     missing = target - latent - dynamics.rate(latent, rest) * time_step
     return applied(by_action.transpose(1, 2), 2.0 * time_step * missing)
@@ -143,10 +142,10 @@ def receding_horizon_action(
         horizon: steps H.
 
     Returns:
-        (M, 6, B) actions.
+        (M, K, B) actions.
     """
     state = dynamics.state.permute(0, 3, 1, 2) * time_step + torch.eye(LATENT, dtype=latent.dtype)
-    action = dynamics.action.permute(0, 3, 1, 2) * time_step  # (M, B, 3, 6)
+    action = dynamics.action.permute(0, 3, 1, 2) * time_step  # (M, B, 3, K)
     constant = dynamics.constant.transpose(1, 2)[..., None] * time_step
     free, goal = latent.transpose(1, 2)[..., None], target.transpose(1, 2)[..., None]
     missing, blocks = [], [action]  # blocks[k]: effect of an action after k more steps
@@ -163,10 +162,10 @@ def receding_horizon_action(
             for step in range(horizon)
         ],
         dim=-2,
-    )  # (M, B, 3 H, 6 H)
+    )  # (M, B, 3 H, K H)
     gram = effect @ effect.mT + penalty * torch.eye(LATENT * horizon, dtype=latent.dtype)
     multipliers = torch.linalg.solve(gram, torch.cat(missing, dim=-2))
-    return (effect.mT[..., :ACTION, :] @ multipliers)[..., 0].transpose(1, 2)
+    return (effect.mT[..., : action.shape[-1], :] @ multipliers)[..., 0].transpose(1, 2)
 
 
 def _solved(matrix: Tensor, vector: Tensor) -> Tensor:

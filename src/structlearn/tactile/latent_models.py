@@ -13,7 +13,12 @@ from torch import Tensor
 
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.autoencoder import StackedAutoencoders
-from structlearn.tactile.forward_dynamics import ForwardDynamics, LocallyLinearDynamics, NonLinearDynamics
+from structlearn.tactile.forward_dynamics import (
+    ACTION,
+    ForwardDynamics,
+    LocallyLinearDynamics,
+    NonLinearDynamics,
+)
 from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.latent_variants import LOCALLY_LINEAR, NONLINEAR, STRUCTURES, TRAINED_WITH
 
@@ -39,16 +44,23 @@ class LatentModels:
 
     @classmethod
     def initial(
-        cls, seeds: Sequence[int], electrodes: int, parameters: NetworkParameters, generator: torch.Generator
+        cls,
+        seeds: Sequence[int],
+        electrodes: int,
+        parameters: NetworkParameters,
+        generator: torch.Generator,
+        actions: int = ACTION,
     ) -> Self:
-        """Models to be trained, of E electrodes."""
+        """Models to be trained, of E electrodes or other channels, and of actions of K components."""
         count = len(STRUCTURES) * len(seeds)
         linear, nonlinear = (count * len(TRAINED_WITH[name]) for name in (LOCALLY_LINEAR, NONLINEAR))
         return cls(
             seeds=tuple(seeds),
             autoencoders=StackedAutoencoders.initial(count, electrodes, parameters.encoder_hidden, generator),
-            locally_linear=LocallyLinearDynamics.initial(linear, parameters.locally_linear_hidden, generator),
-            nonlinear=NonLinearDynamics.initial(nonlinear, parameters.nonlinear_hidden, generator),
+            locally_linear=LocallyLinearDynamics.initial(
+                linear, parameters.locally_linear_hidden, generator, actions
+            ),
+            nonlinear=NonLinearDynamics.initial(nonlinear, parameters.nonlinear_hidden, generator, actions),
         )
 
     @classmethod

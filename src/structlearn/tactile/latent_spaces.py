@@ -12,8 +12,8 @@ from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_evaluation import SplitData
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import LatentSpaceParameters
-from structlearn.tactile.latent_training import CHAIN_STEPS, draw_pairs, train, training_data
-from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchDataset, chains
+from structlearn.tactile.latent_training import CHAIN_STEPS, Pairs, draw_pairs, train, training_data
+from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchDataset, TouchSamples, chains
 from structlearn.tactile.units import TouchUnits, touch_units
 
 
@@ -48,12 +48,32 @@ def learn_spaces(
     Raises:
         InputError: a bin has fewer than two training samples.
     """
-    training = parameters.training
-    rng = np.random.default_rng(training.seed)
+    rng = np.random.default_rng(parameters.training.seed)
     pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
-    data = training_data(samples, pairs, NO_CHAINS, units)
-    seeds = range(parameters.seeds)
-    models = LatentModels.initial(seeds, samples.signals.shape[1], parameters.networks, seeded(training.seed))
+    return learn_from(samples, pairs, NO_CHAINS, units, parameters)
+
+
+def learn_from(
+    samples: TouchSamples, pairs: Pairs, taught: Chains, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train models of all seeds, with and without structure, on pairs whose distances are known.
+
+    Args:
+        samples: touches.
+        pairs: of training samples.
+        taught: chains of training samples; without any, dynamics stay as they were drawn.
+        units: that the networks see touch in.
+        parameters: see there.
+    """
+    training = parameters.training
+    data = training_data(samples, pairs, taught, units)
+    models = LatentModels.initial(
+        range(parameters.seeds),
+        samples.signals.shape[1],
+        parameters.networks,
+        seeded(training.seed),
+        actions=taught.actions.shape[-1],
+    )
     with one_thread():
         for _ in train(models, data, training):
             pass  # only the end counts
@@ -76,6 +96,11 @@ def seen_in(
         InputError: a bin has fewer than two samples of the split.
     """
     found = draw_pairs(samples, geodesics, split, pairs, np.random.default_rng(split))
+    return asked_of(units, samples, found, split)
+
+
+def asked_of(units: TouchUnits, samples: TouchSamples, found: Pairs, split: int) -> SplitData:
+    """Samples and given pairs of one split, in the networks' units."""
     rows = samples.split == split
     signals = units.signals(samples.signals)
     return SplitData(

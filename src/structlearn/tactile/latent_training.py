@@ -26,7 +26,7 @@ from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import LatentTrainingParameters
 from structlearn.tactile.latent_variants import FORWARD_OF, TRAINED_WITH
-from structlearn.tactile.touch_dataset import Chains, TouchDataset
+from structlearn.tactile.touch_dataset import Chains, TouchSamples
 from structlearn.tactile.units import TouchUnits
 
 CHAIN_STEPS = 3
@@ -58,7 +58,7 @@ class Pairs:
 
 
 def draw_pairs(
-    dataset: TouchDataset, geodesics: Geodesics, split: int, count: int, rng: np.random.Generator
+    dataset: TouchSamples, geodesics: Geodesics, split: int, count: int, rng: np.random.Generator
 ) -> Pairs:
     """Random pairs of one split; both of a pair are in the same bin, as their distance must be known.
 
@@ -108,7 +108,7 @@ class TrainingData:
     time_step: Tensor
 
 
-def training_data(dataset: TouchDataset, pairs: Pairs, chains: Chains, units: TouchUnits) -> TrainingData:
+def training_data(dataset: TouchSamples, pairs: Pairs, chains: Chains, units: TouchUnits) -> TrainingData:
     """Training samples in the networks' units; pairs and chains are of the training split."""
     return TrainingData(
         signals=as_tensor(units.signals(dataset.signals)),

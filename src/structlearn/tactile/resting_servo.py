@@ -23,7 +23,6 @@ from torch import Tensor
 
 from structlearn.tactile.autoencoder import LATENT
 from structlearn.tactile.forward_dynamics import (
-    ACTION,
     AffineDynamics,
     ForwardDynamics,
     LocallyLinearDynamics,
@@ -57,7 +56,7 @@ class RestingMemory:
 
     Attributes:
         before: the last step.
-        error: E, (S, 3, 6, T), by which the model's slopes are wrong.
+        error: E, (S, 3, K, T), by which the model's slopes are wrong.
     """
 
     before: ServoMemory
@@ -93,14 +92,15 @@ class RestingServo(TactileServo):
         """See the class."""
         super().__init__(models, units, structure, parameters, rate_hz, actions_per_step)
         self.caution = caution
-        likely = units.likely_action / units.action_scale if caution.by_likelihood else np.ones(ACTION)
-        self._likely = torch.from_numpy(likely)[:, None]  # (6, 1)
+        likely = units.likely_action / units.action_scale
+        likely = likely if caution.by_likelihood else np.ones_like(likely)
+        self._likely = torch.from_numpy(likely)[:, None]  # (K, 1)
 
     def start(self, latent: np.ndarray) -> RestingMemory:
         """As `TactileServo.start`; nothing is known yet of the model's errors."""
         seeds, trials = latent.shape[:2]
         return RestingMemory(
-            super().start(latent), torch.zeros(seeds, LATENT, ACTION, trials, dtype=torch.float64)
+            super().start(latent), torch.zeros(seeds, LATENT, len(self._likely), trials, dtype=torch.float64)
         )
 
     @torch.no_grad()
@@ -117,12 +117,13 @@ class RestingServo(TactileServo):
         return action, RestingMemory(before, error)
 
     def _towards(self, target: Tensor, step: LatentStep, slope: Tensor) -> Tensor:
-        """Likely actions (M, 6, B) that lead to a target."""
+        """Likely actions (M, K, B) that lead to a target."""
         chosen = self.parameters
         if chosen.inverse == NEGATIVE_GRADIENT:
             missing = (target - step.latent) / step.time_step
             return steepest_action(slope, missing, chosen.action_penalty / step.time_step**2)
-        still = AffineDynamics(torch.zeros_like(slope[:, :, :LATENT]), slope, torch.zeros_like(target))
+        unmoved = slope.new_zeros(*slope.shape[:2], LATENT, slope.shape[-1])
+        still = AffineDynamics(unmoved, slope, torch.zeros_like(target))
         return receding_horizon_action(
             still, step.latent, target, self._time_step, chosen.action_penalty, chosen.horizon
         )
@@ -132,14 +133,14 @@ def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, ra
     """What the last step says that slopes are wrong by.
 
     Args:
-        error: (M, 3, 6, B) E before.
-        slope: (M, 3, 6, B) S of the model, per likely action.
+        error: (M, 3, K, B) E before.
+        slope: (M, 3, K, B) S of the model, per likely action.
         step: the last one.
-        likely: (6, 1) scales of likely actions.
+        likely: (K, 1) scales of likely actions.
         rate: kappa.
 
     Returns:
-        (M, 3, 6, B) E.
+        (M, 3, K, B) E.
     """
     action = step.previous_action / likely
     seen = (step.latent - step.previous_latent) / step.time_step
@@ -153,19 +154,19 @@ def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spre
     Args:
         dynamics: the models.
         latent: (M, 3, B).
-        likely: (6, 1) scales of likely actions.
+        likely: (K, 1) scales of likely actions.
         spread: half the distance over which slopes are taken, in these scales; 0: derivatives at rest.
 
     Returns:
-        (M, 3, 6, B).
+        (M, 3, K, B).
     """
-    rest = latent.new_zeros(latent.shape[0], ACTION, latent.shape[-1])
+    rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
     if isinstance(dynamics, LocallyLinearDynamics):
         return dynamics.affine(latent).action  # the same for all actions
     if spread == 0:
         return dynamics.jacobians(latent, rest)[1]
     slopes = []
-    for component in range(ACTION):
+    for component in range(dynamics.actions):
         reach = spread * float(likely[component])
         action = rest.clone()
         action[:, component] = reach
@@ -177,12 +178,12 @@ def steepest_action(slope: Tensor, missing: Tensor, ridge: Tensor) -> Tensor:
     """Along the gradient at rest, as far as |missing - slope a|^2 + ridge |a|^2 falls.
 
     Args:
-        slope: (M, 3, 6, B).
+        slope: (M, 3, K, B).
         missing: (M, 3, B) wanted rate.
         ridge: (1,) or (M, 1, B) >= 0.
 
     Returns:
-        (M, 6, B).
+        (M, K, B).
     """
     downhill = applied(slope.transpose(1, 2), missing)
     squared = downhill.square().sum(dim=1, keepdim=True)

@@ -61,7 +61,7 @@ class ServoMemory:
 
     Attributes:
         latent: (W, S, T, 3) when the last actions were chosen, oldest first.
-        action: (W, S, T, 6) that were chosen then.
+        action: (W, S, T, K) that were chosen then.
     """
 
     latent: np.ndarray
@@ -136,7 +136,7 @@ class TactileServo:
             memory: of the step before, W actions long.
 
         Returns:
-            Actions (S, T, 6), m/s and rad/s in the frame of the finger, and the memory for the next step.
+            Actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
         """
         return self._done(self._unbounded(self._step(latent, memory), as_states(target)), latent, memory)
 
@@ -145,7 +145,7 @@ class TactileServo:
         return LatentStep(as_states(latent), as_states(before), as_states(since), self._time_step)
 
     def _done(self, found: Tensor, latent: np.ndarray, memory: ServoMemory) -> tuple[np.ndarray, ServoMemory]:
-        """The action (M, 6, B) that was found, shortened and in SI units, and the memory after it."""
+        """The action (M, K, B) that was found, shortened and in SI units, and the memory after it."""
         action = _array(found)
         length = np.linalg.norm(action, axis=-1, keepdims=True)
         bounded = action * np.minimum(1.0, self.parameters.largest_action / np.maximum(length, 1e-12))

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -26,6 +27,20 @@ TEST_STRIDE = 31
 """The same for evaluation."""
 
 ACTION_DIMENSIONS = 6
+
+
+class TouchSamples(Protocol):
+    """N samples of any skin, as far as a latent space is learned from them.
+
+    Attributes:
+        signals: (N, E) of the channels.
+        pressure: (N,) contact pressure.
+        split: (N,) `TRAIN`, `VALIDATION` or `TEST`.
+    """
+
+    signals: np.ndarray
+    pressure: np.ndarray
+    split: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -74,7 +89,8 @@ class Chains:
 
     Attributes:
         rows: (K, C + 1) rows of the dataset; action c leads from row c to row c + 1.
-        actions: (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start.
+        actions: (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start;
+            a skin that is only pressed has fewer components.
         time_step: (K,) s per step.
     """
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchDataset
+from structlearn.tactile.touch_dataset import TRAIN, Chains, TouchSamples
 
 LINEAR = 3
 """The first so many components of an action are linear velocity, the others angular."""
@@ -26,8 +26,8 @@ class TouchUnits:
         pressure_mean: () counts.
         pressure_scale: () counts.
         length: () m on the skin per unit of the map.
-        action_scale: (6,) m/s three times, rad/s three times; actions have no offset.
-        likely_action: (6,) root mean squares of the demonstrated actions, m/s and rad/s by component.
+        action_scale: (K,) m/s up to three times, rad/s for the others; actions have no offset.
+        likely_action: (K,) root mean squares of the demonstrated actions, m/s and rad/s by component.
     """
 
     signal_mean: np.ndarray
@@ -47,7 +47,7 @@ class TouchUnits:
         return (counts - self.pressure_mean) / self.pressure_scale
 
 
-def touch_units(dataset: TouchDataset, chains: Chains, length_m: float) -> TouchUnits:
+def touch_units(dataset: TouchSamples, chains: Chains, length_m: float) -> TouchUnits:
     """Units from the training samples.
 
     Args:
@@ -64,7 +64,8 @@ def touch_units(dataset: TouchDataset, chains: Chains, length_m: float) -> Touch
         raise InputError("touch: no sample or no chain to train on")
     signals, pressure = dataset.signals[rows].astype(float), dataset.pressure[rows].astype(float)
     squared = np.square(chains.actions, dtype=float).mean(axis=(0, 1))
-    kinds = np.sqrt([squared[:LINEAR].mean(), squared[LINEAR:].mean()])
+    linear, angular = squared[:LINEAR], squared[LINEAR:]
+    kinds = np.sqrt([kind.mean() for kind in (linear, angular) if len(kind)])
     scale = signals.std(axis=0)
     if not scale.all():
         raise InputError(f"touch: electrode {int(np.argmin(scale)) + 1} has the same value in all samples")
@@ -76,6 +77,6 @@ def touch_units(dataset: TouchDataset, chains: Chains, length_m: float) -> Touch
         pressure_mean=pressure.mean(),
         pressure_scale=pressure.std(),
         length=np.array(length_m),
-        action_scale=np.repeat(kinds, [LINEAR, len(squared) - LINEAR]),
+        action_scale=np.repeat(kinds, [len(kind) for kind in (linear, angular) if len(kind)]),
         likely_action=np.sqrt(squared),
     )

@@ -1,4 +1,4 @@
-"""An arm in recordings: the meshes of its URDF, moved by its joints."""
+"""An arm in recordings: the meshes of its URDF, or sticks where it has none, moved by its joints."""
 
 import tempfile
 from collections.abc import Sequence
@@ -9,10 +9,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.urdf import UrdfTree
 
-from structlearn.viewer.rrd import entity, scene_view
+from structlearn.viewer.rrd import entity, rgba, scene_view
 
 PACKAGE = "package://"
 """Before paths of meshes in URDFs for ROS; PyBullet takes them relative to the URDF, and so do we."""
+
+STICK_M = 0.025
+"""Radius of a stick."""
 
 
 def send_arm(
@@ -38,6 +41,60 @@ def send_arm(
         content=f"/{name}/{arm.name}/visual_geometries/**"
     )
     stream.send_chunks(meshes)
+    _send_joints(stream, name, arm, joints, times, positions)
+
+
+def send_sticks(
+    stream: rr.RecordingStream,
+    name: str,
+    urdf: str | Path,
+    joints: Sequence[str],
+    times: rr.TimeColumn,
+    positions: np.ndarray,
+    colours: tuple[str, str],
+) -> float:
+    """As `send_arm`, for a URDF without meshes: a stick from every joint to the next ones, a ball at each.
+
+    Args:
+        stream: of the recording.
+        name: of the arm.
+        urdf: its URDF.
+        joints: n names.
+        times: T of them.
+        positions: (T, n) of the joints, rad or m.
+        colours: of the sticks, and of the balls.
+
+    Returns:
+        Length of all sticks in m, which the arm cannot reach beyond.
+    """
+    arm = _read(Path(urdf), name)
+    length = 0.0
+    for joint in arm.joints():
+        ends = np.array([[0.0, 0.0, 0.0], joint.origin_xyz])
+        length += float(np.linalg.norm(joint.origin_xyz))
+        path = entity(name, "sticks", joint.name)
+        stream.log(path, rr.CoordinateFrame(f"{arm.frame_prefix}{joint.parent_link}"), static=True)
+        stream.log(path, rr.LineStrips3D([ends], colors=rgba(colours[:1]), radii=STICK_M), static=True)
+        balls = entity(name, "balls", joint.name)
+        stream.log(balls, rr.CoordinateFrame(f"{arm.frame_prefix}{joint.parent_link}"), static=True)
+        stream.log(balls, rr.Points3D(ends[1:], colors=rgba(colours[1:]), radii=1.6 * STICK_M), static=True)
+    _send_joints(stream, name, arm, joints, times, positions)
+    return length
+
+
+def link_frame(name: str, link: str) -> str:
+    """Frame of a link of an arm, for what is fixed to it (`rr.CoordinateFrame`)."""
+    return f"{name}/{link}"
+
+
+def _send_joints(
+    stream: rr.RecordingStream,
+    name: str,
+    arm: UrdfTree,
+    joints: Sequence[str],
+    times: rr.TimeColumn,
+    positions: np.ndarray,
+) -> None:
     # entities without a frame of their own live below the root; the arm's base is put there
     base = rr.Transform3D(parent_frame="tf#/", child_frame=f"{arm.frame_prefix}{arm.root_link().name}")
     stream.log(entity(name, "frames", "base"), base, static=True)

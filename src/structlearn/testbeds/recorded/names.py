@@ -5,6 +5,8 @@ Keys are those of the protocols' tables; they stand here as text, so that drawin
 
 from typing import NamedTuple
 
+import numpy as np
+
 from structlearn.palette import (
     BLACK,
     BLUE,
@@ -64,11 +66,33 @@ INPUTS = {
 }
 """What a representation sees."""
 
+BOX_WAYS = {
+    "recorded": Look("person", DEMONSTRATION_COLOUR),
+    "none": Look("baseline alone", BLACK),
+    "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),
+    "text": Look("17 features, as in the text", VERMILION),
+    "text_ensemble": Look("17 features, trained our way", PURPLE),
+    "scene": Look("look ahead at the scene", BLUE),
+    "planned": Look("planned way, followed", GREEN),
+}
+"""Ways past boxes: who or what moves the hand."""
+
 TOUCH_MODELS = {
     "structured": Look("structured latent space", BLUE),
     "reconstruction only": Look("latent space without structure", ORANGE),
     "3 principal components": Look("3 principal components", GREY),
 }
+
+SKIN_MODELS = TOUCH_MODELS | {"Gaussian process": Look("Gaussian process on all channels", GREEN)}
+
+SKIN_NEW_BLOCKS, SKIN_NEW_PRESSES, SKIN_NEW_RUN = "new blocks", "new presses", "new run"
+SKIN_SERVO, SKIN_SERVO_TEXT = "NJ, corrected", ("LL", "NG", "NJ")
+SKIN_FORCE = {
+    "channels and their products": Look("ridge regression, channels and their products", BLUE),
+    "pressure alone": Look("pressure alone", GREY),
+    "Gaussian process": SKIN_MODELS["Gaussian process"],
+}
+"""Keys of the magnetic skin's tables."""
 
 TOUCH_ASKED = (
     ("slides", "slides", "new trials"),
@@ -112,3 +136,15 @@ TOUCH_WORLDS = {
     "slides, recorded": GREEN,
 }
 """Colours of the sets of touch that are set beside each other."""
+
+PLATE_CORNERS = ((BLUE, GREEN), (VERMILION, ORANGE))
+"""Colours of a plate's corners, by x and y, between which places are blended."""
+
+
+def place_colours(places: np.ndarray) -> np.ndarray:
+    """Colours (N, 3) of bytes of places (N, 2) on a plate: the same in all pictures of it."""
+    corners = np.array([[[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in row] for row in PLATE_CORNERS])
+    part = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-12)
+    weights = np.stack([1.0 - part, part], axis=-1)  # (N, 2, 2): axis, end
+    mixed = np.einsum("ni,nj,ijc->nc", weights[:, 0], weights[:, 1], corners)
+    return np.rint(mixed).astype(np.uint8)

@@ -6,13 +6,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import AXIS_COLOURS
 from structlearn.rigid_body.model_names import GROUND_TRUTH
 from structlearn.testbeds.dynamics.names import PAYLOAD, REFERENCE, colour
 from structlearn.testbeds.dynamics.recordings.shown_motions import ShownPayload
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, send_arm
+from structlearn.viewer.followed_payload import followed_plots, send_followed
 from structlearn.viewer.notes import legend, notes_view, send_notes
-from structlearn.viewer.rrd import entity, layout, plot, recording, rgba, send_series, time_column
+from structlearn.viewer.rrd import layout, recording, rgba, time_column
 
 ARM, BODY = "arm", "payload"
 
@@ -39,33 +39,14 @@ def write_payload(path: str | Path, urdf: str | Path, shown: ShownPayload, title
         stream.log(BODY, rr.Points3D.from_fields(colors=rgba([PAYLOAD]), radii=RADIUS_M), static=True)
         points = rr.Points3D.columns(positions=shown.body[carried])
         stream.send_columns(BODY, [time_column(shown.time[carried])], points)
-        _send_learned(stream, shown)
+        really = np.where(carried, shown.mass_kg, 0.0)
+        send_followed(stream, shown.learned, shown.time, really, (REFERENCE, LEARNED, EMPTY))
         send_notes(stream, _notes(shown, title))
-
-
-def _send_learned(stream: rr.RecordingStream, shown: ShownPayload) -> None:
-    learned = shown.learned
-    times = [time_column(learned["time_s"].to_numpy(float))]
-    carried = np.where(shown.time >= shown.pick_up_s, shown.mass_kg, 0.0)[:, None]
-    path = entity("mass", "carried")
-    send_series(stream, path, [time_column(shown.time)], carried, ["carried"], [REFERENCE], width=3.0)
-    mass = learned["mass_kg"].to_numpy(float)[:, None]
-    send_series(stream, entity("mass", "learned"), times, mass, ["learned"], [LEARNED])
-    moments = learned[[f"moment_{axis}_kg_m" for axis in "xyz"]].to_numpy(float)
-    send_series(stream, "moment", times, moments, ["x", "y", "z"], AXIS_COLOURS)
-    for name, label, its_colour in (("fixed", "empty arm", EMPTY), ("learned", "learned online", LEARNED)):
-        error = np.log10(learned[f"nmse_{name}"].to_numpy(float))[:, None]
-        send_series(stream, entity("error", name), times, error, [label], [its_colour])
 
 
 def _blueprint(shown: ShownPayload, title: str) -> rrb.Blueprint:
     view = arm_view(title, [arm_contents(ARM), f"/{BODY}"], shown.body)
-    plots = (
-        plot("mass in the hand (kg)", ["/mass/**"], legend=False),
-        plot("its first moment (kg m)", ["/moment"], legend=False),
-        plot("log10 of the NMSE of each batch before it is learned", ["/error/**"], legend=False),
-    )
-    right = rrb.Vertical(*plots, notes_view(), row_shares=[3, 3, 3, 4])
+    right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     return layout(rrb.Horizontal(view, right, column_shares=[3, 3]), at_end=True)
 
 

@@ -6,7 +6,7 @@ from importlib.resources import files as package_files
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import Found, exact, judge, read_claims
+from structlearn.reporting.claims import UNKNOWN, Found, exact, judge, read_claims
 from structlearn.reporting.document import Document, Table, environment
 from structlearn.reporting.prose import listing, rounded
 from structlearn.testbeds.recorded import names
@@ -17,6 +17,8 @@ from structlearn.testbeds.recorded.protocol.touch_calibration import (
     SIMULATED,
     CalibrationParameters,
 )
+
+STAGE = "stages/recorded/dvc.yaml:calibration_report"
 
 STATISTICS = {
     "contact_strongest": "contact, strongest electrode (counts)",
@@ -114,22 +116,32 @@ def calibration_document(
     shown_tables: Mapping[str, Table],
     parameters: Mapping[str, CalibrationParameters],
 ) -> Document:
-    """The page; parameters by their key in `params.yaml`."""
-    comparison, electrodes = stored["comparison"], stored["electrodes"]
-    facts = metrics(comparison) | {
-        "compared_rows": comparison.set_index("statistic").to_dict("index"),
+    """The page, which says so where nothing was recorded; parameters by their key in `params.yaml`."""
+    claims = read_claims(package_files(PACKAGE) / "calibration_claims.yaml")
+    constants = {
         "factor": parameters["calibrate"].factor,
         "active_counts": parameters["calibrate"].active_counts,
         "variance_percent": 100 * parameters["calibrate"].variance,
-        "runs": stored["fingers"].query("group == @SIMULATED")["run"].nunique(),
-        "strongest_recorded": strongest(electrodes, REFERENCE),
-        "strongest_simulated": strongest(electrodes, SIMULATED),
     }
-    claims = read_claims(package_files(PACKAGE) / "calibration_claims.yaml")
+    if not stored:
+        nothing = {claim.evidence: UNKNOWN for claim in claims}
+        judged = judge(claims, nothing, environment(PACKAGE), constants)
+        return Document("not_recorded.html.jinja", PACKAGE, STAGE, judged=judged)
+    comparison, electrodes = stored["comparison"], stored["electrodes"]
+    facts = (
+        constants
+        | metrics(comparison)
+        | {
+            "compared_rows": comparison.set_index("statistic").to_dict("index"),
+            "runs": stored["fingers"].query("group == @SIMULATED")["run"].nunique(),
+            "strongest_recorded": strongest(electrodes, REFERENCE),
+            "strongest_simulated": strongest(electrodes, SIMULATED),
+        }
+    )
     return Document(
         template="calibration.html.jinja",
         package=PACKAGE,
-        stage="stages/recorded/dvc.yaml:calibration_report",
+        stage=STAGE,
         facts=facts,
         tables=shown_tables,
         judged=judge(claims, evidence(comparison), environment(PACKAGE), facts),

@@ -18,7 +18,7 @@ from structlearn.avoidance.human_inspired import fit_human_inspired
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
 from structlearn.avoidance.network_training import COLUMNS, stacked, train_member
 from structlearn.avoidance.phase_modulated_training import train_phase_modulated
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import mean_interval, nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
@@ -48,7 +48,8 @@ class RecordedAvoidanceResults:
     Attributes:
         scores: per `representation`, its `inputs` and `axis`: held-out `nmse` over all samples, and `train`,
             the mean of the training errors over the folds.
-        folds: likewise per `fold`: held-out squared error over the variance of all targets, `nmse`.
+        folds: likewise per `fold`: held-out squared error over the variance of all targets, `nmse`, and the
+            number of held-out `samples`.
         phase_worth: per `representation`, `inputs` with the phase, and `axis`: `gain`, mean over folds of the
             held-out error without it minus that with it, and `half_width` of its 95 % interval.
     """
@@ -68,10 +69,10 @@ def compare_on_recorded(
         parameters: see there.
 
     Raises:
-        InputError: there are fewer samples than folds.
+        MissingInputError: there are fewer than two samples a fold.
     """
     if len(dataset) < 2 * parameters.folds:
-        raise InputError(f"{len(dataset)} samples are too few for {parameters.folds} folds")
+        raise MissingInputError(f"{len(dataset)} samples are too few for {parameters.folds} folds")
     work = [
         (dataset, block, (fold, name, inputs), parameters)
         for name, inputs in _FITS
@@ -83,7 +84,10 @@ def compare_on_recorded(
     summed = errors.groupby(keys, sort=False)[["squared", "weighted_train"]].sum()
     scores = summed.rename(columns={"squared": "nmse", "weighted_train": "train"}).reset_index()
     scores["train"] /= parameters.folds
-    folds = errors[[*keys, "fold"]].assign(nmse=errors["squared"] * parameters.folds)
+    sizes = [len(block) for block in np.array_split(np.arange(len(dataset)), parameters.folds)]
+    folds = errors[[*keys, "fold"]].assign(
+        nmse=errors["squared"] * parameters.folds, samples=errors["fold"].map(dict(enumerate(sizes)))
+    )
     order = {key: place for place, key in enumerate(REPRESENTATIONS)}
     places = [order[pair] for pair in zip(scores["representation"], scores["inputs"], strict=True)]
     scores = scores.iloc[np.argsort(places, kind="stable")].reset_index(drop=True)

@@ -1,6 +1,6 @@
 """The public samples of recorded obstacle avoidance: three text files in, one dataset out.
 
-823 samples of many demonstrations, drawn at random and shuffled, in the local frame: 17 features, three
+Samples of many demonstrations, drawn at random and shuffled, in the local frame: 17 features, three
 coupling terms, 25 phase kernels times the phase velocity. They have no times and no demonstration numbers;
 the phase is found again from the kernels.
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 from structlearn.avoidance import features
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.primitives import canonical, kernels
 from structlearn.recordings.clmc import COMMIT, LICENCE, REPOSITORY
 from structlearn.recordings.text_log import read_table, source_provenance
@@ -41,14 +41,17 @@ def read_avoidance_samples(folder: str | Path) -> AvoidanceDataset:
         folder: the data set's folder.
 
     Returns:
-        823 samples; `time` is the fraction of the movement.
+        The samples; `time` is the fraction of the movement.
 
     Raises:
-        InputError: a file is missing, no table of its columns, or has another number of rows than its
+        MissingInputError: none of the files is there.
+        InputError: one of them is missing, no table of its columns, or has another number of rows than its
             fellows; the distance to the centre is not that of the centre's vector, or no time of a movement
             has the phase kernels.
     """
     paths = sample_files(folder)
+    if not any(path.exists() for path in paths.values()):
+        raise MissingInputError(f"{Path(folder) / FOLDER}: holds no samples of obstacle avoidance")
     tables = {name: read_table(paths[name], columns) for name, (_, columns) in FILES.items()}
     count = len(tables["features"])
     for name, table in tables.items():

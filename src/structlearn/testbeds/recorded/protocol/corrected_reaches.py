@@ -1,7 +1,7 @@
 """Higher reaches as corrections of the nominal ones: the coupling term they ask for, and phase alone for it.
 
-The reaches of the second set have the start and goal of the 97 and a higher arc. Their coupling targets
-against the primitive of the 97 (eq. IV.23) are learned as a function of phase, without any sensor:
+The reaches of the second set have the start and goal of the nominal ones and a higher arc. Their coupling
+targets against the nominal primitive (eq. IV.23) are learned as a function of phase, without any sensor:
 
     c = w_c . (G(p, u) * b_m)          a phase-modulated network of input dimension 0 and no hidden layer
 
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from structlearn.feedback.coupling import position_target
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
@@ -20,10 +21,8 @@ from structlearn.primitives import kernels, regression
 from structlearn.primitives.position import PositionPrimitive, in_local_frame
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.primitives.vector import VectorPrimitive, sample_count
-from structlearn.recordings.clmc import INCOMPLETE_REACHES
 from structlearn.recordings.demonstration import Demonstration
 
-DATASET = "dataset2_part"
 AXES = ("x", "y", "z")
 """Of the local frame: x from start to goal, z upwards, y to the side."""
 
@@ -46,12 +45,41 @@ class CorrectedReach:
     target: np.ndarray
 
 
-def complete(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
-    """The higher reaches without those that begin or end in mid-air (`clmc.INCOMPLETE_REACHES`).
+def completeness(
+    demonstrations: Sequence[Demonstration], nominal: PositionPrimitive, largest_m: float
+) -> pd.DataFrame:
+    """Which higher reaches start and end where the nominal ones do.
 
-    They have no start or no goal, hence no local frame and no coupling target.
+    One that begins or ends in mid-air has no start or no goal, hence no local frame and no coupling target.
+
+    Args:
+        demonstrations: the higher reaches.
+        nominal: position primitive of the nominal reaches.
+        largest_m: between the ends of a complete reach and the primitive's.
+
+    Returns:
+        Per `reach`: `start_off_mm`, `goal_off_mm`, and whether it is `complete`.
     """
-    return [one for one in demonstrations if one.name not in INCOMPLETE_REACHES[DATASET]]
+    off_mm = 1e3 * np.array(
+        [
+            np.linalg.norm(one.position[[0, -1]] - [nominal.start, nominal.goal], axis=1)
+            for one in demonstrations
+        ]
+    )
+    return pd.DataFrame(
+        {
+            "reach": [one.name for one in demonstrations],
+            "start_off_mm": off_mm[:, 0],
+            "goal_off_mm": off_mm[:, 1],
+            "complete": off_mm.max(axis=1) <= 1e3 * largest_m,
+        }
+    )
+
+
+def complete(demonstrations: Sequence[Demonstration], completeness: pd.DataFrame) -> list[Demonstration]:
+    """Those that are complete."""
+    names = set(completeness.loc[completeness["complete"], "reach"])
+    return [one for one in demonstrations if one.name in names]
 
 
 def corrected_reaches(

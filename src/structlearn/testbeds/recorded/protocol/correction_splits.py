@@ -14,7 +14,7 @@ from pydantic import Field
 
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.ground import signals
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.params import Parameters
 from structlearn.primitives import canonical
@@ -43,14 +43,16 @@ class CorrectionParameters(Parameters):
     Attributes:
         smoothing_hz: low-pass of the positions before they are differentiated twice.
         kernel_count: N, phase features of the network.
-        learned_from: reaches that the network learns from; all others are left out.
+        incomplete_m: a reach that starts or ends farther than this from the nominal one is left aside.
+        learned_share: of the complete reaches, which the network learns from; all others are left out.
         splits: random choices of these reaches.
         seed: of the choices.
     """
 
     smoothing_hz: float = Field(gt=0)
     kernel_count: int = Field(ge=2, le=200)
-    learned_from: int = Field(ge=1)
+    incomplete_m: float = Field(gt=0)
+    learned_share: float = Field(gt=0, lt=1)
     splits: int = Field(ge=1)
     seed: int = Field(ge=0)
 
@@ -98,13 +100,10 @@ def learn_corrections(
         The networks of the first split, and the results over all splits.
 
     Raises:
-        InputError: no reach would be left out.
+        MissingInputError: there are no two reaches, one to learn from and one to leave out.
     """
-    if parameters.learned_from >= len(reaches):
-        raise InputError(
-            f"{parameters.learned_from} corrected reaches are to be learned from, but there are "
-            f"{len(reaches)} complete ones; at least one must be left out"
-        )
+    if len(reaches) < 2:
+        raise MissingInputError(f"{len(reaches)} complete corrected reaches; at least two are needed")
     curves = np.array([_curve(reach.path) for reach in reaches])
     nominal_curves = np.array([_curve(adapted_path(nominal, reach.path)) for reach in reaches])
     outcomes = []
@@ -144,7 +143,8 @@ class _Outcome:
 def _split(count: int, parameters: CorrectionParameters, split: int) -> tuple[np.ndarray, np.ndarray]:
     """Places of the reaches learned from and of those left out, each in order."""
     order = np.random.default_rng([parameters.seed, split]).permutation(count)
-    return np.sort(order[: parameters.learned_from]), np.sort(order[parameters.learned_from :])
+    learned = min(max(round(parameters.learned_share * count), 1), count - 1)
+    return np.sort(order[:learned]), np.sort(order[learned:])
 
 
 def _curve(path: Trajectory) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""97 recorded human reaches: found again between rests, and learned as one primitive."""
+"""Recorded human reaches: found again between rests, and learned as one primitive."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -36,7 +36,7 @@ class ReachParameters(Parameters):
         noise_hz: its cut-off.
         rest_s: range of the rests put before and after each reach.
         seeds: draws of rests and noise per level.
-        fold: reaches left out at a time in the cross-validation.
+        fold: reaches left out at a time in the cross-validation, at most half of them.
     """
 
     segment: SegmentParameters
@@ -84,7 +84,7 @@ def learn_reaches(
     """One primitive from all reaches, and its distance from each, also from those that were left out.
 
     Args:
-        demonstrations: the bare reaches.
+        demonstrations: the bare reaches, at least two.
         parameters: see there.
 
     Returns:
@@ -97,19 +97,17 @@ def learn_reaches(
     plain = learn_primitive(
         "reach", segments, parameters.fit.model_copy(update={"scaled_axes": (False, False, False)})
     )
-    folds = []
-    for first in range(0, len(segments), parameters.fold):
-        fold = slice(first, first + parameters.fold)
-        others = [*segments[:first], *segments[fold.stop :]]
-        if others:
-            unseen = learn_primitive("reach", others, parameters.fit)
-            folds.append(reproduction_errors(unseen, segments[fold]).assign(demonstration=names[fold]))
+    folds, size = [], min(parameters.fold, len(segments) // 2)
+    for first in range(0, len(segments), size):
+        fold = slice(first, first + size)
+        unseen = learn_primitive("reach", [*segments[:first], *segments[fold.stop :]], parameters.fit)
+        folds.append(reproduction_errors(unseen, segments[fold]).assign(demonstration=names[fold]))
     errors = {
         "learned from": reproduction_errors(primitive, segments).assign(demonstration=names),
-        "left out": pd.concat(folds) if folds else None,
+        "left out": pd.concat(folds),
         "learned from, forcing not scaled": reproduction_errors(plain, segments).assign(demonstration=names),
     }
-    tables = [table.assign(variant=variant) for variant, table in errors.items() if table is not None]
+    tables = [table.assign(variant=variant) for variant, table in errors.items()]
     return primitive, pd.concat(tables, ignore_index=True)
 
 

@@ -1,8 +1,9 @@
 """Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4).
 
-Three sets: slides of a BioTac over two materials, logs of unscrewing with another one, and simulated touches
-of a handle. The same code learns from each; whole trials are left out. Then what was learned from one set is
-asked about another, each standardised by itself, with principal components as the simple rival.
+Three sets: slides of a BioTac over materials, logs of unscrewing with another one, and simulated touches of
+a handle; a recorded set may be missing. The same code learns from each; whole trials are left out. Then what
+was learned from one set is asked about another, each standardised by itself, with principal components as the
+simple rival.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,20 +24,14 @@ from structlearn.tactile.latent_spaces import learn_spaces, own_units, seen_in
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import (
-    MAGNITUDES,
+    PARTNERS,
     RECORDED,
-    SIMULATED,
-    SLIDES,
-    UNSCREWING,
     TouchSet,
 )
 from structlearn.testbeds.recorded.protocol.touch_statistics import variance_shares
 
 if TYPE_CHECKING:
     from sklearn.decomposition import PCA
-
-PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
-"""Per set, the one that is asked about after it was learned from."""
 
 LEARNED, NEW_TRIALS, NEW_MATERIAL, NEW_SET = "learned from", "new trials", "new material", "new set"
 OWN_UNITS = "new material, standardised by itself"
@@ -189,8 +184,8 @@ def _statistics(touches: TouchSet, skin: Skin) -> dict[str, float | str]:
 
 
 def _likeness(by_name: Mapping[str, TouchSet]) -> pd.DataFrame:
-    rows = []
-    for name in RECORDED:
+    rows, recorded = [], [name for name in RECORDED if name in by_name]
+    for name in recorded:
         touches = by_name[name]
         groups = np.array(touches.groups)[touches.samples.trial]
         matrices = [
@@ -199,7 +194,7 @@ def _likeness(by_name: Mapping[str, TouchSet]) -> pd.DataFrame:
         alike = [_alike(*pair) for pair in combinations(matrices, 2)]
         if alike:
             rows.append({"first": name, "second": name, "correlation": np.mean(alike)})
-    for name in RECORDED:
+    for name in recorded:
         pair = name, PARTNERS[name]
         matrices = [np.corrcoef(by_name[its].samples.signals.T) for its in pair]
         rows.append({"first": pair[0], "second": pair[1], "correlation": _alike(*matrices)})

@@ -1,21 +1,31 @@
 """Recorded slides of a tactile finger: expected traces of one material, deviations on another."""
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.ground.params import Parameters
 from structlearn.primitives.sensor_traces import deviation, fit_expected_traces, without_offset
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.clock import held_out_error
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording
+from structlearn.recordings.slide import material_of
 
 GROUPS = ("left out", "other material", "learned")
 """Groups of trials, the most telling first."""
+
+PLACES = {
+    "side, 1 to 6": (1, 6),
+    "tip, 7 to 10": (7, 10),
+    "side, 11 to 16": (11, 16),
+    "middle, 17 to 19": (17, 19),
+}
+"""First and last electrode of each part of a BioTac's core (see `tactile.electrodes`)."""
 
 
 class SlideParameters(Parameters):
@@ -24,15 +34,18 @@ class SlideParameters(Parameters):
     Attributes:
         rate_hz: of the clock on which all streams are put.
         max_gap_s: longest hole that is bridged.
-        material: the expected traces are those of this one.
-        left_out: numbers of its trials that are never learned from.
+        material: the expected traces are those of this one; where there is no trial of it, of the material
+            with most trials.
+        left_out: names of trials that are never learned from.
+        strong_counts: an electrode whose median range over the trials of a material is larger is strong.
         smoothing_hz: low-pass of the electrodes before they are differentiated.
     """
 
     rate_hz: float = Field(gt=0)
     max_gap_s: float = Field(gt=0)
     material: str
-    left_out: tuple[int, ...] = Field(min_length=1)
+    left_out: tuple[str, ...]
+    strong_counts: float = Field(gt=0)
     smoothing_hz: float = Field(gt=0)
 
 
@@ -90,14 +103,14 @@ def learn_slides(
         `time_s`, `mean`, `std`.
 
     Raises:
-        InputError: there is no trial to learn from.
+        MissingInputError: there is no trial to learn from.
     """
-    groups = {one.name: trial_group(one.name, parameters) for one in demonstrations}
+    groups = trial_groups([one.name for one in demonstrations], parameters)
     traces = {one.name: without_offset(one.tactile) for one in demonstrations}
     dt = demonstrations[0].dt
     learned = [traces[name] for name, group in groups.items() if group == "learned"]
     if not learned:
-        raise InputError(f"recorded_slides: there is no trial of '{parameters.material}' to learn from")
+        raise MissingInputError("there is no slide to learn from")
     primitive = fit_expected_traces(learned, dt, parameters.smoothing_hz)
 
     deviations = {one.name: deviation(primitive, traces[one.name], one.dt) for one in demonstrations}
@@ -113,7 +126,9 @@ def learn_slides(
     return primitive, pd.DataFrame(rows), _group_statistics(groups, deviations, dt)
 
 
-def leave_one_out(demonstrations: Sequence[Demonstration], parameters: SlideParameters) -> pd.DataFrame:
+def leave_one_out(
+    demonstrations: Sequence[Demonstration], parameters: SlideParameters
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """How every trial deviates from the traces that the other trials of its own material let expect.
 
     Args:
@@ -122,33 +137,87 @@ def leave_one_out(demonstrations: Sequence[Demonstration], parameters: SlidePara
 
     Returns:
         Per trial `demonstration`, `material`, `rms` of the deviation in counts, and its `nmse` over all
-        electrodes: 1 is as good as the electrodes' own means over the trial.
+        electrodes: 1 is as good as the electrodes' own means over the trial. And the same per trial and
+        `channels` (strong or weak ones of its material, or of one of the `PLACES`), with the number of these
+        `electrodes`.
     """
-    traces = {one.name: without_offset(one.tactile) for one in demonstrations}
     dt = demonstrations[0].dt
-    rows = []
-    for name, trace in traces.items():
-        material = name.split("_")[0]
-        others = [
-            its
-            for other, its in traces.items()
-            if other != name
-            and other.startswith(f"{material}_")
-            and trial_group(other, parameters) != "left out"
-        ]
-        if others and trial_group(name, parameters) != "left out":
+    whole, parts = [], []
+    for material, traces in _by_material(demonstrations, parameters).items():
+        ranges = np.median([np.ptp(trace, axis=0) for trace in traces.values()], axis=0)
+        electrodes = np.arange(1, len(ranges) + 1)
+        strong = ranges > parameters.strong_counts
+        channels = {"strong": strong, "weak": ~strong}
+        channels |= {
+            name: (electrodes >= first) & (electrodes <= last) for name, (first, last) in PLACES.items()
+        }
+        for name, trace in traces.items():
+            others = [its for other, its in traces.items() if other != name]
+            if not others:
+                continue
             left = deviation(fit_expected_traces(others, dt, parameters.smoothing_hz), trace, dt)
-            own = np.sum((trace - trace.mean(axis=0)) ** 2)
-            rows.append((name, material, np.sqrt(np.mean(left**2)), np.sum(left**2) / own))
-    return pd.DataFrame(rows, columns=["demonstration", "material", "rms", "nmse"])
+            whole.append((name, material, *_errors(left, trace)))
+            parts += [
+                (name, material, group, mask.sum(), *_errors(left[:, mask], trace[:, mask]))
+                for group, mask in channels.items()
+                if mask.any()
+            ]
+    columns = ["demonstration", "material", "rms", "nmse"]
+    found = pd.DataFrame(whole, columns=columns)
+    return found, pd.DataFrame(parts, columns=[*columns[:2], "channels", "electrodes", *columns[2:]])
 
 
-def trial_group(name: str, parameters: SlideParameters) -> str:
-    """Group of a trial MATERIAL_TRIAL: one of `GROUPS`."""
-    material, trial = name.split("_")
-    if material != parameters.material:
-        return "other material"
-    return "left out" if int(trial) in parameters.left_out else "learned"
+def across_materials(demonstrations: Sequence[Demonstration], parameters: SlideParameters) -> pd.DataFrame:
+    """How the trials of every material deviate from the traces expected of every other one.
+
+    Args:
+        demonstrations: as for `leave_one_out`.
+        parameters: see there.
+
+    Returns:
+        Per material that is `expected` and trial of another: `demonstration`, `material`, `rms`, `nmse`.
+    """
+    dt = demonstrations[0].dt
+    by_material = _by_material(demonstrations, parameters)
+    rows = []
+    for expected, learned in by_material.items():
+        primitive = fit_expected_traces(list(learned.values()), dt, parameters.smoothing_hz)
+        rows += [
+            (expected, name, material, *_errors(deviation(primitive, trace, dt), trace))
+            for material, traces in by_material.items()
+            if material != expected
+            for name, trace in traces.items()
+        ]
+    return pd.DataFrame(rows, columns=["expected", "demonstration", "material", "rms", "nmse"])
+
+
+def _errors(left: np.ndarray, trace: np.ndarray) -> tuple[float, float]:
+    """Root mean square of a deviation, and its squared sum over that from the electrodes' own means."""
+    own = np.sum((trace - trace.mean(axis=0)) ** 2)
+    return np.sqrt(np.mean(left**2)), np.sum(left**2) / own
+
+
+def _by_material(
+    demonstrations: Sequence[Demonstration], parameters: SlideParameters
+) -> dict[str, dict[str, np.ndarray]]:
+    """Traces (T, E) by material and trial, without the trials that are never learned from."""
+    found: dict[str, dict[str, np.ndarray]] = {}
+    for one in demonstrations:
+        if one.name not in parameters.left_out:
+            found.setdefault(material_of(one.name), {})[one.name] = without_offset(one.tactile)
+    return found
+
+
+def trial_groups(names: Sequence[str], parameters: SlideParameters) -> dict[str, str]:
+    """Group of every trial MATERIAL_TRIAL, one of `GROUPS`; see `SlideParameters.material`."""
+    sound = Counter(material_of(name) for name in names if name not in parameters.left_out)
+    most = sound.most_common(1)
+    learned = parameters.material if parameters.material in sound or not most else most[0][0]
+    of_sound = {True: "learned", False: "other material"}
+    return {
+        name: "left out" if name in parameters.left_out else of_sound[material_of(name) == learned]
+        for name in names
+    }
 
 
 def _group_statistics(groups: dict[str, str], deviations: dict[str, np.ndarray], dt: float) -> pd.DataFrame:

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from structlearn.ground import quaternion, signals
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.slide import material_of
 from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
@@ -24,6 +25,9 @@ RECORDED = (SLIDES, UNSCREWING) = ("slides", "unscrewing")
 SIMULATED = "simulated"
 MAGNITUDES = "simulated, magnitudes"
 """Simulated touches of which only the magnitudes of the changes are kept, as of the slides."""
+
+PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
+"""Per set, the one that is asked about after it was learned from."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +108,14 @@ def touch_sets(
     faulty: Collection[str],
     parameters: GeodesicParameters,
 ) -> list[TouchSet]:
-    """All sets with their distances on the skin.
+    """Recorded sets that have several trials, and their partners, with their distances on the skin.
+
+    A set of which the skin cannot be told, for it has too few samples or patches too far apart, is left aside
+    with its partner.
 
     Args:
-        slides: named MATERIAL_TRIAL.
-        unscrewing: the logs.
+        slides: named MATERIAL_TRIAL; may be none.
+        unscrewing: the logs; may be none.
         simulated: touches of a handle.
         skin: of all fingers.
         cutoff_hz: low-pass of the recorded counts.
@@ -116,19 +123,30 @@ def touch_sets(
         parameters: of the neighbour graph of each set.
 
     Raises:
-        InputError: all slides are faulty, a set has too few samples, or patches of its contact points lie too
-            far apart.
+        MissingInputError: no set is left.
     """
     sound = [one for one in slides if one.name not in faulty]
-    if not sound:
-        raise InputError("recorded_latent_touch: no slide is left, all are named as faulty")
-    found = {
-        SLIDES: (held_touch(sound, skin, cutoff_hz), [one.name.split("_")[0] for one in sound]),
-        UNSCREWING: (held_touch(unscrewing, skin, cutoff_hz), [one.name for one in unscrewing]),
-        SIMULATED: (simulated, ["handle"] * (int(simulated.trial.max()) + 1)),
+    trials = {
+        SLIDES: (sound, [material_of(one.name) for one in sound]),
+        UNSCREWING: (unscrewing, [one.name for one in unscrewing]),
     }
-    found[MAGNITUDES] = (magnitudes(simulated, skin), found[SIMULATED][1])
-    return [
-        TouchSet(name, samples, geodesics(samples.contact_point, parameters), tuple(groups))
-        for name, (samples, groups) in found.items()
-    ]
+    found = {
+        name: (held_touch(its, skin, cutoff_hz), groups)
+        for name, (its, groups) in trials.items()
+        if len(its) > 1
+    }
+    handle = ["handle"] * (int(simulated.trial.max()) + 1)
+    found[SIMULATED] = simulated, handle
+    found[MAGNITUDES] = magnitudes(simulated, skin), handle
+    sets = {}
+    for name, (samples, groups) in found.items():
+        try:
+            distances = geodesics(samples.contact_point, parameters)
+        except MissingInputError as missing:
+            print(f"latent touch: {name} left aside: {missing}")
+        else:
+            sets[name] = TouchSet(name, samples, distances, tuple(groups))
+    paired = [its for name, its in sets.items() if PARTNERS[name] in sets]
+    if not paired:
+        raise MissingInputError("there are no two slides or logs of unscrewing whose touches make a map")
+    return paired

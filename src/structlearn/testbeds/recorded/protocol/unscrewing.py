@@ -1,4 +1,4 @@
-"""Three recorded logs of unscrewing by nearly a full turn: orientation primitives beyond half a turn."""
+"""Recorded logs of unscrewing by nearly a full turn: orientation primitives beyond half a turn."""
 
 from collections.abc import Sequence
 

@@ -13,10 +13,11 @@ from structlearn.primitives.sensor_traces import deviation, without_offset
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import SIGNALS, Demonstration
+from structlearn.recordings.slide import material_of
 from structlearn.segmentation.result import RESULT, Segmentation
 from structlearn.testbeds.recorded.names import LEARNED, PATHS, SLIDE_GROUPS
-from structlearn.testbeds.recorded.protocol.corrected_reaches import complete, typical_paths
-from structlearn.testbeds.recorded.protocol.slides import GROUPS, SlideParameters, trial_group
+from structlearn.testbeds.recorded.protocol.corrected_reaches import typical_paths
+from structlearn.testbeds.recorded.protocol.slides import GROUPS, SlideParameters, trial_groups
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.notes import legend
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
@@ -33,19 +34,17 @@ def write_reaches(path: Path, reaches: Sequence[Demonstration], primitives: Sequ
         f"One primitive learned from {len(reaches)} reaches of a person, some of which are drawn faintly. "
         "Axes stand at its mean start; its path is unrolled from there to the mean goal."
     )
-    write_primitives(
-        path, reaches, primitives, tables, "97 reaches and the primitive", note, colours=dict([LEARNED])
-    )
+    title = f"{len(reaches)} reaches and the primitive"
+    write_primitives(path, reaches, primitives, tables, title, note, colours=dict([LEARNED]))
 
 
 def write_higher_reaches(
     path: Path,
-    demonstrations: Sequence[Demonstration],
+    higher: Sequence[Demonstration],
     nominal: Sequence[PosePrimitive],
     networks: Mapping[str, PhaseModulatedNetwork],
 ) -> None:
-    """The higher reaches, and the nominal primitive with and without the coupling learned from them."""
-    higher = complete(demonstrations)
+    """The complete higher reaches, and the nominal primitive with and without the coupling learned."""
     looks = dict(zip(("nominal", "adapted"), (PATHS["nominal"], PATHS["coupling"]), strict=True))
     tables = {
         looks[name].name: sequence.sequence_table(
@@ -56,7 +55,7 @@ def write_higher_reaches(
     colours = dict(looks.values())
     note = (
         f"The nominal primitive among {len(higher)} higher reaches, from their mean start to the mean goal, "
-        f"without and with the coupling term learned from 20 of them:\n\n{legend(colours)}"
+        f"without and with the coupling term learned from most of them:\n\n{legend(colours)}"
     )
     title = "Higher reaches: the primitive with coupling"
     write_primitives(path, higher, nominal, tables, title, note, colours=colours)
@@ -89,15 +88,17 @@ def write_slides(
     path: Path, trials: Sequence[Demonstration], expected: VectorPrimitive, parameters: SlideParameters
 ) -> None:
     """The slides; electrodes show their deviation from the expected traces."""
-    groups = {trial.name: trial_group(trial.name, parameters) for trial in trials}
+    groups = trial_groups([trial.name for trial in trials], parameters)
+    materials = dict.fromkeys(material_of(trial.name) for trial in trials)
+    learned = next(material_of(name) for name, group in groups.items() if group == "learned")
     order = sorted(trials, key=lambda trial: GROUPS.index(groups[trial.name]))  # the first ones have a tab
     deviating = [
         replace(trial, tactile=deviation(expected, without_offset(trial.tactile), trial.dt))
         for trial in order
     ]
     note = (
-        "A robot slides a tactile finger over two materials. Tabs of single trials show how far each "
-        f"electrode deviates from the traces expected of {parameters.material}:\n\n"
+        f"A robot slides a tactile finger over {' and '.join(materials)}. Tabs of single trials show how far "
+        f"each electrode deviates from the traces expected of {learned}:\n\n"
         f"{legend(dict(SLIDE_GROUPS.values()))}"
     )
     colours = [SLIDE_GROUPS[groups[trial.name]].colour for trial in order]

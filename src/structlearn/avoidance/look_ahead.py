@@ -1,0 +1,286 @@
+"""What a whole scene asks of a hand: the way ahead along the cost-to-go of a plane (beyond IV.8).
+
+The 17 features of the text see one obstacle, so a model of them cannot know that beside it stands another,
+and goes where there is no gap. Here all shapes, any number and in any order, act by the distance to the
+nearest of them alone:
+
+    w(x) = 1 + a exp(-max(d, 0) / s) + b max(0, 1 - d / r)         |grad C(x)| = w(x),  C(goal) = 0
+
+C, the cost of the cheapest way from x to the goal, is found on a grid over the horizontal plane of the reach
+by fast sweeping (Zhao 2005), first-order upwind. The steepest descent of C is that cheapest way: it goes
+through the gap that a plan through the whole scene takes. Models see where it leads within some distances, in
+the local frame; they learn from people how closely, when and how smoothly it is followed.
+
+Movements are planar: a way over or under an obstacle is not looked for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from structlearn.avoidance.features import MIRROR
+from structlearn.avoidance.shapes import Obstacle
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+
+SWEEPS = 40
+"""At most, over the grid in its four directions; ways with many bends take about ten."""
+
+TOLERANCE = 1e-9
+"""m of cost-to-go; sweeping ends when no cell gains more."""
+
+STEP_CELLS = 0.5
+"""Step along the way, in cells: the direction is interpolated between their centres."""
+
+
+class LookAheadParameters(Parameters):
+    """The plane, what ways in it cost, and how far ahead is looked.
+
+    Attributes:
+        cell_m: of the grid.
+        margin_m: of the grid around start, goal and all shapes.
+        clearance_m: r, closer to a shape a way becomes dear.
+        blocked_cost: b, in the middle of a way as dear as this many times its length in the open.
+        nearness_cost: a, what a way along a surface costs more than one in the open.
+        nearness_m: s, over which that fades.
+        ahead_m: distances along the way.
+    """
+
+    cell_m: float = Field(gt=0, le=0.1)
+    margin_m: float = Field(ge=0, le=1)
+    clearance_m: float = Field(gt=0, le=0.5)
+    blocked_cost: float = Field(ge=0)
+    nearness_cost: float = Field(ge=0)
+    nearness_m: PositiveFloat
+    ahead_m: tuple[PositiveFloat, ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True)
+class CostToGo:
+    """Cheapest ways to one goal in a plane.
+
+    Attributes:
+        origin: (2,) m, centre of the first cell, base frame.
+        cell: m.
+        goal: (2,) m.
+        cost: (X, Y) m of open way, cost-to-go at the cells' centres.
+        direction: (X, Y, 2) unit vectors of its steepest descent, 0 at the goal.
+    """
+
+    origin: np.ndarray
+    cell: float
+    goal: np.ndarray
+    cost: np.ndarray
+    direction: np.ndarray
+
+    def ways(self, points: np.ndarray, ahead: Sequence[float]) -> np.ndarray:
+        """Where the cheapest ways from some points lead.
+
+        Args:
+            points: (N, 2) m; what is outside of the grid is looked at as at its edge.
+            ahead: (L,) increasing distances along the way, m.
+
+        Returns:
+            (N, L, 2) m; the goal where the way is shorter.
+        """
+        found = np.empty((len(points), len(ahead), 2))
+        grid = (self.origin, self.cell, self.goal, self.direction)
+        _follow(*grid, np.asarray(points, dtype=float), np.asarray(ahead, dtype=float), found)
+        return found
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Cost-to-go (N,) of points (N, 2), between the centres of cells bilinear."""
+        place = np.clip((points - self.origin) / self.cell, 0.0, np.array(self.cost.shape) - 1.000001)
+        corner = place.astype(int)
+        (i, j), (u, v) = corner.T, (place - corner).T
+        low = (1.0 - v) * self.cost[i, j] + v * self.cost[i, j + 1]
+        high = (1.0 - v) * self.cost[i + 1, j] + v * self.cost[i + 1, j + 1]
+        return (1.0 - u) * low + u * high
+
+
+def cost_to_go(
+    shapes: Sequence[Obstacle], start: np.ndarray, goal: np.ndarray, parameters: LookAheadParameters
+) -> CostToGo:
+    """Cheapest ways past all shapes in the horizontal plane halfway up the reach.
+
+    Args:
+        shapes: any number, in any order, base frame.
+        start: (3,) m, base frame; the grid covers it.
+        goal: (3,) m.
+        parameters: see there.
+
+    Raises:
+        InputError: start or goal is not finite.
+    """
+    ends = np.array([start, goal], dtype=float)
+    if not np.isfinite(ends).all():
+        raise InputError(f"start and goal of a look-ahead must be finite, are {ends.tolist()}")
+    reach = [np.abs(shape.rotation) @ shape.half_size for shape in shapes]
+    corners = [
+        shape.centre + side * half for shape, half in zip(shapes, reach, strict=True) for side in (-1, 1)
+    ]
+    points = np.vstack([ends, *corners])[:, :2]
+    cell, margin = parameters.cell_m, parameters.margin_m
+    origin = points.min(axis=0) - margin
+    count = np.maximum(np.ceil((points.max(axis=0) + margin - origin) / cell).astype(int) + 1, 2)
+    axes = [low + cell * np.arange(number) for low, number in zip(origin, count, strict=True)]
+    cells = np.stack(np.meshgrid(*axes, ends[:, 2].mean(), indexing="ij"), axis=-1)[:, :, 0]  # (X, Y, 3)
+    weight = way_cost(nearest_distance(shapes, cells), parameters)
+    cost = np.full(weight.shape, np.inf)
+    _seed(cost, weight, origin, cell, ends[1, :2])
+    _sweep(cost, weight, cell, SWEEPS, TOLERANCE)
+    return CostToGo(origin, cell, ends[1, :2], cost, _descent(cost))
+
+
+def nearest_distance(shapes: Sequence[Obstacle], points: np.ndarray) -> np.ndarray:
+    """Signed distance (...) m of points (..., 3) to the nearest shape, infinite where there is none."""
+    distances = [shape.signed_distance(points) for shape in shapes]
+    return np.min(distances, axis=0) if distances else np.full(points.shape[:-1], np.inf)
+
+
+def way_cost(distance: np.ndarray, parameters: LookAheadParameters) -> np.ndarray:
+    """Cost w (...) of a way per length, at signed distances (...) m from the nearest shape."""
+    near = parameters.nearness_cost * np.exp(-np.maximum(distance, 0.0) / parameters.nearness_m)
+    return 1.0 + near + parameters.blocked_cost * np.maximum(0.0, 1.0 - distance / parameters.clearance_m)
+
+
+def scene_features(
+    scene: CostToGo,
+    position: np.ndarray,
+    scaled_velocity: np.ndarray,
+    start: np.ndarray,
+    frame: np.ndarray,
+    goal: np.ndarray,
+    ahead: Sequence[float],
+) -> np.ndarray:
+    """What a model sees of a scene and of its own movement, in the local frame of the reach.
+
+    Args:
+        scene: cheapest ways, base frame.
+        position: (N, 3) m, local frame, relative to the start.
+        scaled_velocity: (N, 3) tau v, m.
+        start: (3,) m, base frame.
+        frame: (3, 3) local to base.
+        goal: (3,) m, local frame.
+        ahead: (L,) distances along the way, m.
+
+    Returns:
+        (N, 2 L + 9): along x and y of the local frame how far the way leads within each distance; by how much
+        the way to the goal is dearer than a straight one in the open; what is left to the goal; tau v; how
+        far the hand is off the straight line along y and z.
+    """
+    here = (position @ frame.T + start)[:, :2]
+    way = scene.ways(here, ahead) - here[:, None]
+    led = (way @ frame[:2])[..., :2].reshape(
+        len(position), -1
+    )  # the way is horizontal: no z in the base frame
+    left = goal - position
+    dearer = scene.at(here) - np.linalg.norm(scene.goal - here, axis=1)
+    return np.column_stack([led, dearer, left, scaled_velocity, position[:, 1:]])
+
+
+def feature_count(parameters: LookAheadParameters) -> int:
+    """Columns of `scene_features`."""
+    return 2 * len(parameters.ahead_m) + 9
+
+
+def mirror_signs(parameters: LookAheadParameters) -> np.ndarray:
+    """(F,) what columns of `scene_features` are multiplied by if the scene is mirrored in the plane y = 0."""
+    led = [1.0, -1.0] * len(parameters.ahead_m)
+    return np.array([*led, 1.0, *MIRROR, *MIRROR, *MIRROR[1:]])
+
+
+def _descent(cost: np.ndarray) -> np.ndarray:
+    """Unit vectors (X, Y, 2) towards smaller cost, by the neighbours that the cost of a cell comes from."""
+    descent = np.zeros((*cost.shape, 2))
+    for axis in range(2):
+        padded = np.pad(
+            cost, [(1, 1) if other == axis else (0, 0) for other in range(2)], constant_values=np.inf
+        )
+        before, after = (np.take(padded, np.arange(cost.shape[axis]) + at, axis=axis) for at in (0, 2))
+        gain = cost - np.minimum(before, after)
+        descent[..., axis] = np.where(after < before, 1.0, -1.0) * np.maximum(gain, 0.0)
+    length = np.linalg.norm(descent, axis=-1, keepdims=True)
+    return descent / np.where(length > 0.0, length, 1.0)
+
+
+@numba.njit(cache=True)
+def _seed(cost: np.ndarray, weight: np.ndarray, origin: np.ndarray, cell: float, goal: np.ndarray) -> None:
+    """The cells around the goal: straight ways to it."""
+    i, j = int((goal[0] - origin[0]) / cell), int((goal[1] - origin[1]) / cell)
+    for a in range(max(i, 0), min(i + 2, cost.shape[0])):
+        for b in range(max(j, 0), min(j + 2, cost.shape[1])):
+            away = np.hypot(origin[0] + cell * a - goal[0], origin[1] + cell * b - goal[1])
+            cost[a, b] = weight[a, b] * away
+
+
+@numba.njit(cache=True)
+def _sweep(cost: np.ndarray, weight: np.ndarray, cell: float, sweeps: int, tolerance: float) -> None:
+    """Godunov's upwind solution of |grad C| = w by Gauss-Seidel in alternating orders, in place."""
+    rows, columns = cost.shape
+    for sweep in range(sweeps):
+        gain = 0.0
+        for a in range(rows):
+            i = a if sweep & 1 == 0 else rows - 1 - a
+            for b in range(columns):
+                j = b if sweep & 2 == 0 else columns - 1 - b
+                x = min(cost[i - 1, j] if i > 0 else np.inf, cost[i + 1, j] if i < rows - 1 else np.inf)
+                y = min(cost[i, j - 1] if j > 0 else np.inf, cost[i, j + 1] if j < columns - 1 else np.inf)
+                step = cell * weight[i, j]
+                low, high = min(x, y), max(x, y)
+                if low == np.inf:
+                    continue
+                if high - low >= step:
+                    found = low + step
+                else:
+                    found = 0.5 * (low + high + np.sqrt(2.0 * step**2 - (high - low) ** 2))
+                if found < cost[i, j]:
+                    gain = max(gain, cost[i, j] - found)
+                    cost[i, j] = found
+        if gain <= tolerance and sweep >= 4:
+            return
+
+
+@numba.njit(cache=True)
+def _follow(
+    origin: np.ndarray,
+    cell: float,
+    goal: np.ndarray,
+    direction: np.ndarray,
+    points: np.ndarray,
+    ahead: np.ndarray,
+    found: np.ndarray,
+) -> None:
+    """Write the points (N, L, 2) that lie distances `ahead` along the steepest descent."""
+    rows, columns = direction.shape[:2]
+    for n in range(len(points)):
+        x, y, gone = points[n, 0], points[n, 1], 0.0
+        for k in range(len(ahead)):
+            while gone < ahead[k]:
+                step = min(STEP_CELLS * cell, ahead[k] - gone)
+                left = np.hypot(goal[0] - x, goal[1] - y)
+                if left <= max(step, 1.5 * cell):  # the last cells: straight on
+                    share = min(1.0, step / left) if left > 0.0 else 1.0
+                    x += share * (goal[0] - x)
+                    y += share * (goal[1] - y)
+                else:
+                    p = min(max((x - origin[0]) / cell, 0.0), rows - 1.000001)
+                    q = min(max((y - origin[1]) / cell, 0.0), columns - 1.000001)
+                    i, j = int(p), int(q)
+                    u, v = p - i, q - j
+                    along, across = 0.0, 0.0
+                    for a in range(2):
+                        for b in range(2):
+                            share = (u if a else 1.0 - u) * (v if b else 1.0 - v)
+                            along += share * direction[i + a, j + b, 0]
+                            across += share * direction[i + a, j + b, 1]
+                    length = np.hypot(along, across)
+                    if length == 0.0:
+                        along, across, length = goal[0] - x, goal[1] - y, left
+                    x += step * along / length
+                    y += step * across / length
+                gone += step
+            found[n, k, 0], found[n, k, 1] = x, y

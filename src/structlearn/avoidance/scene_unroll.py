@@ -1,0 +1,182 @@
+"""Reaches through scenes of several obstacles at rest, a batch at once, with a model in the loop (IV.8.4).
+
+Everything is in each reach's own local frame and in units of its duration: coupling terms are scaled by
+tau^2, so a path does not depend on how long it takes.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from structlearn.avoidance.features import CouplingModel, features
+from structlearn.avoidance.goal_reach import Deadline, GoalReach
+from structlearn.avoidance.look_ahead import CostToGo, scene_features
+from structlearn.avoidance.postprocessing import post_processed
+from structlearn.avoidance.shapes import Obstacle
+from structlearn.primitives import canonical, transformation
+from structlearn.primitives.trajectory import Trajectory
+from structlearn.primitives.vector import VectorPrimitive
+
+TAU = canonical.time_constant(1.0)
+"""Time constant in durations."""
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """B scenes as models see them.
+
+    Attributes:
+        start: (B, 3) m, base frame.
+        frame: (B, 3, 3) local to base.
+        goal: (B, 3) m, local frame.
+        clouds: (B, O, P, 3) m, local frame, surfaces of the obstacles; a scene with fewer has one repeatedly.
+        ways: of each scene.
+    """
+
+    start: np.ndarray
+    frame: np.ndarray
+    goal: np.ndarray
+    clouds: np.ndarray
+    ways: Sequence[CostToGo]
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def take(self, places: Sequence[int]) -> Self:
+        """Some of the scenes, in their order and as often as named."""
+        arrays = (values[places] for values in (self.start, self.frame, self.goal, self.clouds))
+        return type(self)(*arrays, [self.ways[place] for place in places])
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What is seen of one obstacle of each of B scenes: the nearest.
+
+    Attributes:
+        features: (B, 17).
+        first_x: (B,) m, smallest x of its points.
+        last_x: (B,) m, largest x of its points.
+    """
+
+    features: np.ndarray
+    first_x: np.ndarray
+    last_x: np.ndarray
+
+
+def local_clouds(
+    obstacles: Sequence[Sequence[Obstacle]], start: np.ndarray, frame: np.ndarray, count: int
+) -> np.ndarray:
+    """Surfaces of the obstacles of B scenes in their local frames, `Scenes.clouds`.
+
+    Args:
+        obstacles: of each scene, at least one.
+        start: (B, 3) m, base frame.
+        frame: (B, 3, 3) local to base.
+        count: points of a surface.
+    """
+    most = max(map(len, obstacles))
+    clouds = [
+        [(one.cloud(count) - origin) @ axes for one in (*its, *its[:1] * (most - len(its)))]
+        for its, origin, axes in zip(obstacles, start, frame, strict=True)
+    ]
+    return np.array(clouds)
+
+
+def nearest_seen(position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray) -> Seen:
+    """The text's features of the obstacle whose surface is nearest to the hand.
+
+    Args:
+        position: (B, 3) m.
+        scaled_velocity: (B, 3) tau v, m.
+        clouds: (B, O, P, 3) m.
+    """
+    every = features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
+    nearest = np.linalg.norm(every[..., [3, 6, 9]], axis=-1).argmin(axis=1)
+    rows = np.arange(len(position))
+    x = clouds[rows, nearest, :, 0]
+    return Seen(every[rows, nearest], x.min(axis=1), x.max(axis=1))
+
+
+Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
+"""Sample, position (B, 3) m, tau v (B, 3) m -> coupling term (B, 3) m."""
+
+
+def feedback_of_nearest(model: CouplingModel, scenes: Scenes, samples: int, decay_per_m2: float) -> Feedback:
+    """A model of the text's features, with the text's post-processing, for the nearest obstacle.
+
+    Args:
+        model: of features, phase and phase velocity.
+        scenes: B of them.
+        samples: of the movement.
+        decay_per_m2: k past the obstacle (`postprocessing`).
+    """
+    phase = phases(samples)
+
+    def at(k: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
+        seen = nearest_seen(position, scaled_velocity, scenes.clouds)
+        wanted = model(seen.features, *(np.full(len(position), values[k]) for values in phase))
+        bounds = (seen.first_x, seen.last_x, scenes.goal[:, 0])
+        return post_processed(wanted, position[:, 0], *bounds, decay_per_m2)
+
+    return at
+
+
+def feedback_of_scene(model: CouplingModel, scenes: Scenes, samples: int, ahead: Sequence[float]) -> Feedback:
+    """A model of the scene's features; arguments as `feedback_of_nearest`, `ahead` as `scene_features`."""
+    phase = phases(samples)
+
+    def at(k: int, position: np.ndarray, scaled_velocity: np.ndarray) -> np.ndarray:
+        rows = [
+            scene_features(scenes.ways[b], x, v, scenes.start[b], scenes.frame[b], scenes.goal[b], ahead)
+            for b, (x, v) in enumerate(zip(position[:, None], scaled_velocity[:, None], strict=True))
+        ]
+        return model(np.concatenate(rows), *(np.full(len(position), values[k]) for values in phase))
+
+    return at
+
+
+def phases(samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Phase and phase velocity (T,) of a movement of so many samples."""
+    return canonical.phase(np.linspace(0.0, 1.0, samples), TAU)
+
+
+def unroll_through(
+    primitive: VectorPrimitive,
+    goals: np.ndarray,
+    feedback: Feedback | None,
+    samples: int,
+    end_limit_m: float | None = None,
+    return_coupling: float = 0.0,
+) -> Trajectory:
+    """Unroll a primitive of duration one from the origin to B goals.
+
+    As in `avoiding_unroll` the feedback begins with the second sample.
+
+    Args:
+        primitive: in the local frame.
+        goals: (B, 3) m, local frame.
+        feedback: None for the primitive alone.
+        samples: T, from the start to the prescribed end.
+        end_limit_m: how far off the primitive's own end feedback may leave the hand (`goal_reach`).
+        return_coupling: likewise.
+
+    Returns:
+        (B, T, 3) positions relative to the start, velocities and accelerations per duration.
+    """
+    time = np.linspace(0.0, 1.0, samples)
+    forcing = primitive.forcing(time, np.zeros((len(goals), 1, 3)), goals[:, None], 1.0)
+    deadlines = [] if end_limit_m is None else [Deadline(samples - 1, end_limit_m)]
+    reach = GoalReach(goals.shape, time[1] / TAU, deadlines, return_coupling)
+
+    def coupling(k: int, x: np.ndarray, xd: np.ndarray) -> np.ndarray:
+        if k == 0 or feedback is None:
+            return np.zeros(goals.shape)
+        wanted = feedback(k, x, TAU * xd)
+        acts = reach.admissible(k, wanted) if deadlines else wanted
+        reach.advance(acts)
+        return acts
+
+    state = (primitive.velocity, primitive.acceleration)
+    return transformation.unroll(np.zeros(goals.shape), goals, forcing, time[1], TAU, *state, coupling)

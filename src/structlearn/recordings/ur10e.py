@@ -1,0 +1,74 @@
+"""Public logs of a Universal Robots UR10e: joint motion and motor currents, without and with a load.
+
+Files of the repository shamilmamedov/dynamic_calibration ("Practical Aspects of Model-Based Collision
+Detection", Frontiers in Robotics and AI 2020). Times are those of the controller, about 100 Hz and uneven.
+"""
+
+from pathlib import Path
+
+from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.recordings.drive_log import DriveLog
+from structlearn.recordings.text_log import read_stamped_table, source_provenance
+
+REPOSITORY = "https://github.com/shamilmamedov/dynamic_calibration"
+COMMIT = "11af40e7deb758ec080a175fed8fcdd6c99aca29"
+LICENCE = "none stated: for tests and evaluation, not for redistribution"
+
+JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+"""Names in the arm's URDF."""
+
+URDF = "ur10e.urdf"
+"""Beside the logs: kinematics and the maker's inertias."""
+
+SIGNALS = ("positions", "velocities", "currents", "desired_currents", "target_torques")
+"""In the order of the columns, one of each per joint."""
+
+
+def read_logs(folder: str | Path) -> list[DriveLog]:
+    """All logs of a folder, whatever their number.
+
+    Args:
+        folder: holds `ur-*.csv` without header: time in s, then the columns of `SIGNALS`.
+
+    Returns:
+        Logs by name, the file's stem without its `ur-`.
+
+    Raises:
+        MissingInputError: there is no log.
+        InputError: one is no table of 31 numbers per line, or its times do not increase; the message names
+            file and line.
+    """
+    folder = Path(folder)
+    paths = sorted(folder.glob("ur-*.csv"))
+    if not paths:
+        raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
+    return [_read_log(folder, path) for path in paths]
+
+
+def urdf_path(folder: str | Path) -> Path:
+    """The arm's URDF beside its logs.
+
+    Raises:
+        InputError: there is none.
+    """
+    path = Path(folder) / URDF
+    if not path.is_file():
+        raise InputError(f"{path}: is not there; logs alone do not say what moves")
+    return path
+
+
+def _read_log(folder: Path, path: Path) -> DriveLog:
+    joints = len(JOINTS)
+    stamps, values = read_stamped_table(path, 1 + len(SIGNALS) * joints, separator=",")
+    parts = {
+        name: values[:, place * joints : (place + 1) * joints].copy() for place, name in enumerate(SIGNALS)
+    }
+    provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [path])
+    return DriveLog(path.stem.removeprefix("ur-"), JOINTS, stamps, **parts, provenance=provenance)

@@ -1,0 +1,93 @@
+"""People past boxes: one obstacle's features, and a look ahead at the whole scene."""
+
+from structlearn.ground.artefacts import Metrics
+from structlearn.reporting.claims import Found
+from structlearn.reporting.document import Table
+from structlearn.testbeds.recorded import names
+from structlearn.testbeds.recorded.files import SETS
+from structlearn.testbeds.recorded.page.parts.avoidance_part import listed
+from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_evidence
+from structlearn.testbeds.recorded.page.parts.boxes_figures import boxes_pictures
+from structlearn.testbeds.recorded.page.parts.boxes_results import AXES, OURS, BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
+from structlearn.testbeds.recorded.page.results import RecordedResults
+from structlearn.testbeds.recorded.page.tables import shown
+
+KEY = "recorded_boxes"
+
+
+def found_of(results: RecordedResults) -> BoxesFound:
+    """What the stage wrote."""
+    return BoxesFound(results.of_set("boxes_"))
+
+
+def metrics(results: RecordedResults) -> Metrics:
+    """Of what was learned and its rivals."""
+    return boxes_metrics(found_of(results))
+
+
+def evidence(results: RecordedResults) -> dict[str, Found]:
+    """By the names of the claims."""
+    return boxes_evidence(found_of(results))
+
+
+def facts(results: RecordedResults) -> dict[str, object]:
+    """What its sentences say, under one name."""
+    found = found_of(results)
+    return {
+        "boxes": {
+            "found": found,
+            "chosen": results.parameters[KEY],
+            "errors_of": lambda way: listed(found.nmse.loc[way]),
+        }
+    }
+
+
+def tables(results: RecordedResults) -> dict[str, Table]:
+    """By name."""
+    return boxes_tables(found_of(results))
+
+
+def pictures(results: RecordedResults) -> Pictures:
+    """By name."""
+    return boxes_pictures(found_of(results))
+
+
+def boxes_tables(found: BoxesFound) -> dict[str, Table]:
+    """By name."""
+    strong = frozenset({found.ways.index(OURS)})
+    formats = {"path_mm": ".1f", "goal_max_mm": ".0f", "nearest_mm": ".0f"}
+    models = [way for way in found.ways if way in found.nmse.index]
+    errors = found.nmse.loc[models].reset_index()
+    errors["way"] = [names.BOX_WAYS[way].name for way in models]
+    people = found.of(OURS).groupby("person", as_index=False)
+    by_person = people.agg(
+        reaches=("hit", "size"),
+        blocked=("blocked", "sum"),
+        touching=("hit", "sum"),
+        path_mm=("path_mm", "mean"),
+        goal_max_mm=("left_mm", "max"),
+        other_gaps=("same_gaps", lambda same: int((~same).sum())),
+    )
+    return {
+        "boxes_ways": shown(found.summary, strong, **formats),
+        "boxes_errors": shown(errors, **dict.fromkeys(AXES, ".2f")),
+        "boxes_by_person": shown(by_person, path_mm=".1f", goal_max_mm=".0f"),
+        "boxes_left_out": Table(found["left_out"]),
+        "boxes_reaches": Table(found["reaches"]),
+        "boxes_beside_each_other": Table(found["people"]),
+    }
+
+
+PART = Part(
+    name="boxes",
+    heading="People past boxes",
+    page="boxes",
+    needs=tuple(f"boxes_{table}" for table in SETS["boxes"]),
+    parameters=(KEY,),
+    metrics=metrics,
+    evidence=evidence,
+    facts=facts,
+    tables=tables,
+    pictures=pictures,
+)

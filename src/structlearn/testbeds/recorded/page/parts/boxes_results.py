@@ -1,0 +1,100 @@
+"""Reaches past boxes: what the stage wrote, and the numbers that follow."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import pandas as pd
+
+from structlearn.ground.artefacts import Metrics
+from structlearn.reporting.claims import Evidence, clustered_share, mean
+from structlearn.testbeds.recorded import names
+
+AXES = ("x", "y", "z")
+
+OURS, TEXT, NONE, PLANNED = "scene", "text", "none", "planned"
+
+METRIC_WAYS = {
+    "text_features": TEXT,
+    "text_features_trained_our_way": "text_ensemble",
+    "none": NONE,
+    "planned": PLANNED,
+    "human_inspired": "human_inspired",
+}
+"""By the end of a metric's name."""
+
+
+@dataclass(frozen=True)
+class BoxesFound:
+    """All that the pages show.
+
+    Attributes:
+        tables: of the stage, by their names in `files.SETS`.
+    """
+
+    tables: Mapping[str, pd.DataFrame]
+
+    def __getitem__(self, name: str) -> pd.DataFrame:
+        return self.tables[name]
+
+    @cached_property
+    def ways(self) -> list[str]:
+        """Keys of `names.BOX_WAYS` that were tried, in their order."""
+        tried = set(self["reaches"]["way"])
+        return [way for way in names.BOX_WAYS if way in tried]
+
+    def of(self, way: str, blocked: bool = False) -> pd.DataFrame:
+        """Reaches of one way; of those alone whose straight line a box blocks."""
+        its = self["reaches"].query("way == @way")
+        return its[its["blocked"]] if blocked else its
+
+    def share(self, column: str, way: str = OURS, blocked: bool = False) -> Evidence:
+        """Share of the reaches of one way, its interval clustered by person."""
+        people = self.of(way, blocked).groupby("person")[column]
+        return clustered_share(people.sum().to_numpy(int), people.size().to_numpy())
+
+    def mean_path(self, way: str = OURS) -> Evidence:
+        """Distance in mm from people's own paths, mean over people of each one's mean."""
+        return mean(self.of(way).groupby("person")["path_mm"].mean().to_numpy())
+
+    @cached_property
+    def nmse(self) -> pd.DataFrame:
+        """Held-out NMSE of the coupling term by way and axis, pooled over the folds."""
+        pooled = self["errors"].groupby(["way", "axis"])[["squared", "variance"]].sum()
+        return (pooled["squared"] / pooled["variance"]).unstack()[list(AXES)]  # noqa: PD010 - there is one value each
+
+    @cached_property
+    def summary(self) -> pd.DataFrame:
+        """One row per way."""
+        rows = []
+        for way in self.ways:
+            its, blocked = self.of(way), self.of(way, blocked=True)
+            row = {"way": names.BOX_WAYS[way].name}
+            row |= {"touches_share": its["hit"].mean(), "blocked_share": blocked["hit"].mean()}
+            row |= {"goal_max_mm": its["left_mm"].max(), "path_mm": self.mean_path(way).value}
+            row |= {"gaps_share": its["same_gaps"].mean()}
+            row |= {"nearest_mm": its["clearance_mm"].min(), "wall_share": its["hit_wall"].mean()}
+            rows.append(row)
+        return pd.DataFrame(rows)
+
+
+def boxes_metrics(found: BoxesFound) -> Metrics:
+    """By name."""
+    shares = {
+        "boxes_hits": found.share("hit"),
+        "boxes_hits_blocked": found.share("hit", blocked=True),
+        "boxes_same_gap": found.share("same_gaps"),
+        "boxes_path_mm": found.mean_path(),
+        "boxes_path_mm_planned": found.mean_path(PLANNED),
+        **{f"boxes_hits_{name}": found.share("hit", way) for name, way in METRIC_WAYS.items()},
+    }
+    values: Metrics = {"boxes_goal_max_mm": found.of(OURS)["left_mm"].max()}
+    values["boxes_goal_median_mm"] = found.of(OURS)["left_mm"].median()
+    for name, evidence in shares.items():
+        values |= {name: evidence.value, f"{name}_low": evidence.low, f"{name}_high": evidence.high}
+    values |= {f"boxes_nmse_{axis}": found.nmse.loc[OURS, axis] for axis in AXES}
+    values["boxes_people_apart_mm"] = found["people"]["path_mm"].mean()
+    its = found.of(OURS)
+    values |= {"boxes_people": its["person"].nunique(), "boxes_reaches": len(its)}
+    values |= {"boxes_blocked": int(its["blocked"].sum()), "boxes_left_out": len(found["left_out"])}
+    return values

@@ -1,0 +1,160 @@
+"""Inverse dynamics of a recorded arm: structures, friction and networks on motion not learned from."""
+
+import numpy as np
+import pandas as pd
+
+from structlearn.ground.artefacts import Metrics
+from structlearn.reporting.claims import Found, counted, exact, mean
+from structlearn.reporting.document import Table
+from structlearn.rigid_body.model_names import STRICT
+from structlearn.testbeds.recorded import names
+from structlearn.testbeds.recorded.page.parts.arm_figures import (
+    errors_by_joint,
+    joint_errors_panel,
+    torque_panel,
+)
+from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
+from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
+from structlearn.testbeds.recorded.page.tables import shown
+
+TEXT_STRUCTURES = ("symm", *STRICT)
+"""Structures that table III.2 has."""
+
+CONSISTENT = ("tri", "cov")
+"""Structures of bodies that can exist."""
+
+TRACED_JOINTS = (5, 7, 1, 6)
+
+
+def panda_errors(results: RecordedResults, part: str = "test") -> pd.DataFrame:
+    """NMSE on `test` or `train` by model and friction, in their order, and joint; mean over seeds."""
+    return errors_by_joint(results["panda_errors"], part)
+
+
+def metrics(results: RecordedResults) -> Metrics:
+    """Means over the joints."""
+    means = panda_errors(results).mean(axis=1)
+    shown_models = (
+        ("default", "urdf", "none"),
+        ("least_squares_viscous", "least_squares", "viscous"),
+        ("least_squares_coulomb", "least_squares", "coulomb"),
+        ("cov_viscous", "cov", "viscous"),
+        ("cov_coulomb", "cov", "coulomb"),
+        ("mlp", "mlp", "none"),
+    )
+    return {f"panda_nmse_{name}": means[model, friction] for name, model, friction in shown_models}
+
+
+def evidence(results: RecordedResults) -> dict[str, Found]:
+    """By the names of the claims."""
+    test = panda_errors(results)
+    means = test.mean(axis=1)
+    structures = [(model, "viscous") for model in TEXT_STRUCTURES]
+    rows = results["panda_errors"][results["panda_errors"]["part"] == "test"]
+    by_seed = rows.groupby(["model", "friction", "seed"])["nmse"].mean()
+    better = test.loc[structures].max() < test.loc["urdf", "none"]
+    last = test.columns[-1]
+    with_coulomb = test.loc[[(model, "coulomb") for model in CONSISTENT]]
+    return {
+        "better_joints": counted(int(better.sum()), len(better)),
+        "over_networks": {
+            names.DYNAMICS_MODELS[key[0]]: mean(by_seed[key] - means[structures].max())
+            for key in (("mlp", "none"), ("delan", "viscous"))
+        },
+        "coulomb_factor": {
+            names.DYNAMICS_MODELS[model]: exact(
+                means[model, "viscous"] / means[model, "coulomb"], len(better)
+            )
+            for model in STRICT
+        },
+        "over_least_squares": {
+            names.FRICTIONS[friction]: exact(
+                max(
+                    (test.loc[model, friction] / test.loc["least_squares", friction]).max()
+                    for model in CONSISTENT
+                ),
+                len(CONSISTENT) * len(better),
+            )
+            for friction in ("viscous", "coulomb", "offset")
+            if ("least_squares", friction) in test.index
+        },
+        "coulomb_errors": {
+            "joints 1 to 6": exact(with_coulomb.drop(columns=last).mean(axis=1).max(), len(CONSISTENT)),
+            "joint 7": exact(with_coulomb[last].max(), len(CONSISTENT)),
+        },
+    }
+
+
+def facts(results: RecordedResults) -> dict[str, object]:
+    """What its sentences say."""
+    test, train = (panda_errors(results, part).mean(axis=1) for part in ("test", "train"))
+    by_joint = panda_errors(results)
+    keys = (
+        ("mlp", "none"),
+        ("mlp_scaled", "none"),
+        ("delan", "viscous"),
+        ("delan", "coulomb"),
+        ("cov", "coulomb"),
+    )
+    return {
+        "trained_and_tested": [
+            f"{names.DYNAMICS_MODELS[key[0]]}{' + Coulomb' if key[1] == 'coulomb' else ''} "
+            f"{train[key]:.2g} \N{RIGHTWARDS ARROW} {test[key]:.2g}"
+            for key in keys
+            if key in test.index
+        ],
+        "friction_factor": by_joint.loc["cov", "viscous"] / by_joint.loc["cov", "coulomb"],
+        "test_s": np.ptp(results["panda_traces"]["time_s"]),
+    }
+
+
+def tables(results: RecordedResults) -> dict[str, Table]:
+    """By name."""
+    test = panda_errors(results)
+    numbers = test.add_prefix("joint_").assign(mean=test.mean(axis=1))
+    models = [names.DYNAMICS_MODELS[model] for model, _ in test.index]
+    frictions = [names.FRICTIONS[friction] for _, friction in test.index]
+    keys = pd.DataFrame({"model": models, "friction": frictions})
+    plain = frozenset(np.flatnonzero(test.index.get_level_values("model") == "least_squares").tolist())
+    rubbing = _of_cov(results["panda_friction"]).pivot_table(index="joint", columns="term", values="value")
+    centre = [f"centre_{axis}_m" for axis in AXES]
+    return {
+        "panda_friction": Table(results["panda_friction"]),
+        "panda_links": Table(results["panda_links"]),
+        "panda": shown(pd.concat([keys, numbers.reset_index(drop=True)], axis=1), plain),
+        "panda_rubbing": shown(rubbing.reset_index()[["joint", "viscous", "coulomb"]]),
+        "panda_bodies": shown(_of_cov(results["panda_links"])[["link", "mass_kg", "true_mass_kg", *centre]]),
+    }
+
+
+def _of_cov(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the structure Cov with viscous and Coulomb friction."""
+    return table[(table["model"] == "cov") & (table["friction"] == "coulomb")]
+
+
+def pictures(results: RecordedResults) -> Pictures:
+    """By name."""
+    traces, words = results["panda_traces"], "Robot: joint {} of a Franka Panda"
+    torques = [
+        torque_panel(traces, joint, words.format(joint), "time of the test part (s)")
+        for joint in TRACED_JOINTS
+    ]
+    return {
+        "panda_motion": torques[0],
+        "panda": [joint_errors_panel(panda_errors(results)), torques[1]],
+        "panda_torques": torques[2:],
+    }
+
+
+PART = Part(
+    name="panda",
+    heading="Inverse dynamics of a Franka Panda",
+    page="panda",
+    needs=("panda_errors", "panda_friction", "panda_links", "panda_traces"),
+    parameters=("recorded_dynamics",),
+    metrics=metrics,
+    evidence=evidence,
+    facts=facts,
+    tables=tables,
+    pictures=pictures,
+)

@@ -1,0 +1,213 @@
+"""Every model of a recorded arm: learned from one part of its motion, its torques foretold for others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from structlearn.ground.metrics import nmse
+from structlearn.ground.parallel import parallel_map
+from structlearn.networks.torch_settings import one_thread
+from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.inertia_parameters import STRUCTURES
+from structlearn.rigid_body.inertia_tables import link_table
+from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.model_learning import Kind, LearningParameters, Lesson, learner, shuffled_epochs
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.prediction import predicted_torques, rigid_body_torques
+from structlearn.rigid_body.seeded_training import FRICTIONS
+from structlearn.rigid_body.structured_learning import MotionRegressor
+from structlearn.rigid_body.tree import KinematicTree, Robot
+
+URDF, LEAST_SQUARES = "urdf", "least_squares"
+"""Models that nothing structured or neural was learned for."""
+
+NETWORKS: dict[Kind, tuple[str, ...]] = {
+    "mlp": ("none",),
+    "mlp_scaled": ("none",),
+    "delan": ("viscous", "coulomb"),
+}
+"""Networks and the friction beside them; perceptrons see the velocities and need none."""
+
+LEARNED_FRICTIONS = ("viscous", "coulomb", "offset")
+
+TRAIN = "train"
+"""Name of the part that is learned from."""
+
+ModelKey = tuple[str, str]
+"""A kind, `URDF` or `LEAST_SQUARES`, and a key of `FRICTIONS`."""
+
+
+@dataclass(frozen=True)
+class NetworkTraining:
+    """How networks of a kind are trained.
+
+    Attributes:
+        learning: nodes and optimiser.
+        seeds: so many networks.
+        epochs: all are run.
+    """
+
+    learning: LearningParameters
+    seeds: int
+    epochs: int
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What was learned of an arm.
+
+    Attributes:
+        models: by kind and friction.
+        torques: (M, N, n) N m of each model on each part.
+        friction: coefficients (n, t) of the models that learned some.
+    """
+
+    models: Mapping[ModelKey, DynamicsModels]
+    torques: Mapping[ModelKey, Mapping[str, np.ndarray]]
+    friction: Mapping[ModelKey, np.ndarray]
+
+
+def identify_arm(
+    robot: Robot, parts: Mapping[str, Motion], iterations: int, networks: Mapping[Kind, NetworkTraining]
+) -> Identified:
+    """Every model on the part `TRAIN`, and what it foretells of all parts.
+
+    Args:
+        robot: with the inertias of its URDF, where identification starts.
+        parts: motions of the robot.
+        iterations: of L-BFGS for a structure.
+        networks: one per kind of `NETWORKS`.
+    """
+    work: list[tuple[Kind, str]] = [(kind, name) for kind, names in NETWORKS.items() for name in names]
+    work = sorted(work, key=lambda item: item[0] != "delan")  # the longest first
+    work += [(kind, friction) for friction in LEARNED_FRICTIONS for kind in STRUCTURES]
+    learn = partial(_learned, robot=robot, motion=parts[TRAIN], iterations=iterations, networks=networks)
+    models = dict(zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True))
+
+    torques = {(URDF, "none"): {name: _urdf_torques(robot, part)[None] for name, part in parts.items()}}
+    coefficients = {}
+    for friction in LEARNED_FRICTIONS:
+        theta = _least_squares(robot.tree, parts[TRAIN], FRICTIONS[friction])
+        torques[LEAST_SQUARES, friction] = {
+            name: _regressed(robot.tree, part, FRICTIONS[friction], theta)[None]
+            for name, part in parts.items()
+        }
+        links = 10 * parts[TRAIN].joints
+        coefficients[LEAST_SQUARES, friction] = theta[links:].reshape(parts[TRAIN].joints, -1)
+    for key, learned in models.items():
+        torques[key] = {name: predicted_torques(learned, robot.tree, part) for name, part in parts.items()}
+        if learned.friction:
+            coefficients[key] = learned.friction_coefficients()[0]
+    return Identified(models, torques, coefficients)
+
+
+def train_networks(
+    kind: Kind, friction: str, tree: KinematicTree, motion: Motion, training: NetworkTraining
+) -> DynamicsModels:
+    """Networks of a kind after all their epochs."""
+    terms = FRICTIONS[friction]
+    models = learner(
+        kind, Lesson(tree, motion, terms), "normalised", range(training.seeds), training.learning
+    )
+    for _ in shuffled_epochs(models, training.epochs):
+        pass
+    return DynamicsModels(kind, tree.names, terms, training.learning.hidden, models.state())
+
+
+def error_table(identified: Identified, parts: Mapping[str, Motion]) -> pd.DataFrame:
+    """`model`, `friction`, `seed`, `part`, `joint` (from 1), `nmse`."""
+    rows = []
+    for (model, friction), torques in identified.torques.items():
+        for name, part in parts.items():
+            for seed, values in enumerate(torques[name]):
+                error = nmse(values, part.torque)
+                columns = {"joint": np.arange(1, part.joints + 1), "nmse": error}
+                keys = {"model": model, "friction": friction, "seed": seed, "part": name}
+                rows.append(pd.DataFrame(keys | columns))
+    return pd.concat(rows, ignore_index=True)
+
+
+def friction_table(identified: Identified) -> pd.DataFrame:
+    """`model`, `friction`, `joint`, `term`, `value` in SI units."""
+    rows = [
+        {
+            "model": model,
+            "friction": friction,
+            "joint": joint + 1,
+            "term": term,
+            "value": values[joint, place],
+        }
+        for (model, friction), values in identified.friction.items()
+        for joint in range(len(values))
+        for place, term in enumerate(FRICTIONS[friction])
+    ]
+    return pd.DataFrame(rows)
+
+
+def body_table(identified: Identified, robot: Robot) -> pd.DataFrame:
+    """`link_table` with `model` and `friction`; the URDF's values stand as `true_*`."""
+    tables = [
+        link_table(robot.tree, learned.inertias(), robot.inertias).assign(model=kind, friction=friction)
+        for (kind, friction), learned in identified.models.items()
+        if learned.structured
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def trace_table(
+    identified: Identified, part: str, motion: Motion, rate_hz: float, stride: int
+) -> pd.DataFrame:
+    """Torques of the first seeds on a part, every `stride`-th sample.
+
+    Returns:
+        `time_s`, `joint`, `measured` and one column in N m per model, `KIND` or `KIND_FRICTION`.
+    """
+    kept = slice(None, None, stride)
+    time = np.arange(len(motion))[kept] / rate_hz
+    columns = {
+        "time_s": np.tile(time, motion.joints),
+        "joint": np.repeat(np.arange(1, motion.joints + 1), len(time)),
+        "measured": motion.torque[kept].T.ravel(),
+    }
+    for (model, friction), torques in identified.torques.items():
+        name = model if friction == "none" else f"{model}_{friction}"
+        columns[name] = torques[part][0][kept].T.ravel()
+    return pd.DataFrame(columns)
+
+
+def _learned(
+    item: tuple[Kind, str],
+    robot: Robot,
+    motion: Motion,
+    iterations: int,
+    networks: Mapping[Kind, NetworkTraining],
+) -> DynamicsModels:
+    kind, friction = item
+    terms = FRICTIONS[friction]
+    with one_thread():
+        if kind in STRUCTURES:
+            regressor = MotionRegressor(robot.tree, motion, kind != "nostr", terms)
+            triangle = normalised_triangle(regressor.factors)
+            free, rubbing = fit_structure(kind, triangle, terms, robot.inertias, iterations)
+            state = {"inertia": free, "friction": rubbing}
+            return DynamicsModels(kind, robot.tree.names, terms, (), state)
+        return train_networks(kind, friction, robot.tree, motion, networks[kind])
+
+
+def _urdf_torques(robot: Robot, motion: Motion) -> np.ndarray:
+    return rigid_body_torques(robot.tree, robot.inertias, motion)
+
+
+def _least_squares(tree: KinematicTree, motion: Motion, terms: Sequence[FrictionTerm]) -> np.ndarray:
+    return least_squares(normalised_triangle(MotionRegressor(tree, motion, True, terms).factors))
+
+
+def _regressed(
+    tree: KinematicTree, motion: Motion, terms: Sequence[FrictionTerm], theta: np.ndarray
+) -> np.ndarray:
+    """Torques (N, n) of parameters that need not be those of a body."""
+    return MotionRegressor(tree, motion, True, terms).columns @ theta

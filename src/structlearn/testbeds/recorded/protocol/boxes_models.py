@@ -1,0 +1,223 @@
+"""What is learned from some people's reaches past boxes, and what all of it does in others' scenes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
+from structlearn.avoidance.avoidance_network import averaged
+from structlearn.avoidance.features import MIRROR_SIGNS, CouplingModel
+from structlearn.avoidance.human_inspired import fit_human_inspired
+from structlearn.avoidance.look_ahead import cost_to_go, mirror_signs
+from structlearn.avoidance.network_training import NetworkParameters, stacked, train_member
+from structlearn.avoidance.scene_learning import (
+    displaced_states,
+    samples_of_nearest,
+    samples_of_scene,
+    scene_states,
+    with_mirror_images,
+)
+from structlearn.avoidance.scene_unroll import (
+    Scenes,
+    feedback_of_nearest,
+    feedback_of_scene,
+    local_clouds,
+    unroll_through,
+)
+from structlearn.ground.errors import InputError
+from structlearn.ground.minimum_jerk import progress
+from structlearn.ground.parallel import parallel_map
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.trajectory import Trajectory
+from structlearn.primitives.vector import VectorPrimitive
+from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
+from structlearn.testbeds.recorded.protocol.boxes_reaches import BoxReach
+
+NONE, HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE, PLANNED = (
+    "none",
+    "human_inspired",
+    "text",
+    "text_ensemble",
+    "scene",
+    "planned",
+)
+"""The baseline alone; Rai et al.; the text's features with the text's network; the same features with our
+training; the scene's features with the same network and training; the planned way itself."""
+
+PLANNED_STEP_M = 0.005
+PLANNED_MOST_M = 2.0
+"""Spacing and greatest length of a planned way."""
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What was learned from some people.
+
+    Attributes:
+        baseline: without boxes, of duration one.
+        models: coupling models by name.
+    """
+
+    baseline: VectorPrimitive
+    models: Mapping[str, CouplingModel]
+
+
+def box_scenes(reaches: Sequence[BoxReach], parameters: BoxesParameters) -> Scenes:
+    """The scenes of reaches as models see them."""
+    start, frame = (np.array([getattr(reach, name) for reach in reaches]) for name in ("start", "frame"))
+    goals = [reach.in_base_frame[-1] for reach in reaches]
+    return Scenes(
+        start=start,
+        frame=frame,
+        goal=np.array([reach.goal for reach in reaches]),
+        clouds=local_clouds([reach.boxes for reach in reaches], start, frame, parameters.cloud_count),
+        ways=[
+            cost_to_go(reach.shapes, reach.start, goal, parameters.look_ahead)
+            for reach, goal in zip(reaches, goals, strict=True)
+        ],
+    )
+
+
+def straight_baseline(reaches: Sequence[BoxReach], straight_share: float) -> VectorPrimitive:
+    """The primitive of reaches that hardly leave the straight line; its forcing grows with their length.
+
+    Raises:
+        InputError: there is none.
+    """
+    straight = [
+        reach.path
+        for reach in reaches
+        if np.linalg.norm(reach.path.position[:, 1:], axis=1).max() <= straight_share * reach.goal[0]
+    ]
+    if not straight:
+        raise InputError(f"no reach keeps within {straight_share:g} of its length of a straight line")
+    return fit_position(straight, scaled=(True, False, False)).local
+
+
+def learn(
+    reaches: Sequence[BoxReach], scenes: Scenes, parts: Sequence[Sequence[int]], parameters: BoxesParameters
+) -> list[Learned]:
+    """Learn from each of some sets of reaches.
+
+    Args:
+        reaches: all of them.
+        scenes: of all of them.
+        parts: places of the reaches of each set.
+        parameters: see there.
+
+    Returns:
+        What was learned of each set.
+    """
+    taught = [
+        _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
+        for number, places in enumerate(parts)
+    ]
+    work = [
+        (whole, network, (number, member), seen)
+        for number, one in enumerate(taught)
+        for network, whole, lessons in one.networks.values()
+        for member, seen in enumerate(lessons)
+    ]
+    layers = iter(parallel_map(_trained, work, "networks of reaches past boxes"))
+    learned = []
+    for one in taught:
+        models: dict[str, CouplingModel] = {
+            HUMAN_INSPIRED: fit_human_inspired(one.nearest.features, one.nearest.target)
+        }
+        for kind, (network, whole, lessons) in one.networks.items():
+            members = averaged([next(layers) for _ in lessons])
+            models[kind] = stacked([members], [whole], network)
+        learned.append(Learned(one.baseline, models))
+    return learned
+
+
+@dataclass(frozen=True)
+class _Lessons:
+    """What there is to learn of one set.
+
+    Attributes:
+        baseline: of the set.
+        nearest: samples with the text's features.
+        networks: by kind, how it is trained, all of its samples, and what each member sees of them.
+    """
+
+    baseline: VectorPrimitive
+    nearest: AvoidanceDataset
+    networks: Mapping[str, tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]]
+
+
+def _lessons(
+    reaches: Sequence[BoxReach], scenes: Scenes, number: int, parameters: BoxesParameters
+) -> _Lessons:
+    """Of the set of some number."""
+    baseline = straight_baseline(reaches, parameters.straight_share)
+    states = scene_states([one.path for one in reaches], baseline, parameters.keep_every)
+    ensemble, ahead = parameters.network, parameters.look_ahead.ahead_m
+    beside = [
+        displaced_states(states, ensemble, parameters.return_stiffness, (number, member))
+        for member in range(ensemble.members)
+    ]
+    nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *beside))
+    far = (samples_of_scene(one, scenes, ahead) for one in (states, *beside))
+    signs = mirror_signs(parameters.look_ahead)
+    every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
+    every_far, *far = (with_mirror_images(one, signs) for one in far)
+    networks = {
+        TEXT: (parameters.text_network, nearest, [nearest]),
+        ENSEMBLE: (ensemble, every_near, near),
+        SCENE: (ensemble, every_far, far),
+    }
+    return _Lessons(baseline, nearest, networks)
+
+
+def _trained(
+    work: tuple[AvoidanceDataset, NetworkParameters, tuple[int, int], AvoidanceDataset],
+) -> tuple[np.ndarray, ...]:
+    return train_member(*work)
+
+
+def reach_through(
+    learned: Learned, kind: str, scenes: Scenes, parameters: BoxesParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Reaches of one model through scenes.
+
+    Args:
+        learned: from other people.
+        kind: of the model, or `NONE` or `PLANNED`.
+        scenes: B of them.
+        parameters: see there.
+
+    Returns:
+        path: (B, T, 3) m, base frame.   left: (B,) m, distance from the goal at the prescribed end.
+    """
+    samples = parameters.reaches.samples
+    if kind == PLANNED:
+        path = np.array([planned_path(scenes, place, samples) for place in range(len(scenes))])
+    else:
+        limit: dict[str, float] = {}
+        if kind == NONE:
+            feedback = None
+        elif kind == SCENE:
+            ahead = parameters.look_ahead.ahead_m
+            feedback = feedback_of_scene(learned.models[kind], scenes, samples, ahead)
+            limit = {"end_limit_m": parameters.end_limit_m, "return_coupling": parameters.return_coupling}
+        else:
+            decay = parameters.text_decay_per_m2
+            feedback = feedback_of_nearest(learned.models[kind], scenes, samples, decay)
+        unrolled: Trajectory = unroll_through(learned.baseline, scenes.goal, feedback, samples, **limit)
+        path = scenes.start[:, None] + unrolled.position @ np.swapaxes(scenes.frame, 1, 2)
+    goal = scenes.start + np.einsum("bij,bj->bi", scenes.frame, scenes.goal)
+    return path, np.linalg.norm(path[:, -1] - goal, axis=1)
+
+
+def planned_path(scenes: Scenes, place: int, samples: int) -> np.ndarray:
+    """The planned way of one scene followed with least jerk, (T, 3) m, base frame; straight in height."""
+    start = scenes.start[place]
+    goal = start + scenes.frame[place] @ scenes.goal[place]
+    ahead = np.arange(PLANNED_STEP_M, PLANNED_MOST_M, PLANNED_STEP_M)
+    way = np.vstack([start[:2], scenes.ways[place].ways(start[None, :2], ahead)[0]])
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+    share = progress(np.linspace(0.0, 1.0, samples))
+    x, y = (np.interp(share * length[-1], length, column) for column in way.T)
+    return np.column_stack([x, y, start[2] + share * (goal[2] - start[2])])

@@ -1,0 +1,92 @@
+"""Hold the files of the pipeline against what its stages wrote: `python -m structlearn.verify [FILE ...]`.
+
+Without arguments every output that a `dvc.lock` names is read anew and its digest compared; DVC itself looks
+at times and sizes first, so that it does not see a bit that changed by itself. With arguments single files
+are read, and must be what they were written as: arrays, tables, bags. Ends with code 1 where one is not.
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import yaml
+
+from structlearn.ground.artefacts import read_metrics, read_table, read_tensors
+from structlearn.ground.errors import InputError
+from structlearn.recordings.bag_reader import read_bag
+
+LOCKS = ("dvc.lock", "stages/*/dvc.lock")
+
+READERS = {
+    ".safetensors": read_tensors,
+    ".parquet": read_table,
+    ".json": read_metrics,
+    ".mcap": lambda path: read_bag(path, ()),
+}
+
+
+def main() -> None:
+    """Say what is not as it was written."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("files", nargs="*", type=Path, help="default: all outputs of all stages")
+    files = parser.parse_args().files
+    faults = list(map(_fault, files)) if files else [fault for lock in _locks() for fault in changed(lock)]
+    found = [fault for fault in faults if fault]
+    for fault in found:
+        print(f"error: {fault}", file=sys.stderr)
+    if found:
+        sys.exit(1)
+    print(f"{len(faults)} {'files' if files else 'outputs'}: all are as they were written")
+
+
+def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
+    """For each output that a lock names, why it is not what was written; None where it is.
+
+    Args:
+        lock: a `dvc.lock`.
+        root: folder that its paths start from, the project's.
+    """
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    stages = yaml.load(lock.read_text(encoding="utf-8"), loader)["stages"]
+    for name, stage in stages.items():
+        for out in stage.get("outs", ()):
+            path = root / out["path"]
+            if not path.exists():
+                yield f"{path}: is not there; stage '{name}' writes it"
+            elif digest(path) != out["md5"]:
+                yield f"{path}: not as stage '{name}' left it"
+            else:
+                yield None
+
+
+def digest(path: Path) -> str:
+    """MD5 of a file, or of the list of a folder's files with theirs, as DVC takes it."""
+    if not path.is_dir():
+        return hashlib.md5(path.read_bytes()).hexdigest()
+    files = sorted((file.relative_to(path).as_posix(), file) for file in path.rglob("*") if file.is_file())
+    listing = [{"md5": digest(file), "relpath": name} for name, file in files]
+    return hashlib.md5(json.dumps(listing, sort_keys=True).encode()).hexdigest() + ".dir"
+
+
+def _locks() -> list[Path]:
+    found = [path for pattern in LOCKS for path in sorted(Path().glob(pattern))]
+    if not found:
+        sys.exit("error: dvc.lock: no such file; run this in the project's folder, after the pipeline")
+    return found
+
+
+def _fault(path: Path) -> str | None:
+    if path.suffix not in READERS:
+        return f"{path}: only {', '.join(READERS)} can be told"
+    try:
+        READERS[path.suffix](path)
+    except InputError as error:
+        return str(error)
+    return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,20 @@
+"""Reaches past boxes: learned from some people, tried in the scenes of others (dissertation IV.8)."""
+
+from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.ground.stage import or_empty, run, stage_parameters
+from structlearn.recordings import read_demonstrations
+from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
+from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
+
+
+def main() -> None:
+    parameters = stage_parameters("recorded_boxes", BoxesParameters)
+    results = learn_past_boxes(read_demonstrations(filled("data/raw/recorded/boxes")), parameters)
+    with publish("data/recorded/boxes") as folder:
+        folder.mkdir()
+        for name, table in vars(results).items():
+            write_table(table, folder / f"{name}.parquet")
+
+
+if __name__ == "__main__":
+    run(or_empty(main, "data/recorded/boxes"))

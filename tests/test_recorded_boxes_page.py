@@ -1,0 +1,140 @@
+"""The page and the recording of reaches past boxes, from tables that are made up."""
+
+from functools import lru_cache
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from committed import committed
+from reporting_verdicts import AnyFigure, verdicts
+from viewer_files import colour_of, contents, note
+
+from structlearn.reporting.document import render, words_in_view
+from structlearn.testbeds.recorded.names import BOX_WAYS
+from structlearn.testbeds.recorded.page import parts
+from structlearn.testbeds.recorded.page.assembly import recorded_report
+from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_evidence
+from structlearn.testbeds.recorded.page.parts.boxes_part import KEY, PART
+from structlearn.testbeds.recorded.page.parts.boxes_results import BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page.results import RecordedResults
+from structlearn.testbeds.recorded.protocol.boxes_models import SCENE, TEXT
+from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
+from structlearn.testbeds.recorded.protocol.boxes_people import MODELS, WAYS
+from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
+
+PEOPLE, REACHES = 12, 20
+PARAMETERS = {KEY: committed(BoxesParameters, KEY)}
+
+
+@lru_cache
+def made_up(good=True):
+    """Reaches in which every claim holds, or none does."""
+    touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11}
+    if good:
+        touching |= {TEXT: 0, "text_ensemble": 8, SCENE: 0, "planned": 0}
+    else:
+        touching |= {TEXT: 12, "text_ensemble": 5, SCENE: 9}
+    path = dict.fromkeys(WAYS, 40.0) | {SCENE: 15.0 if good else 45.0}
+    left = dict.fromkeys(WAYS, 3.0) | ({} if good else {TEXT: 500.0, SCENE: 90.0})
+    rows = [
+        {
+            "way": way,
+            "reach": f"p{person}_{number}",
+            "person": f"p{person}",
+            "fold": person % 4,
+            "blocked": number < 12,
+            "hit": number < touching[way] - (person % 3 == 0 and touching[way] > 1),
+            "hit_wall": False,
+            "clearance_mm": 30.0,
+            "left_mm": left[way],
+            "path_mm": path[way] + 0.1 * person * (way == SCENE),
+            "same_gaps": good or way != SCENE or number > 5,
+        }
+        for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))
+    ]
+    errors = [(way, axis, 4.0, 8.0, fold) for way in MODELS for axis in "xyz" for fold in range(4)]
+    time = np.linspace(0.0, 1.5, 20)
+    paths = [
+        pd.DataFrame({"reach": reach, "way": way, "time_s": time, "x_m": 0.1, "y_m": time / 3, "z_m": 0.8})
+        for reach in ("p0_1", "p1_1", "p2_1")
+        for way in ("recorded", *WAYS)
+    ]
+    shapes = [
+        (reach, box, 0.2 * box, -0.05, 0.79, 0.1, 0.05, 0.12)
+        for reach in ("p0_1", "p1_1", "p2_1")
+        for box in (True, True, False)
+    ]
+    extent = ["x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
+    return BoxesFound(
+        {
+            "reaches": pd.DataFrame(rows),
+            "errors": pd.DataFrame(errors, columns=["way", "axis", "squared", "variance", "fold"]),
+            "people": pd.DataFrame(
+                [("p0", "p1", "p0_1", 28.0, True)],
+                columns=["first", "second", "reach", "path_mm", "same_gaps"],
+            ),
+            "left_out": pd.DataFrame({"trial": ["p0_9"], "person": ["p0"], "reason": ["takes 5.0 s"]}),
+            "paths": pd.concat(paths, ignore_index=True),
+            "shapes": pd.DataFrame(shapes, columns=["reach", "box", *extent]),
+        }
+    )
+
+
+def results(found):
+    """As the pages take them."""
+    return RecordedResults(
+        {f"boxes_{name}": its for name, its in found.tables.items()}, parameters=PARAMETERS
+    )
+
+
+def page(found):
+    return render(recorded_report(results(found), Path("no such folder")).pages["boxes"], AnyFigure())
+
+
+@pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
+def test_every_claim_can_say_yes_and_no(good, word):
+    found = verdicts(parts.__name__, boxes_evidence(made_up(good)), "boxes_claims.yaml")
+    assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
+
+
+def test_metrics_pool_reaches_and_cluster_people():
+    values = boxes_metrics(made_up())
+    assert values["boxes_hits"] == 0.0
+    assert values["boxes_hits_high"] < 0.02  # Wilson's over 240 reaches
+    hits = made_up().of("none").groupby("person")["hit"].mean()
+    assert values["boxes_hits_none"] == pytest.approx(hits.mean())
+    assert values["boxes_hits_none_low"] < hits.mean() < values["boxes_hits_none_high"]
+    assert values["boxes_goal_max_mm"] == 3.0
+    assert values["boxes_path_mm"] == pytest.approx(15.0 + 0.1 * np.arange(PEOPLE).mean())
+    assert values["boxes_nmse_x"] == 0.5
+    asked = {"boxes_hits_blocked", "boxes_same_gap", "boxes_hits_text_features", "boxes_hits_planned"}
+    assert asked <= set(values)
+
+
+def test_the_page_is_whole_and_short():
+    text = page(made_up())
+    assert words_in_view(text) <= 1000
+    drawn = PART.pictures(results(made_up()))
+    assert all(f"figure-{name}" in text for name in drawn)
+    assert {"boxes_paths", "boxes_more_paths", "boxes_rates"} == set(drawn)
+    assert "badge" not in text.partition("</header>")[0].partition("</style>")[2]  # nothing here is simulated
+
+
+def test_numbers_of_the_sentences_follow_the_tables():
+    good, bad = page(made_up()), page(made_up(False))
+    assert "whole scene it is 0.0 %" in good
+    assert "whole scene it is 0.0 %" not in bad
+
+
+def test_the_recording_shows_every_scene_and_way(tmp_path):
+    path = tmp_path / "boxes.rrd"
+    write_box_reaches(path, made_up().tables)
+    rows, entities, _ = contents(path)
+    name = BOX_WAYS["scene"].name.replace(" ", "\\ ")
+    assert colour_of(path, f"/p0_1/{name}/path", "LineStrips3D") == BOX_WAYS["scene"].colour
+    for reach in ("p0_1", "p1_1", "p2_1"):
+        assert {f"/{reach}/boxes", f"/{reach}/walls", f"/{reach}/person/hand"} <= entities
+    assert rows["/p0_1/person/hand"] == 20
+    assert "recorded" in note(path)

@@ -1,0 +1,365 @@
+"""The magnetic skin: blocks held out, maps, forces and servoing on toy runs; its page on made-up tables."""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from committed import committed
+from reporting_verdicts import AnyFigure, cases, verdicts
+from viewer_files import contents, note
+
+from structlearn.ground.artefacts import read_table
+from structlearn.ground.errors import InputError
+from structlearn.recordings.eflesh import PRESSES, STROKES, ProbeRun, read_runs
+from structlearn.reporting.document import render, words_in_view
+from structlearn.testbeds.recorded import files, names
+from structlearn.testbeds.recorded.page import parts
+from structlearn.testbeds.recorded.page.assembly import recorded_report
+from structlearn.testbeds.recorded.page.parts.skin_evidence import SkinRuns, skin_evidence
+from structlearn.testbeds.recorded.page.parts.skin_figures import skin_pictures
+from structlearn.testbeds.recorded.page.parts.skin_results import (
+    SkinResults,
+    skin_metrics,
+)
+from structlearn.testbeds.recorded.page.results import RecordedResults
+from structlearn.testbeds.recorded.protocol import skin_force, skin_map, skin_servoing
+from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
+from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
+
+SMALL = committed(
+    SkinParameters,
+    "recorded_skin",
+    tuned_on=["a"],
+    block_mm=3.0,
+    folds=2,
+    copies=2,
+    rival_samples=150,
+    spaces={
+        "seeds": 1,
+        "pair_pool": 5000,
+        "evaluation_pairs": 2000,
+        "training": {"steps": 200, "evaluate_every": 200},
+    },
+    servo={"walks": 500, "trials": 8, "steps": 10},
+)
+CLAIMS = "skin_claims.yaml"
+
+
+def grid(size, passes=1):
+    """Places (N, 2) m, 1 mm apart, exact to tenths of a micrometre as the logs' are."""
+    x, y = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
+    places = np.tile(1e-3 * np.column_stack([x.ravel(), y.ravel()]), (passes, 1))
+    return places + 6.1e-8 * (np.arange(len(places))[:, None] % 2)
+
+
+def toy_run(name, seed, depth_mm=0.0, size=10):
+    """Presses of a skin whose channels are bumps of either sign; deeper presses are stronger."""
+    rng, bumps = np.random.default_rng(seed), np.random.default_rng(0)
+    place = grid(size, passes=2)
+    depth = 1e-3 * depth_mm * rng.uniform(-1, 1, len(place))
+    centres = 1e-3 * bumps.uniform(0, size, (15, 2))
+    squared = np.square(place[:, None] - centres).sum(axis=-1)
+    counts = bumps.choice([-300, 300], 15) * np.exp(-squared / (2 * 0.006**2)) * np.exp(-300 * depth)[:, None]
+    counts += rng.normal(size=counts.shape)
+    nothing = np.full(len(place), np.nan)
+    return ProbeRun(name, np.arange(len(place)) * 4.0, np.column_stack([place, depth]), counts, nothing)
+
+
+def toy_strokes(name, presses=8, gain=1.0):
+    """Depth, channels that follow it 0.35 s later, and a scale 0.6 s later that reads every other row."""
+    time = np.arange(0, 20.0 * presses, 0.1)
+
+    def depth(at):
+        return 6e-3 * (1 - np.cos(2 * np.pi * np.maximum(at, 0) / 20.0))
+
+    force = 2e5 * gain * depth(time - 0.6) ** 2
+    counts = np.outer(2e5 * depth(time - 0.35), np.random.default_rng(3).normal(size=15))
+    place = np.column_stack([np.zeros((len(time), 2)), -depth(time)])
+    return ProbeRun(name, time, place, counts, np.where(np.arange(len(time)) % 2, np.nan, force))
+
+
+@pytest.fixture(scope="module")
+def learned():
+    runs = [toy_run("a", 1, depth_mm=1.0), toy_run("b", 2)]
+    return learn_recorded_skin(runs, [toy_strokes("c"), toy_strokes("d")], SMALL)
+
+
+def test_no_two_neighbours_are_held_out_at_once():
+    block, fold = skin_map.held_out(grid(31), 5e-3, 4)
+    assert len(np.unique(block)) == 36
+    assert np.unique(block, return_counts=True)[1].max() == 36  # the last row belongs to the last blocks
+    column, row = skin_map.block_numbers(grid(31), 5e-3)
+    by_block = pd.DataFrame({"fold": fold, "column": column, "row": row}).drop_duplicates()
+    assert len(by_block) == 36
+    squares = by_block.pivot_table(index="column", columns="row", values="fold").to_numpy()
+    for first, second in ((squares[1:], squares[:-1]), (squares[:, 1:], squares[:, :-1])):
+        assert (first != second).all()
+    corners = [squares[0, 0], squares[0, -1], squares[-1, 0], squares[-1, -1]]
+    assert len(set(corners)) == 4
+
+
+def test_a_polynomial_reads_polynomials():
+    known = np.random.default_rng(0).normal(size=(60, 2))
+    wanted = np.column_stack([known[:, 0] ** 3 - known[:, 1], known[:, 0] * known[:, 1] ** 2])
+    new = np.random.default_rng(1).normal(size=(20, 2))
+    expected = np.column_stack([new[:, 0] ** 3 - new[:, 1], new[:, 0] * new[:, 1] ** 2])
+    np.testing.assert_allclose(skin_map.polynomial(known, wanted, 3)(new), expected, atol=1e-9)
+
+
+def test_a_gaussian_process_knows_what_never_varies():
+    known = np.linspace(-2, 2, 80)[:, None]
+    read = skin_map.gaussian_process(known, np.column_stack([np.sin(known[:, 0]), np.full(80, 0.143)]), 40)
+    found = read(np.array([[0.31], [-1.17]]))
+    np.testing.assert_allclose(found, [[np.sin(0.31), 0.143], [np.sin(-1.17), 0.143]], atol=0.02)
+
+
+def test_the_map_is_the_skin_and_rivals_have_none(learned):
+    _, tables = learned
+    errors = tables["errors"].groupby(["new", "learned_from", "model"])[["map_nmse", "latent_mm"]].mean()
+    for run in ("a", "b"):
+        its = errors.loc[skin_map.NEW_RUN, run]
+        assert its.loc["structured", "map_nmse"] < 0.2
+        assert its.loc["structured", "map_nmse"] < 0.5 * its.loc["3 principal components", "map_nmse"]
+        assert its.loc["Gaussian process", "latent_mm"] < 1.0
+    by_run = tables["errors"].groupby(["learned_from", "model"])["depth_nmse"]
+    known = by_run.apply(lambda its: its.notna().any())
+    assert known.loc["a"].all()
+    assert not known.loc["b"].any()  # it knows one depth only
+
+
+def test_the_map_holds_where_nothing_was_pressed():
+    errors = skin_map.map_errors([toy_run("b", 2)], SMALL.model_copy(update={"folds": 4, "block_mm": 2.0}))
+    assert set(errors.groupby(["model", "seed"])["presses"].sum()) == {200}
+    its = errors.groupby("model")["map_nmse"].mean()
+    assert its["structured"] < 0.1
+    assert its["structured"] < its["3 principal components"]
+
+
+def test_the_same_run_gives_the_same_map():
+    run, brief = toy_run("a", 1, size=6), SMALL.spaces.training.model_copy(update={"steps": 3})
+    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
+    taught = np.full(len(run.counts), True)
+    first, again = (skin_map.learn_skin(run, taught, few, with_dynamics=True) for _ in range(2))
+    for name, values in first.models.to_arrays().items():
+        np.testing.assert_array_equal(values, again.models.to_arrays()[name])
+
+
+def test_presses_held_out_are_not_learned_from():
+    run = toy_run("a", 1, size=6)
+    taught = np.arange(len(run.counts)) % 3 > 0
+    brief = SMALL.spaces.training.model_copy(update={"steps": 3})
+    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
+    spoiled = replace(run, counts=np.where(taught[:, None], run.counts, 1e6), place=run.place.copy())
+    spoiled.place[~taught] = 9.0
+    first, again = (skin_map.learn_skin(one, taught, few, with_dynamics=True) for one in (run, spoiled))
+    for name, values in first.models.to_arrays().items():
+        np.testing.assert_array_equal(values, again.models.to_arrays()[name])
+
+
+def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
+    skins, tables = learned
+    assert len(skins["a"].units.action_scale) == 3
+    assert len(skins["b"].units.action_scale) == 2
+    one_depth = skin_servoing.table_of(skins["b"], toy_run("b", 2), toy_run("a", 1, depth_mm=1.0), SMALL)
+    assert 0 < len(one_depth.pressure) < 288
+    assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
+    servo = tables["servo"]
+    assert set(servo["controller"]) == {names.SKIN_SERVO, *names.SKIN_SERVO_TEXT}
+    assert (servo.loc[servo["arrived"], "left_mm"] <= SMALL.servo.tolerance_mm).all()
+
+
+def test_a_lag_is_found_between_steps():
+    time = np.arange(0, 60, 0.07)
+    cause = np.sin(0.9 * time) + 0.4 * np.sin(2.3 * time)
+    effect = 3.0 * (np.sin(0.9 * (time - 0.437)) + 0.4 * np.sin(2.3 * (time - 0.437))) + 1.0
+    assert skin_force.lag_behind(time, cause, time, effect, 1.0) == pytest.approx(0.437, abs=5e-3)
+    assert skin_force.lag_behind(time, cause, time, cause, 1.0) == pytest.approx(0.0, abs=5e-3)
+
+
+def test_presses_part_halfway_between_two():
+    force = np.array([0, 9, 9, 0, 0, 0, 9, 0, 9.0])
+    np.testing.assert_array_equal(
+        skin_force.press_numbers(np.arange(9.0), force, 5.0), [0, 0, 0, 0, 1, 1, 1, 2, 2]
+    )
+    np.testing.assert_array_equal(skin_force.press_numbers(np.arange(2.0), force[1:3], 5.0), [0, 0])
+
+
+def test_lags_and_forces_are_found(learned):
+    _, tables = learned
+    np.testing.assert_allclose(tables["lags"][["signals_s", "force_s"]], [[0.35, 0.6]] * 2, atol=0.03)
+    errors = tables["force"].groupby(["new", "model"])["rms_n"].mean()
+    assert errors[skin_force.NEW_RUN, skin_force.QUADRATIC] < 0.5
+    assert set(tables["force"]["press"]) == set(range(8))
+
+
+def test_a_scale_that_reads_nothing_is_an_error():
+    quiet = toy_strokes("c", gain=0.1)
+    with pytest.raises(InputError, match="c: the scale never reads more than 5 N"):
+        skin_force.force_errors([quiet], SMALL)
+    with pytest.raises(InputError, match="c: 3 presses are too few"):
+        skin_force.force_errors([toy_strokes("c", presses=3)], SMALL)
+
+
+def test_names_are_those_of_the_protocols(root):
+    assert tuple(names.SKIN_MODELS) == skin_map.MODELS
+    assert set(names.SKIN_FORCE) == {skin_force.QUADRATIC, skin_force.PRESSURE, skin_map.PROCESS}
+    assert (names.SKIN_SERVO, names.SKIN_SERVO_TEXT) == (skin_servoing.CORRECTED, skin_servoing.TEXT)
+    known = skin_map.NEW_BLOCKS, skin_force.NEW_PRESSES, skin_map.NEW_RUN
+    assert known == (names.SKIN_NEW_BLOCKS, names.SKIN_NEW_PRESSES, names.SKIN_NEW_RUN)
+
+
+@lru_cache
+def made_up(good=True):
+    """Results in which every claim holds, or none does."""
+    runs, wiggle = ("a", "b"), np.linspace(-0.01, 0.01, 6)
+    errors = []
+    for model in names.SKIN_MODELS:
+        ours = (model == "structured") == good
+        level = 0.01 if ours else 0.5
+        for first in runs:
+            for second in runs:
+                new = names.SKIN_NEW_BLOCKS if first == second else names.SKIN_NEW_RUN
+                table = pd.DataFrame({"block": range(6), "presses": 20, "model": model, "seed": 0})
+                table = table.assign(learned_from=first, asked_about=second, new=new)
+                for name in ("map_nmse", "pressure_nmse", "signal_nmse", "depth_nmse"):
+                    table[name] = level * (1 + wiggle)
+                table["latent_mm"] = table["laid_mm"] = (0.5 if ours else 2.0) * (1 + wiggle)
+                errors.append(table)
+    place = grid(5)
+    pairs = [{"learned_from": first, "asked_about": second} for first, second in (("a", "b"), ("b", "a"))]
+    maps = pd.DataFrame({"x_m": place[:, 0], "y_m": place[:, 1], "z_m": 0.0, "pressure": 0.0})
+    maps = maps.assign(map_x_m=place[:, 0], map_y_m=place[:, 1])
+    path = pd.DataFrame(
+        {"trial": np.repeat(range(3), 4), "step": np.tile(range(4), 3), "x_m": 0.0, "y_m": 0.0}
+    )
+    path = path.assign(target_x_m=1e-3, target_y_m=1e-3)
+    servo = pd.DataFrame(
+        [
+            (model, controller, trial, ((model == "structured") == good), 0.5, 1.05 if good else 2.0)
+            for model in ("structured", "reconstruction only")
+            for controller in (*names.SKIN_SERVO_TEXT, names.SKIN_SERVO)
+            for trial in range(20)
+        ],
+        columns=["model", "controller", "trial", "arrived", "left_mm", "length_ratio"],
+    ).assign(seed=0, straight_mm=9.0)
+    servo["length_ratio"] *= 1 + 0.001 * (servo["trial"] % 3)
+    force = pd.DataFrame(
+        [
+            (new, model, press, (0.3 if good else 3.0) + 0.01 * press, 1.0)
+            for new in (names.SKIN_NEW_PRESSES, names.SKIN_NEW_RUN)
+            for model in names.SKIN_FORCE
+            for press in range(4)
+        ],
+        columns=["new", "model", "press", "rms_n", "worst_n"],
+    )
+    both = [{"learned_from": first, "asked_about": second} for first, second in (("c", "d"), ("d", "c"))]
+    traces = pd.DataFrame({"time_s": np.arange(9.0), "force_n": 1.0, "read_n": 1.1})
+    several = {
+        name: pd.concat([table.assign(**pair) for pair in pairs], ignore_index=True)
+        for name, table in (("maps", maps), ("paths", path), ("servo", servo))
+    }
+    if not good:  # a trial that never arrives has no way
+        several["servo"].loc[several["servo"]["model"] == "structured", "arrived"] = False
+    tables = several | {
+        "errors": pd.concat(errors, ignore_index=True),
+        "force": pd.concat([force.assign(**pair) for pair in both], ignore_index=True),
+        "lags": pd.DataFrame(
+            {"run": ["c"], "signals_s": [0.4], "force_s": [0.5], "readings": [9], "presses": [4]}
+        ),
+        "traces": traces.assign(learned_from="c", asked_about="d"),
+    }
+    return SkinResults(tables, ("a",))
+
+
+def document(results):
+    tables = {f"skin_{name}": table for name, table in results.tables.items()}
+    known = RecordedResults(tables, parameters={"recorded_skin": SMALL})
+    return recorded_report(known, Path("no such folder")).pages["skin"]
+
+
+@pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
+def test_every_claim_can_say_yes_and_no(good, word):
+    found = verdicts(parts.__name__, skin_evidence(made_up(good).runs), CLAIMS)
+    assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
+
+
+def test_blocks_of_the_run_tuned_on_decide_nothing():
+    spoiled = made_up().tables["errors"].copy()
+    own = (spoiled["learned_from"] == "a") & (spoiled["asked_about"] == "a")
+    spoiled.loc[own, ["map_nmse", "latent_mm"]] = 99.0
+    results = SkinResults(made_up().tables | {"errors": spoiled}, ("a",))
+    assert skin_evidence(results.runs)["map_aim"] == skin_evidence(made_up().runs)["map_aim"]
+    alone = SkinRuns({"errors": spoiled[own]}, ("a",))
+    words = cases(parts.__name__, skin_evidence(alone), CLAIMS)
+    assert words["map_aim"] == {"": "not tested"}
+
+
+@pytest.mark.parametrize(
+    "there",
+    [
+        ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
+        ("errors", "maps", "servo", "paths"),
+        ("errors", "force", "lags"),
+    ],
+)
+def test_the_page_shows_what_is_there(there, tmp_path):
+    results = SkinResults({name: made_up().tables[name] for name in there}, ("a",))
+    page = render(document(results), AnyFigure())
+    assert words_in_view(page) <= 1000
+    assert all(f"figure-{name}" in page for name in skin_pictures(results))
+    write_skin(tmp_path / "skin.rrd", results.tables, results.tuned_on)
+    assert "recorded" in note(tmp_path / "skin.rrd")
+    shown = contents(tmp_path / "skin.rrd")[1]
+    assert ("/map/presses" in shown) == ("maps" in there)
+
+
+def test_the_run_tuned_on_alone_makes_a_page_too():
+    errors = made_up().tables["errors"]
+    own = errors[(errors["learned_from"] == "a") & (errors["asked_about"] == "a")]
+    page = render(document(SkinResults({"errors": own}, ("a",))), AnyFigure())
+    assert "not tested" in page
+
+
+def test_nothing_to_learn_from_gives_nothing(tmp_path):
+    assert learn_recorded_skin([], [], SMALL) == ({}, {})
+    write_skin(tmp_path / "skin.rrd", {}, ("a",))
+
+
+def test_metrics_are_those_of_the_aims():
+    values = skin_metrics(made_up())
+    wanted = ("map_nmse", "latent_mm", "latent_cross_run_mm", "pressure_nmse", "depth_nmse", "force_n")
+    assert {f"eflesh_{name}{end}" for name in wanted for end in ("", "_low", "_high")} <= set(values)
+    assert values["eflesh_latent_mm"] == pytest.approx(0.5)
+
+
+def test_places_have_the_colours_of_their_corners():
+    colours = names.place_colours(np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.0]]))
+    hexes = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colours[:4]]
+    assert hexes == [*names.PLATE_CORNERS[0], *names.PLATE_CORNERS[1]]
+
+
+def test_tables_are_found_by_their_names(tmp_path, learned):
+    _, tables = learned
+    assert set(tables) == set(files.SETS[files.SKIN])
+    folder = tmp_path / "recorded/skin"
+    folder.mkdir(parents=True)
+    tables["lags"].to_parquet(folder / "lags.parquet")
+    assert list(files.RecordedFiles(tmp_path).of_set("skin")) == ["lags"]
+    assert len(read_table(folder / "lags.parquet")) == 2
+
+
+def test_the_recorded_skin_carries_over(recorded_data):
+    """A short training already finds the place of presses of another run within a millimetre and a half."""
+    first, second = read_runs(recorded_data / "eflesh", PRESSES)[:2]
+    brief = SMALL.spaces.training.model_copy(update={"steps": 400, "evaluate_every": 400})
+    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
+    skin = skin_map.learn_skin(first, np.full(len(first.counts), True), few, with_dynamics=False)
+    errors, _ = skin_map.other_run_errors(skin, first, [second], few)
+    by_model = errors.groupby("model")[["map_nmse", "laid_mm"]].mean()
+    assert by_model.loc["structured", "map_nmse"] < 0.06
+    assert by_model.loc["structured", "laid_mm"] < 1.5
+    assert len(read_runs(recorded_data / "eflesh", STROKES)) >= 1

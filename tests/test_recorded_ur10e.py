@@ -1,0 +1,305 @@
+"""The recorded UR10e: the protocol on reduced settings, and its page with made-up tables."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pybullet
+import pytest
+from committed import committed
+from recordings_bags import recorded_data
+from reporting_verdicts import AnyFigure, verdicts
+from viewer_files import contents, note
+
+from structlearn.ground.errors import InputError
+from structlearn.recordings.ur10e import URDF, read_logs
+from structlearn.reporting.document import render, words_in_view
+from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.tree import read_urdf
+from structlearn.testbeds.recorded import names
+from structlearn.testbeds.recorded.files import SETS, UR10E
+from structlearn.testbeds.recorded.page import parts
+from structlearn.testbeds.recorded.page.assembly import recorded_report
+from structlearn.testbeds.recorded.page.parts.ur10e_evidence import ur10e_evidence
+from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES, ur10e_pictures
+from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
+from structlearn.testbeds.recorded.page.results import RecordedResults
+from structlearn.testbeds.recorded.protocol import ur10e_identification as protocol
+from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, NETWORKS
+from structlearn.testbeds.recorded.protocol.arm_identification import URDF as MAKER
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
+from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
+
+PARAMETERS = committed(RecordedUr10eParameters, "recorded_ur10e")
+LEARNING = committed(LearningParameters, "train_dynamics.learning")
+LOADED, JOINTS, DRAWS = "20_02_19_14harm50secLoad", 6, 60
+PARTS = ("train", PARAMETERS.test, "20_01_31-unload")
+MODELS = {
+    (MAKER, "none"): 1.0,
+    **{(kind, friction): 0.4 for kind, frictions in NETWORKS.items() for friction in frictions},
+    **{(kind, "viscous"): 0.1 for kind in ("nostr", "symm", "spd", "tri", "cov", LEAST_SQUARES)},
+    **{(kind, "coulomb"): 0.004 for kind in ("nostr", "symm", "spd", "tri", "cov", LEAST_SQUARES)},
+}
+"""A good outcome: NMSE of every joint."""
+
+BAD = {
+    (MAKER, "none"): 0.05,
+    ("mlp", "none"): 0.01,
+    ("mlp_scaled", "none"): 0.01,
+    ("delan", "viscous"): 0.01,
+    **{(kind, "coulomb"): 0.2 for kind in ("spd", "tri", "cov")},
+}
+
+
+def rows(keys: Mapping[str, object], **columns) -> pd.DataFrame:
+    return pd.DataFrame({**keys, **columns})
+
+
+def joints() -> np.ndarray:
+    return np.arange(1, JOINTS + 1)
+
+
+@lru_cache
+def made_up(good: bool = True) -> Ur10eResults:
+    """What the stage would write, with narrow intervals on the side that is asked for."""
+    levels = MODELS | ({} if good else BAD)
+    spread = 1.0 + 0.01 * np.linspace(-1.0, 1.0, DRAWS)
+    errors, blocks = [], []
+    for part in PARTS:
+        torque = 5.0 * np.where(np.arange(20) % 2, 1.0, -1.0).repeat(JOINTS)
+        its = {"samples": 100.0, "torque": 100.0 * torque, "torque_squared": 100.0 * (torque**2 + 25.0)}
+        for key, level in levels.items():
+            errors.append(
+                rows(
+                    {"model": key[0], "friction": key[1], "seed": 0, "part": part}, joint=joints(), nmse=level
+                )
+            )
+            wobble = 1.0 + 0.001 * np.arange(20).repeat(JOINTS) % 0.003
+            its["/".join(key)] = 100.0 * 50.0 * level * wobble
+        keys = {"part": part, "block": np.arange(20).repeat(JOINTS), "joint": np.tile(joints(), 20)}
+        blocks.append(rows(keys, **its))
+    drives, drawn = [], []
+    values = {
+        (protocol.AT_REST, PARAMETERS.rest): 11.0,
+        (protocol.IN_MOTION, PARAMETERS.train): 11.0 if good else 14.0,
+        (protocol.IN_MOTION, PARAMETERS.test): 11.0,
+        (protocol.DELAY, PARAMETERS.train): 0.01 if good else -0.01,
+        (protocol.DELAY, PARAMETERS.test): 0.01,
+    }
+    for (quantity, log), value in values.items():
+        keys = {"quantity": quantity, "log": log}
+        drives.append(rows(keys | {"blocks": 20}, joint=joints(), value=value))
+        many = {"draw": np.arange(DRAWS).repeat(JOINTS), "joint": np.tile(joints(), DRAWS)}
+        drawn.append(rows(keys, **many, value=value * spread.repeat(JOINTS)))
+    assumed = np.isin(joints(), list(PARAMETERS.assumed_gains))
+    true = PARAMETERS.load_kg
+    masses = {protocol.FOUND: true if good else 1.2 * true, protocol.QUOTED: 1.1 * true if good else true}
+    loads, load_draws = [], []
+    for gains, mass in masses.items():
+        for pair in (LOADED, "20_01_31-load", protocol.BOTH):
+            keys = {"pair": pair, "gains": gains}
+            centre = {f"centre_{axis}_m": [0.1] for axis in "xyz"}
+            loads.append(rows(keys, blocks=[20], mass_kg=[mass], **centre))
+            load_draws.append(rows(keys, draw=np.arange(DRAWS), mass_kg=mass * spread))
+    carried = []
+    for log, seconds in ((LOADED, 50), ("20_01_31-load", 22)):
+        for number, stage in enumerate(STAGES):
+            since = np.arange(1.0, seconds + 1.0)
+            mass = 0.0 if stage != CARRYING else true * (1.02 if good else 1.5)
+            moments = {f"moment_{axis}_kg_m": 0.1 * mass for axis in "xyz"}
+            its = {
+                "time_s": since + number * seconds,
+                "since_s": since,
+                "mass_kg": mass + 0.01 * np.sin(since),
+            }
+            carried.append(
+                rows({"log": log, "stage": stage}, **its, nmse_fixed=0.3, nmse_learned=0.1, **moments)
+            )
+    links = rows(
+        {"model": "cov", "friction": "coulomb"},
+        link=list("abcdef"),
+        positive_mass=True,
+        positive_definite=good,
+        triangle=True,
+    )
+    delays = np.linspace(*PARAMETERS.delays_s, 5)
+    curve = {"delay_s": delays.repeat(JOINTS), "joint": np.tile(joints(), 5)}
+    logs = (*PARTS[1:], PARAMETERS.train, LOADED, "20_01_31-load")
+    bodies = [
+        rows({"parameter": name}, link=list("abcdef"), value=1.5, half_width=0.1, urdf=1.0)
+        for name in ("mass_kg", "centre_x_m", "ixx_kg_m2", "viscous", "coulomb")
+    ]
+    traced = {"_".join(key).removesuffix("_none"): np.sin(np.arange(60.0)) for key in MODELS}
+    tables = {
+        "drives": pd.concat(drives),
+        "drive_draws": pd.concat(drawn),
+        "gains": rows({}, joint=joints(), found=11.0, assumed=assumed, quoted=PARAMETERS.quoted_gains),
+        "delay_curves": rows({"log": PARAMETERS.train}, **curve, squares=1.0 + curve["delay_s"] ** 2),
+        "motions": rows({"part": "asked about"}, log=logs, start_s=1.0, end_s=31.0, length_s=40.0),
+        "errors": pd.concat(errors, ignore_index=True),
+        "blocks": pd.concat(blocks, ignore_index=True),
+        "friction": pd.DataFrame({"model": ["cov"]}),
+        "links": links,
+        "traces": rows(
+            {},
+            time_s=np.tile(np.arange(10.0), 6),
+            joint=joints().repeat(10),
+            measured=np.cos(np.arange(60.0)),
+            **traced,
+        ),
+        "choice": rows(
+            {"hidden": "8", "rate": 0.01, "epochs": 3}, kind=list(NETWORKS), nmse=0.3, chosen=True
+        ),
+        "loads": pd.concat(loads, ignore_index=True),
+        "load_draws": pd.concat(load_draws, ignore_index=True),
+        "carried": pd.concat(carried, ignore_index=True),
+        "bodies": pd.concat(bodies, ignore_index=True),
+        "written": rows({}, joint=joints(), difference_n_m=1e-13 if good else 1e-3),
+    }
+    return Ur10eResults(tables, PARAMETERS)
+
+
+def page(results: Ur10eResults):
+    tables = {f"ur10e_{name}": table for name, table in results.tables.items()}
+    known = RecordedResults(tables, parameters={"recorded_ur10e": PARAMETERS})
+    return recorded_report(known, Path("no such folder")).pages["ur10e"]
+
+
+def test_made_up_tables_are_those_of_the_files():
+    assert set(made_up().tables) == set(SETS[UR10E])
+
+
+@pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
+def test_every_claim_can_say_yes_and_no(good, word):
+    found = verdicts(parts.__name__, ur10e_evidence(made_up(good)), "ur10e_claims.yaml")
+    assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
+
+
+def test_errors_are_those_of_the_table_and_intervals_hold_them():
+    results = made_up()
+    values = ur10e_metrics(results)
+    for joint in joints():
+        assert values[f"ur10e_nmse_{joint}"] == pytest.approx(0.004, rel=0.01)
+        assert values[f"ur10e_nmse_{joint}_low"] <= values[f"ur10e_nmse_{joint}"]
+    assert values["ur10e_load_kg"] == pytest.approx(PARAMETERS.load_kg)
+    assert values["ur10e_load_kg_low"] < PARAMETERS.load_kg < values["ur10e_load_kg_high"]
+    assert values["ur10e_load_carried_1_error_percent"] == pytest.approx(2.0, abs=0.1)
+    assert "ur10e_load_carried_2_error_percent_low" not in values  # too short for an interval
+
+
+def test_the_page_is_whole_and_short():
+    results = made_up()
+    drawn = ur10e_pictures(results)
+    text = render(page(results), dict.fromkeys(drawn, ()))
+    assert words_in_view(text) <= 1000
+    assert all(f"figure-{name}" in text for name in drawn)
+    assert text == render(page(results), dict.fromkeys(drawn, ()))
+
+
+def test_logs_that_are_missing_are_named():
+    assert protocol.missing_logs([PARAMETERS.train], PARAMETERS) == [PARAMETERS.rest, PARAMETERS.test]
+
+
+def test_without_the_load_the_rest_is_shown():
+    tables = dict(made_up().tables)
+    tables |= {name: tables[name][:0] for name in ("loads", "load_draws", "carried")}
+    results = Ur10eResults(tables, PARAMETERS)
+    judged = {one.claim.evidence: one.verdict for one in page(results).judged}
+    assert judged["load"] == judged["load_carried"] == "not tested"
+    assert judged["errors"] == "yes"
+    assert "figure-ur10e_errors" in render(page(results), AnyFigure())
+    assert not any(name.startswith("ur10e_load_kg") for name in ur10e_metrics(results))
+
+
+def test_a_joint_without_a_gain_is_named():
+    drives = made_up()["drives"].copy()
+    drives.loc[(drives["quantity"] == protocol.AT_REST) & (drives["joint"] == 3), "value"] = np.nan
+    with pytest.raises(InputError, match="joint 3 shows no gain at rest, and none is assumed"):
+        protocol.found_gains(drives, PARAMETERS)
+
+
+def test_names_are_those_of_the_protocol():
+    assert tuple(STAGES) == (protocol.LEARNED, protocol.EMPTY, protocol.CARRYING)
+    assert protocol.CARRYING == CARRYING
+    assert set(MODELS) - {(MAKER, "none")} <= set(
+        (model, friction) for model in names.DYNAMICS_MODELS for friction in names.FRICTIONS
+    )
+
+
+@pytest.fixture(scope="module")
+def folder() -> Path:
+    return recorded_data("ur10e")
+
+
+@pytest.fixture(scope="module")
+def identified(folder):
+    """Drives, the load and the URDF of the recorded arm; networks are hardly trained."""
+    changes = {
+        "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
+        "carried": {"batch": 200, "iterations": 60},  # 4 s
+        "intervals": {"draws": 100},
+    }
+    chosen = committed(
+        RecordedUr10eParameters, "recorded_ur10e", rate_hz=50.0, iterations=150, body_draws=3, **changes
+    )
+    robot = read_urdf(folder / URDF)
+    logs = {log.name: log for log in read_logs(folder)}
+    return robot, protocol.identify_ur10e(robot, logs, chosen, LEARNING), chosen
+
+
+def test_the_recorded_arm_is_known_as_well_as_least_squares_know_it(identified):
+    _, (_, tables), chosen = identified
+    test = tables.errors[tables.errors["part"] == chosen.test].groupby(["model", "friction"])["nmse"]
+    assert test.max()["cov", "coulomb"] <= 0.012
+    assert test.max()["cov", "coulomb"] <= 1.1 * test.max()[LEAST_SQUARES, "coulomb"]
+    assert test.max()["cov", "viscous"] > 0.1
+
+
+def test_the_recorded_load_is_found(identified):
+    _, (_, tables), chosen = identified
+    masses = tables.loads.set_index(["pair", "gains"])["mass_kg"]
+    assert masses[protocol.BOTH, protocol.FOUND] == pytest.approx(chosen.load_kg, rel=0.02)
+    assert masses[protocol.BOTH, protocol.QUOTED] > 1.05 * chosen.load_kg
+    carried = tables.carried.query("stage == @protocol.CARRYING and since_s > @chosen.carried.settled_s")
+    assert (carried["mass_kg"] / chosen.load_kg - 1.0).abs().mean() < 0.05
+
+
+def test_the_recorded_drives_are_found(identified):
+    _, (_, tables), chosen = identified
+    np.testing.assert_allclose(
+        tables.gains["found"], [11.976, 11.976, 9.839, 10.766, 10.779, 10.766], atol=1e-3
+    )
+    late = tables.drives.query("quantity == @protocol.DELAY").groupby("log")["value"].mean()
+    assert late.between(0.005, 0.02).all()
+    kept = tables.motions.set_index("log")
+    assert kept.loc[chosen.train, "start_s"] > 2.0  # not what moves the arm to the start
+    assert (kept["end_s"] - kept["start_s"])[chosen.train] == pytest.approx(50.0, abs=0.3)
+
+
+def test_the_recorded_arm_goes_through_its_urdf(identified, folder, tmp_path):
+    robot, (models, _), _ = identified
+    written = protocol.write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
+    assert written["difference_n_m"].max() < 1e-10
+    client = pybullet.connect(pybullet.DIRECT)
+    flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+    body = pybullet.loadURDF(
+        str(tmp_path / "arm.urdf"), useFixedBase=True, flags=flags, physicsClientId=client
+    )
+    joints = [pybullet.getJointInfo(body, one, client) for one in range(pybullet.getNumJoints(body, client))]
+    pybullet.disconnect(client)
+    moving = [one for one in joints if one[2] == pybullet.JOINT_REVOLUTE]
+    assert [one[1].decode() for one in moving] == list(robot.tree.names)
+    assert all(min(one[6:8]) > 0.0 for one in moving)  # viscous and Coulomb friction
+
+
+def test_a_recording_shows_the_load_at_the_arm(identified, folder, tmp_path):
+    robot, (models, tables), chosen = identified
+    protocol.write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
+    logs = {log.name: log for log in read_logs(folder)}
+    shown = {name: getattr(tables, name) for name in ("carried", "motions", "loads")}
+    write_carried(tmp_path / "ur10e.rrd", tmp_path / "arm.urdf", shown, logs.__getitem__, chosen)
+    found = contents(tmp_path / "ur10e.rrd")[1]
+    assert {"/load", "/mass/learned", "/arm/sticks/elbow_joint"} <= set(found)
+    assert f"{chosen.load_kg:g} kg" in note(tmp_path / "ur10e.rrd")

@@ -1,0 +1,112 @@
+"""Gains and delays of made-up drives, a load of known mass, and what an interval of inertias covers."""
+
+import numpy as np
+import pytest
+from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
+from rigid_body_robots import carrying, pinocchio_torques, robot_with
+
+from structlearn.ground.errors import InputError
+from structlearn.rigid_body.body_intervals import drawn_fits
+from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
+from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.identification import fit_structure, normalised_triangle
+from structlearn.rigid_body.load_identification import identify_load
+from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.motion import Motion, excited
+from structlearn.rigid_body.structured_learning import MotionRegressor
+from structlearn.simulation.arm import Payload
+
+FRICTION = ("viscous", "coulomb")
+GAINS = np.array([12.0, 8.0, 10.0])
+RNG = np.random.default_rng(0)
+
+
+def test_gains_at_rest_are_the_ratio_and_silent_joints_have_none():
+    torque = np.array([0.0, -40.0, 7.0]) * (1.0 + 1e-3 * RNG.normal(size=(400, 3)))
+    current = torque / GAINS + np.array([0.0, 1e-4, 1e-4]) * RNG.normal(size=(400, 3))
+    gains, drawn = resting_gains(current, torque, 50, 200, seed=0)
+    np.testing.assert_array_equal(np.isnan(gains), [True, False, False])
+    np.testing.assert_allclose(gains[1:], GAINS[1:], rtol=1e-3)
+    low, high = np.quantile(drawn[:, 1:], [0.001, 0.999], axis=0)
+    assert ((low <= gains[1:]) & (gains[1:] <= high)).all()
+
+
+def test_gains_in_motion_are_found_beside_friction():
+    time = 0.01 * np.arange(4000)[:, None]
+    velocity = np.sin(time * [1.0, 1.7, 2.3])
+    torque = np.array([30.0, 60.0, 5.0]) * np.cos(time * [0.9, 1.3, 2.0] + 1.0)
+    friction = 0.3 * velocity + np.sign(velocity) * (0.4 + 0.2 * np.exp(-np.abs(velocity) / 0.1))
+    gains, drawn = moving_gains(torque / GAINS + friction, torque, velocity, 200, 100, seed=0)
+    np.testing.assert_allclose(gains, GAINS, rtol=1e-6)
+    assert drawn.shape == (100, 3)
+
+
+def test_delays_of_currents_are_found_joint_by_joint():
+    motion, dt = rubbing_motion(arm()), 0.02
+    delays = dt * np.linspace(-0.5, 1.5, 9)
+    late = np.linspace(-0.005, 0.025, motion.joints)
+    ticks = dt * np.arange(len(motion))
+    measured = [
+        np.interp(ticks, ticks + its, column) for its, column in zip(late, motion.torque.T, strict=True)
+    ]
+    tried = np.array(
+        [[np.interp(ticks + delay, ticks, column) for column in measured] for delay in delays]
+    ).swapaxes(1, 2)
+    found, drawn, squares = current_delays(arm().tree, motion, tried, delays, FRICTION, 100, 50, seed=0)
+    np.testing.assert_allclose(found, late, atol=0.003)
+    assert drawn.shape == (50, 7)
+    assert squares.min() == pytest.approx(1.0)
+
+
+def loaded_pair(payload: Payload, noise: float) -> tuple[Motion, Motion]:
+    """The same motion without and with a payload, friction in both."""
+    empty = rubbing_motion(arm())
+    rubbing = friction_columns(empty.qd, FRICTION) @ [VISCOUS, COULOMB]
+    heavier = robot_with(arm(), carrying(arm(), payload))
+    torque = pinocchio_torques(heavier, empty.q, empty.qd, empty.qdd) + rubbing
+    scale = noise * np.sqrt(empty.torque_variance)
+    pair = (empty.torque, torque)
+    return tuple(
+        Motion(empty.q, empty.qd, empty.qdd, its + scale * RNG.normal(size=its.shape)) for its in pair
+    )
+
+
+def test_a_load_is_found_from_what_it_changes():
+    payload = Payload(2.5, (0.03, -0.02, 0.1), 0.05)
+    exact = [loaded_pair(payload, 0.0)]
+    load, _ = identify_load(arm().tree, exact, FRICTION, 100, 10, seed=0)
+    assert load[0] == pytest.approx(2.5, rel=1e-6)
+    np.testing.assert_allclose(load[1:4], 2.5 * np.array(payload.point_m), atol=1e-6)
+    noisy = [loaded_pair(payload, 0.05) for _ in range(2)]
+    one, drawn = identify_load(arm().tree, noisy[:1], FRICTION, 100, 200, seed=0)
+    both, tighter = identify_load(arm().tree, noisy, FRICTION, 100, 200, seed=0)
+    for found, its in ((one, drawn), (both, tighter)):
+        assert abs(found[0] - 2.5) < 3.0 * its[:, 0].std()
+        assert its[:, 0].mean() == pytest.approx(found[0], abs=0.5 * its[:, 0].std())
+    assert tighter[:, 0].std() < drawn[:, 0].std()
+    again, same = identify_load(arm().tree, noisy, FRICTION, 100, 200, seed=0)
+    np.testing.assert_array_equal(again, both)
+    np.testing.assert_array_equal(same, tighter)
+
+
+def test_intervals_of_inertias_are_tight_where_torques_show_them_and_nothing_is_noise():
+    motion = rubbing_motion(arm())
+    regressor = MotionRegressor(arm().tree, motion, True, FRICTION)
+    free, rubbing = fit_structure(
+        "cov", normalised_triangle(regressor.factors), FRICTION, arm().inertias, 300
+    )
+    model = DynamicsModels("cov", arm().tree.names, FRICTION, (), {"inertia": free, "friction": rubbing})
+    drawn = drawn_fits(model, regressor, arm().inertias, 100, 200, 3, seed=0)
+    assert drawn.inertias().mass.shape == (3, 7)
+    np.testing.assert_allclose(drawn.friction_coefficients()[..., 1], COULOMB, rtol=0.1)
+    # the torques show the sum of masses and levers only; what they do not show stays where it was
+    np.testing.assert_allclose(drawn.inertias().mass[:, 0], arm().inertias.mass[0], rtol=1e-3)
+
+
+def test_rests_and_the_way_to_the_start_are_cut_off():
+    speed = np.concatenate([np.zeros(30), np.ones(20), np.zeros(60), np.ones(100), np.zeros(10), np.ones(50)])
+    still = np.zeros_like(speed)
+    assert excited("log", np.stack([still, speed], axis=1), 0.02, 40) == slice(110, 270)
+    assert excited("log", speed[:, None], 0.02, 5) == slice(110, 210)
+    with pytest.raises(InputError, match=r"log: no joint ever moves faster than 0\.02 rad/s"):
+        excited("log", still[:, None], 0.02, 5)

@@ -1,0 +1,87 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from structlearn.ground.artefacts import write_tensors
+
+STAGE = """
+stages:
+  write:
+    cmd: mkdir -p logs/deep && echo one > logs/1.txt && echo two > logs/deep/2.txt && echo three > note.txt
+    outs: [logs, note.txt]
+"""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A pipeline that DVC has run."""
+    folder = tmp_path_factory.mktemp("project")
+    (folder / "dvc.yaml").write_text(STAGE)
+    dvc = Path(sys.executable).with_name("dvc")
+    for command in (["init", "--no-scm", "--quiet"], ["repro", "--quiet"]):
+        subprocess.run([dvc, *command], cwd=folder, check=True)
+    return folder
+
+
+def verified(folder, *arguments):
+    done = subprocess.run(
+        [sys.executable, "-m", "structlearn.verify", *arguments], cwd=folder, capture_output=True, text=True
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_what_dvc_wrote_is_as_it_was_written(project):
+    assert verified(project) == (0, "2 outputs: all are as they were written\n")
+
+
+@pytest.mark.parametrize(
+    ("path", "complaint"),
+    [
+        ("logs/deep/2.txt", "logs: not as stage 'write' left it"),
+        ("note.txt", "note.txt: not as stage 'write'"),
+    ],
+)
+def test_a_bit_that_changed_by_itself_is_seen(project, path, complaint):
+    """Time and size stay, so DVC does not look."""
+    file, state = project / path, (project / path).stat()
+    sound = file.read_bytes()
+    file.chmod(0o644)
+    file.write_bytes(bytes([sound[0] ^ 1]) + sound[1:])
+    os.utime(file, ns=(state.st_atime_ns, state.st_mtime_ns))
+    try:
+        code, words = verified(project)
+    finally:
+        file.write_bytes(sound)
+    assert code == 1
+    assert words.startswith(f"error: {complaint}")
+
+
+def test_an_output_that_is_gone_is_named(project):
+    (project / "note.txt").rename(project / "kept")
+    try:
+        assert verified(project) == (1, "error: note.txt: is not there; stage 'write' writes it\n")
+    finally:
+        (project / "kept").rename(project / "note.txt")
+
+
+def test_single_files(tmp_path):
+    write_tensors({"a": np.arange(3.0)}, tmp_path / "skill.safetensors", "test")
+    assert verified(tmp_path, "skill.safetensors") == (0, "1 files: all are as they were written\n")
+    content = bytearray((tmp_path / "skill.safetensors").read_bytes())
+    content[-1] ^= 1
+    (tmp_path / "skill.safetensors").write_bytes(content)
+    code, words = verified(tmp_path, "skill.safetensors", "note.txt")
+    assert code == 1
+    assert "skill.safetensors: damaged" in words
+    assert "note.txt: only .safetensors, .parquet, .json, .mcap can be told" in words
+
+
+def test_elsewhere_it_says_where_to_run(tmp_path):
+    assert verified(tmp_path) == (
+        1,
+        "error: dvc.lock: no such file; run this in the project's folder, after the pipeline\n",
+    )
