@@ -138,8 +138,14 @@ def floor(room: str) -> int:
     return next((height for height, rooms in enumerate(FLOORS) if room in rooms), 0)
 
 
+COMMANDS = ("verify.py",)
+"""Modules that are run by name, `python -m structlearn.verify`: nothing imports them."""
+
+
 def test_imports_run_downwards():
     for path, names in modules().items():
+        if str(path) in COMMANDS:
+            continue
         room = path.parts[0] if len(path.parts) > 1 else ""
         for name in names:
             parts = name.split(".")

@@ -1,5 +1,7 @@
 """The evaluator of claims: one vocabulary, intervals against bounds, cases combined."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -28,6 +30,7 @@ from structlearn.reporting.claims import (
     in_words,
     judge,
     mean,
+    on_recordings,
     read_claims,
     share,
 )
@@ -183,3 +186,24 @@ def test_cases_of_every_maker_are_widened():
         assert among.low < alone.low
         assert among.high > alone.high
         assert among.value == alone.value
+
+
+def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
+    own = judge([claim(), claim("below", by="ours")], {"e": exact(1.0, 3)}, ENVIRONMENT, {})
+    like = {"testbed": "reaching", "statement": "s"}
+    told = [
+        claim(simulated=like | {"by": "text"}),
+        claim(simulated=like | {"by": "ours", "page": "feedback"}),
+        claim(simulated=like | {"testbed": "another"}),
+        claim(simulated=like | {"statement": "never made"}),
+        claim(),
+    ]
+    told = [one.model_copy(update={"statement": name}) for one, name in zip(told, "abcde", strict=True)]
+    recorded = [replace(one, heading="People") for one in judge(told, {"e": exact(2.0, 5)}, ENVIRONMENT, {})]
+    both = on_recordings(claims_table(recorded), "reaching", claims_table(own))
+    assert [(one.statement, one.simulated, one.recorded, one.found, one.heading) for one in both] == [
+        ("a", YES, YES, ("2.00",), "People"),
+        ("b", NO, YES, ("2.00",), "People"),
+    ]
+    assert [one.counterpart.page for one in both] == ["index", "feedback"]
+    assert on_recordings(claims_table([]).assign(set="", counterpart=""), "reaching", claims_table(own)) == []

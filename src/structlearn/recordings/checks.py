@@ -88,7 +88,8 @@ def _check_values(where: str, stream: Stream) -> None:
 def check_speed(name: str, stream: Stream) -> None:
     """Refuse poses that nothing can have gone through.
 
-    Bursts of messages are no jumps: a step counts as no shorter than the mean one.
+    Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
+    between two touches of a surface; a reading is off where the next one turns back.
 
     Args:
         name: of the recording.
@@ -104,6 +105,7 @@ def check_speed(name: str, stream: Stream) -> None:
         distances = np.linalg.norm(np.diff(stream.values[:, :3], axis=0), axis=1)
     cosines = np.abs(np.sum(stream.values[1:, 3:] * stream.values[:-1, 3:], axis=1))
     turns = 2.0 * np.arccos(np.minimum(cosines, 1.0))
+    turns[:-1] = np.minimum(turns[:-1], turns[1:])
     for name, changes, unit in (("position", distances, "m/s"), ("orientation", turns, "rad/s")):
         speeds = changes / steps_s
         if (speeds > FASTEST[name]).any():

@@ -327,6 +327,62 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
     columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
     table = pd.DataFrame(rows, columns=columns)
     if any(one.heading for one in judged):
-        sets = [(one.heading, one.simulated) for one in judged for _ in one.cases]
-        table[["set", "simulated"]] = pd.DataFrame(sets, index=table.index)
+        sets = [
+            (one.heading, one.simulated, like.model_dump_json() if (like := one.claim.simulated) else "")
+            for one in judged
+            for _ in one.cases
+        ]
+        table[["set", "simulated", "counterpart"]] = pd.DataFrame(sets, index=table.index)
     return table
+
+
+@dataclass(frozen=True)
+class OnRecordings:
+    """A statement of a simulated testbed that recorded data speak to as well.
+
+    Attributes:
+        statement: as the page of recorded data makes it.
+        counterpart: the like one of the simulated testbed.
+        simulated: verdict on that.
+        recorded: verdict on recorded data.
+        found: there, in words, one for each case.
+        heading: of the set of recordings.
+    """
+
+    statement: str
+    counterpart: Counterpart
+    simulated: str
+    recorded: str
+    found: tuple[str, ...]
+    heading: str
+
+    @property
+    def alike(self) -> bool:
+        """Whether both have one verdict."""
+        return self.simulated == self.recorded
+
+
+def on_recordings(recorded: pd.DataFrame, testbed: str, own: pd.DataFrame) -> list[OnRecordings]:
+    """What was found on recorded data for the statements of a simulated testbed.
+
+    Args:
+        recorded: `claims_table` of recorded data.
+        testbed: the simulated one.
+        own: its `claims_table`.
+
+    Returns:
+        One entry per statement that was tested on both, in the order of the recorded ones.
+    """
+    rows = recorded[recorded["counterpart"].astype(bool) & (recorded["verdict_of_all"] != NOT_TESTED)]
+    both = []
+    for (heading, statement, like), cases in rows.groupby(["set", "statement", "counterpart"], sort=False):
+        counterpart = Counterpart.model_validate_json(like)
+        simulated = verdict_in(own, counterpart)
+        if counterpart.testbed == testbed and simulated not in ("", NOT_TESTED):
+            found = tuple(
+                f"{case}: {here}" if case else here
+                for case, here in zip(cases["case"], cases["here"], strict=True)
+            )
+            verdict = cases["verdict_of_all"].iloc[0]
+            both.append(OnRecordings(statement, counterpart, simulated, verdict, found, heading))
+    return both

@@ -21,7 +21,7 @@ from markupsafe import Markup
 
 from structlearn.ground.params import Parameters
 from structlearn.reporting import prose
-from structlearn.reporting.claims import VERDICTS, Judged, verdict_counts
+from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, verdict_counts
 from structlearn.reporting.parameter_table import parameter_table
 
 MISSING = "\N{EN DASH}"
@@ -78,6 +78,7 @@ class Document:
         parameters: by their key in `params.yaml`; listed in the end.
         recordings: folder of the .rrd files, relative to the page.
         simulated: whether what it shows was simulated; it is labelled so.
+        recorded: which of its statements were tested on recorded data too.
     """
 
     template: str
@@ -90,6 +91,7 @@ class Document:
     parameters: Mapping[str, Parameters] = field(default_factory=dict)
     recordings: str = ""
     simulated: bool = False
+    recorded: Sequence[OnRecordings] = ()
 
 
 class Scribe:
@@ -156,6 +158,10 @@ class Scribe:
         several = any(one.heading for one in judged)
         return (self._parts.verdicts_by_set if several else self._parts.verdicts)(judged, counts, VERDICTS)
 
+    def on_recordings(self) -> Markup:
+        """The table of statements that were tested on recorded data too."""
+        return self._parts.on_recordings(self._document.recorded)
+
     def recording(self, name: str, note: str) -> Markup:
         """A link to a recording, with what it shows."""
         return self._parts.recording(f"{self._document.recordings}/{name}.rrd", name, note)
@@ -207,6 +213,7 @@ def environment(package: str) -> Environment:
         "counted": prose.counted,
         "capitalised": prose.capitalised,
         "cell": cell,
+        "anchor": anchor,
     }
     made.globals |= {
         "interval": prose.interval,

@@ -1,14 +1,16 @@
 """A testbed's report on disk: pages, the figures and tables that they show, metrics and details."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from structlearn.ground.artefacts import Metrics, publish, write_csv, write_metrics
 from structlearn.ground.parallel import parallel_map
-from structlearn.reporting.claims import Judged, claim_metrics, claims_table
+from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
 
@@ -25,6 +27,9 @@ def publish_report(
     headlines: Sequence[str],
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `metrics.json` and `details.json`.
+
+    A page tells which of its statements were tested on recorded data too, by the claims that the report of
+    recorded data left beside the folder; that has a pipeline of its own, so its claims are no dep of a stage.
 
     Args:
         folder: of the testbed's report.
@@ -44,6 +49,7 @@ def publish_report(
     folder = Path(folder)
     shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
     judged: list[Judged] = list(shown.values())
+    both = on_recordings(_recorded_claims(folder.parent), folder.name, claims_table(judged))
     with publish(folder / "figures") as target:
         target.mkdir()
         figures = _figures(drawings, target)
@@ -59,8 +65,17 @@ def publish_report(
     details = {name: value for name, value in metrics.items() if name not in headlines}
     write_metrics(details, folder / "details.json")
     for name, page in pages.items():
+        its = [one for one in both if one.counterpart.page == name]
         with publish(folder / f"{name}.html") as target:
-            target.write_text(render(page, figures), encoding="utf-8")
+            target.write_text(render(replace(page, recorded=its), figures), encoding="utf-8")
+
+
+def _recorded_claims(reports: Path) -> pd.DataFrame:
+    """Claims about recorded data with their counterparts; none where there was no report of them."""
+    path = reports / "recorded/tables/claims.csv"
+    if not path.exists():
+        return claims_table([]).assign(set="", counterpart="")
+    return pd.read_csv(path, keep_default_na=False)
 
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:
