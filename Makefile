@@ -20,7 +20,7 @@ lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-# The pipeline on recorded data; DATA holds the folders clmc, slide and panda (see the README).
+# The pipeline on recorded data; DATA holds some of the folders that the README names.
 recorded: $(INSTALLED)
 	$(IN_ENVIRONMENT) RECORDED_DATA="$(abspath $(DATA))" dvc repro stages/recorded/dvc.yaml
 	$(IN_ENVIRONMENT) dvc repro --force --single-item report
