@@ -9,7 +9,10 @@ from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
 
 def main() -> None:
     parameters = stage_parameters("recorded_boxes", BoxesParameters)
-    results = learn_past_boxes(read_demonstrations(filled("data/raw/recorded/boxes")), parameters)
+    trials = read_demonstrations(filled("data/raw/recorded/boxes"), refuse_jumps=False)
+    results = learn_past_boxes(
+        trials, parameters
+    )  # which leaves out, and names, reaches whose tracking jumped
     with publish("data/recorded/boxes") as folder:
         folder.mkdir()
         for name, table in vars(results).items():
