@@ -55,8 +55,8 @@ def main() -> None:
 def batch(work: tuple[str, int, int], folder: str) -> tuple[Counter, list[str]]:
     """Outcomes of some seeds of a kind of file, and the cases that break the rule."""
     name, first, count = work
-    specimen, path = SPECIMENS[name], Path(folder, f"{first}", name)
-    path.parent.mkdir(exist_ok=True)
+    specimen, path = SPECIMENS[name], Path(folder, f"{first} {Path(name).name}", name)
+    path.parent.mkdir(parents=True)
     specimen.write(path)
     content, sound = path.read_bytes(), fingerprint(specimen.read(path))
     allowed = {SAME, NAMED} if specimen.signed else {SAME, NAMED, OTHER}
