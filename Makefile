@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench profile study studies other-processor faults view plot-page clean
+.PHONY: repro test lint recorded bench profile study studies other-processor faults kills upsets view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -55,9 +55,19 @@ other-processor: $(INSTALLED)
 	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
 
 # Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
-N ?= 10000
+faults: N ?= 10000
 faults: $(INSTALLED)
 	PYTHONPATH=tests $(BIN)/python -m faults.many --count $(N)
+
+# End processes at every step on the disk, and kill N stages of a reduced pipeline: done again, all is as without.
+kills: N ?= 50
+kills: $(INSTALLED)
+	PYTHONPATH=tests $(BIN)/python -m faults.kills --count $(N)
+
+# N ticks of the controller under faults of its sensor and of its caller: finite, within its bounds, at the goal.
+upsets: N ?= 1000000
+upsets: $(INSTALLED)
+	PYTHONPATH=tests $(BIN)/python -m faults.upsets --ticks $(N)
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping

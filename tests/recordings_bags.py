@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer
 
 from structlearn.ground import quaternion
@@ -46,10 +47,17 @@ _OWN = {
 }
 
 
-def write_bag(path, messages, empty=()):
-    """Write (topic, type, message, log time in ns) in the given order; `empty` lists (topic, type)."""
+def write_bag(path, messages, empty=(), **options):
+    """Write (topic, type, message, log time in ns) in the given order; `empty` lists (topic, type).
+
+    Options are those of the library's writer.
+    """
     with open(path, "wb") as file:
         writer = Writer(file)
+        if options:
+            file.seek(0)
+            writer._writer = McapWriter(file, **options)
+            writer._writer.start(profile="ros2", library="tests")
         schemas = {}
         for message_type in [row[1] for row in (*messages, *empty)]:
             if message_type not in schemas:

@@ -20,6 +20,9 @@ FLOORS = (
     ("reporting", "viewer"),
     ("testbeds",),
 )
+PROGRAMS = {path.stem for path in PACKAGE.glob("*.py") if "__main__" in path.read_text()}
+"""That a user calls, e.g. `python -m structlearn.verify`."""
+
 ROOMS = {
     "rerun": ("viewer", "recordings"),
     "matplotlib": ("reporting", "page"),
@@ -134,19 +137,14 @@ def everything_run(script: Path, imports: Callable[[Path], frozenset[str]] = imp
 
 
 def floor(room: str) -> int:
-    """Height of a package; modules beside the packages belong to the ground."""
-    return next((height for height, rooms in enumerate(FLOORS) if room in rooms), 0)
-
-
-COMMANDS = ("verify.py",)
-"""Modules that are run by name, `python -m structlearn.verify`: nothing imports them."""
+    """Height of a package; of the modules beside the packages, programs stand above all, others below."""
+    beside = len(FLOORS) if room in PROGRAMS else 0
+    return next((height for height, rooms in enumerate(FLOORS) if room in rooms), beside)
 
 
 def test_imports_run_downwards():
     for path, names in modules().items():
-        if str(path) in COMMANDS:
-            continue
-        room = path.parts[0] if len(path.parts) > 1 else ""
+        room = path.parts[0] if len(path.parts) > 1 else path.stem.strip("_")
         for name in names:
             parts = name.split(".")
             if parts[0] == "structlearn" and len(parts) > 1 and floor(parts[1]) > 0:

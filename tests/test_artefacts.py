@@ -159,6 +159,28 @@ def test_a_foreign_file_is_named(tmp_path, read, name, complaint, content):
         read(tmp_path / name)
 
 
+@pytest.mark.parametrize(("read", "name"), [reader[:2] for reader in READERS])
+def test_a_folder_in_the_place_of_a_file_is_named(tmp_path, read, name):
+    (tmp_path / name).mkdir()
+    with pytest.raises(InputError, match=re.escape(str(tmp_path / name))):
+        read(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[" * 100_000, "not a JSON file: maximum recursion depth"),
+        ('{"runs": ' + "9" * 6000 + "}", "not a JSON file: Exceeds the limit"),
+        ("[1, 2]", "not a JSON file of names and values"),
+    ],
+    ids=["nested", "endless", "list"],
+)
+def test_json_that_no_metrics_are_is_named(tmp_path, text, complaint):
+    (tmp_path / "m.json").write_text(text)
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / 'm.json'}: {complaint}")):
+        artefacts.read_metrics(tmp_path / "m.json")
+
+
 @pytest.mark.parametrize(("read", "name", "complaint"), READERS)
 def test_a_missing_file_is_named(tmp_path, read, name, complaint):
     with pytest.raises(InputError, match=re.escape(f"{tmp_path / name}: no such file; run the stage")):

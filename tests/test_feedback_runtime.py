@@ -584,6 +584,9 @@ def test_latencies_are_those_of_as_many_ticks_as_asked():
     assert (latency.seconds > 0).all()
     assert (latency.switches >= 0).all()
     assert (latency.faults >= 0).all()
+    assert (latency.processor_s <= latency.seconds).all()
+    assert latency.processor_s.sum() > 0.0
+    assert (latency.collections >= 0).all()
 
 
 def test_the_bound_follows_from_the_largest_demonstrated_coupling():

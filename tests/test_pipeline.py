@@ -85,6 +85,7 @@ def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, tes
             "../studies",
             "studies",
             "other_processor",
+            "reliability",
             "times",
         )
         linked |= {target for target in targets if target and not target.startswith(elsewhere)}

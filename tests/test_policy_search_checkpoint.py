@@ -104,7 +104,7 @@ def test_what_a_kill_leaves_behind_is_not_seen_and_not_in_the_way(checkpoint, mo
 
     with monkeypatch.context() as patch:  # a process that is gone tidies nothing up
         patch.setattr(module, "write_table", die)
-        patch.setattr("structlearn.ground.artefacts.shutil.rmtree", lambda *arguments, **options: None)
+        patch.setattr("structlearn.ground.publication.shutil.rmtree", lambda *arguments, **options: None)
         with pytest.raises(KeyboardInterrupt):
             checkpoint.save(progress(1))
     assert len(list(checkpoint.folder.iterdir())) == 2

@@ -68,6 +68,15 @@ def test_an_output_that_is_gone_is_named(project):
         (project / "kept").rename(project / "note.txt")
 
 
+@pytest.mark.parametrize("lock", ["stages: [", "stages:\n  write: {outs: [{md5: 1}]}", "note: text", "\x00"])
+def test_a_damaged_lock_is_named(tmp_path, lock):
+    (tmp_path / "dvc.lock").write_text(lock)
+    code, words = verified(tmp_path)
+    assert code == 1
+    assert words.startswith("error: dvc.lock: not a lock file of DVC")
+    assert words.count("\n") == 1
+
+
 def test_single_files(tmp_path):
     write_tensors({"a": np.arange(3.0)}, tmp_path / "skill.safetensors", "test")
     assert verified(tmp_path, "skill.safetensors") == (0, "1 files: all are as they were written\n")

@@ -33,7 +33,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path, help="default: all outputs of all stages")
     files = parser.parse_args().files
-    faults = list(map(_fault, files)) if files else [fault for lock in _locks() for fault in changed(lock)]
+    try:
+        faults = list(map(_fault, files)) if files else [one for lock in _locks() for one in changed(lock)]
+    except InputError as error:
+        sys.exit(f"error: {error}")
     found = [fault for fault in faults if fault]
     for fault in found:
         print(f"error: {fault}", file=sys.stderr)
@@ -48,18 +51,30 @@ def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
     Args:
         lock: a `dvc.lock`.
         root: folder that its paths start from, the project's.
+
+    Raises:
+        InputError: the lock cannot be read.
     """
+    for name, out, written in _outputs(lock):
+        path = root / out
+        if not path.exists():
+            yield f"{path}: is not there; stage '{name}' writes it"
+        elif digest(path) != written:
+            yield f"{path}: not as stage '{name}' left it"
+        else:
+            yield None
+
+
+def _outputs(lock: Path) -> list[tuple[str, str, str]]:
+    """Stage, path and digest of every output."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    stages = yaml.load(lock.read_text(encoding="utf-8"), loader)["stages"]
-    for name, stage in stages.items():
-        for out in stage.get("outs", ()):
-            path = root / out["path"]
-            if not path.exists():
-                yield f"{path}: is not there; stage '{name}' writes it"
-            elif digest(path) != out["md5"]:
-                yield f"{path}: not as stage '{name}' left it"
-            else:
-                yield None
+    try:
+        stages = yaml.load(lock.read_text(encoding="utf-8"), loader)["stages"]
+        return [
+            (name, out["path"], out["md5"]) for name, stage in stages.items() for out in stage.get("outs", ())
+        ]
+    except Exception as error:  # of YAML, or of what is not where it should be
+        raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
 
 
 def digest(path: Path) -> str:

@@ -2,17 +2,18 @@
 
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import read_demonstrations
+from structlearn.recordings import read_recordings, synchronise
 from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
 from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
 
 
 def main() -> None:
     parameters = stage_parameters("recorded_boxes", BoxesParameters)
-    trials = read_demonstrations(filled("data/raw/recorded/boxes"), refuse_jumps=False)
-    results = learn_past_boxes(
-        trials, parameters
-    )  # which leaves out, and names, reaches whose tracking jumped
+    recordings = read_recordings(filled("data/raw/recorded/boxes"))
+    trials = [
+        synchronise(one, refuse_jumps=False) for one in recordings
+    ]  # the protocol names what it leaves out
+    results = learn_past_boxes(trials, parameters)
     with publish("data/recorded/boxes") as folder:
         folder.mkdir()
         for name, table in vars(results).items():

@@ -1,11 +1,11 @@
 """Refine the feedback models by trial on a tilt of the board that they have not seen (IV.7, IV.9.4)."""
 
 from pathlib import Path
-from shutil import rmtree
 
 from structlearn.feedback.pmnn import write_networks
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_metrics, write_table
+from structlearn.ground.publication import discard
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.refinement import Progress
 from structlearn.recordings.source import ClockParameters, SourceParameters
@@ -36,7 +36,7 @@ def main() -> None:
             write_table(refined.history, folder / "history.parquet")
             write_table(refined.samples, folder / "rollouts.parquet")
             write_table(refined.policies, folder / "policies.parquet")
-    rmtree(UNFINISHED, ignore_errors=True)
+    discard(UNFINISHED)
 
 
 def tell(name: str, progress: Progress) -> None:

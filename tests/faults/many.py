@@ -1,7 +1,7 @@
 """Damage many files and read them: `make faults N=10000`.
 
-Seeds below 1000 are the tests'. Writes `reports/reliability/faults.csv`: how often reading came to what, by
-kind of file and of damage; names each case that breaks the rule.
+Seeds below 1000 are the tests'. Writes `reports/reliability`: how often reading came to what, by kind of file
+and of damage; names each case that breaks the rule.
 """
 
 import argparse
@@ -11,13 +11,12 @@ from collections import Counter
 from functools import partial
 from pathlib import Path
 
-import pandas as pd
 from faults.mutants import mutant
 from faults.specimens import SPECIMENS
 from faults.trial import NAMED, OTHER, OUTCOMES, SAME, fingerprint, outcome
 
-from structlearn.ground.artefacts import write_csv
 from structlearn.ground.parallel import parallel_map
+from structlearn.reporting.reliability import keep, outcome_table
 
 BATCH = 50
 """Mutants that a process takes at a time."""
@@ -42,12 +41,13 @@ def main() -> None:
         [line for _, lines in found for line in lines],
     )
     rows = [(*key, count) for key, count in sorted(counts.items())]
-    table = pd.DataFrame(rows, columns=["file", "damage", "outcome", "count"])
-    wide = table.pivot_table(index=["file", "damage"], columns="outcome", values="count", fill_value=0)
-    write_csv(
-        wide.reindex(columns=OUTCOMES, fill_value=0).reset_index(), Path("reports/reliability/faults.csv")
-    )
-    print(table.groupby(["file", "outcome"])["count"].sum().to_string())
+    table = outcome_table(rows, ["file", "checksums", "damage"], OUTCOMES)
+    came = {outcome: int(table[outcome].sum()) for outcome in OUTCOMES}
+    silent = int(table.loc[table["checksums"] == "yes", OTHER].sum())
+    metrics = {outcome.replace(" ", "_"): its for outcome, its in came.items()}
+    metrics |= {"files": sum(came.values()), "silent": silent, "broken": len(broken)}
+    keep("faults", table, f"make faults N={given.count}", metrics)
+    print(table.groupby("file").sum(numeric_only=True).to_string())
     if broken:
         sys.exit("\n".join(["error: the rule is broken:", *broken]))
 
@@ -55,8 +55,8 @@ def main() -> None:
 def batch(work: tuple[str, int, int], folder: str) -> tuple[Counter, list[str]]:
     """Outcomes of some seeds of a kind of file, and the cases that break the rule."""
     name, first, count = work
-    specimen, path = SPECIMENS[name], Path(folder, f"{first}", name)
-    path.parent.mkdir(exist_ok=True)
+    specimen, path = SPECIMENS[name], Path(folder, f"{first} {Path(name).name}", name)
+    path.parent.mkdir(parents=True)
     specimen.write(path)
     content, sound = path.read_bytes(), fingerprint(specimen.read(path))
     allowed = {SAME, NAMED} if specimen.signed else {SAME, NAMED, OTHER}
@@ -66,7 +66,7 @@ def batch(work: tuple[str, int, int], folder: str) -> tuple[Counter, list[str]]:
         kind, damaged = mutant(content, seed)
         path.write_bytes(damaged)
         came, said = outcome(specimen.read, path, sound)
-        counts[name, kind, came] += 1
+        counts[Path(name).name, "yes" if specimen.signed else "no", kind, came] += 1
         if came not in allowed:
             broken.append(f"{name}, seed {seed}, {kind}: {came}: {said}")
     path.unlink()

@@ -1,5 +1,10 @@
-"""Damage to files, each drawn from a seed: bits, holes, insertions, blocks moved or repeated, ends cut."""
+"""Damage to files, each drawn from a seed.
 
+Of bytes: bits, holes, insertions, blocks moved or repeated, ends cut, extreme numbers. Of text: words that
+are something else, lines that are gone, doubled or moved, other encodings, brackets in brackets.
+"""
+
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -62,6 +67,57 @@ def _number(content: bytes, rng: np.random.Generator) -> bytes:
     return content[:begin] + number + content[begin + width :]
 
 
+def _double(content: bytes, rng: np.random.Generator) -> bytes:
+    """A float64 that no sensor reads."""
+    value = rng.choice([np.nan, np.inf, -np.inf, 1e308, -1e308, 1e15, 5e-324, -0.0])
+    begin = int(rng.integers(max(len(content) // 4 - 1, 1))) * 4
+    return content[:begin] + np.float64(value).tobytes() + content[begin + 8 :]
+
+
+NUMBERS = b"nan -inf 1e999 1e308 -1 0 -0.0 1e-320 1_000 0x1F 1,5".split()
+NAMES = b"true null yes ~ =1+1 ../x {} []".split()
+SYNTAX = b"*a &a !!python/name:os.system << 2026-13-45 ' \" <!-- &x;".split()
+WORDS = (*NUMBERS, *NAMES, *SYNTAX, b"", b"\x00", b"!!int x", b"x" * 5000, b"9" * 5000, "½".encode())
+
+
+def _word(content: bytes, rng: np.random.Generator) -> bytes:
+    """One word or number is another."""
+    words = [match.span() for match in re.finditer(rb"[\w.+-]+", content)] or [(0, 0)]
+    begin, end = words[rng.integers(len(words))]
+    return content[:begin] + WORDS[rng.integers(len(WORDS))] + content[end:]
+
+
+def _lines(content: bytes, rng: np.random.Generator) -> bytes:
+    """A line is gone, there twice, or elsewhere."""
+    lines = content.split(b"\n")
+    line = lines.pop(rng.integers(len(lines)))
+    for _ in range(int(rng.integers(3))):
+        lines.insert(int(rng.integers(len(lines) + 1)), line)
+    return b"\n".join(lines)
+
+
+def _encoding(content: bytes, rng: np.random.Generator) -> bytes:
+    """As another program saves it."""
+    text = content.decode("latin-1")
+    return [
+        b"\xef\xbb\xbf" + content,
+        text.encode("utf-16"),
+        text.encode("utf-32-be"),
+        content.replace(b"\n", b"\r\n"),
+        content.replace(b"\n", b"\r"),
+        content.replace(b".", b","),
+        content.replace(b" ", b"\t"),
+        content.replace(b",", b";"),
+    ][rng.integers(8)]
+
+
+def _nesting(content: bytes, rng: np.random.Generator) -> bytes:
+    """Brackets, lists or elements in one another."""
+    opening = (b"[", b"{", b"- ", b"(", b"<a>", b"{a: ", b'{"a": ', b"[[1], ")[rng.integers(8)]
+    begin = int(rng.integers(len(content)))
+    return content[:begin] + int(rng.choice([100, 900, 5000])) * opening + content[begin:]
+
+
 DAMAGES: dict[str, Damage] = {
     "bits flipped": _bit,
     "hole": _hole,
@@ -72,6 +128,11 @@ DAMAGES: dict[str, Damage] = {
     "blocks swapped": _swap,
     "cut off": _cut,
     "extreme number": _number,
+    "extreme float": _double,
+    "other word": _word,
+    "lines": _lines,
+    "encoding": _encoding,
+    "nesting": _nesting,
 }
 
 

@@ -1,7 +1,7 @@
 """Sound files of every kind that the project reads, and how each is read."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +10,26 @@ import pandas as pd
 import pybullet_data
 import yaml
 from committed import parameter_tree
-from recordings_bags import make_recording
-from scraping_motions import constant_network
+from mcap.writer import CompressionType
+from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
+from scraping_motions import constant_network, scraping_skill
 
 from structlearn.feedback.pmnn import read_networks, write_networks
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.params import read_parameters
+from structlearn.primitives.primitive_files import read_primitives, write_primitives
 from structlearn.recordings.clock import synchronise
+from structlearn.recordings.drive_log import DriveLog, read_drive_log, write_drive_log
+from structlearn.recordings.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
 from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
 from structlearn.recordings.mcap_file import read_recording, write_recording
+from structlearn.recordings.reaches_past_boxes import TRIALS, read_reaches_past_boxes
+from structlearn.recordings.recording import NamedShape
 from structlearn.recordings.text_log import read_stamped_table
+from structlearn.recordings.ur10e import read_logs
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.verify import changed
 
 
 @dataclass(frozen=True)
@@ -29,8 +37,8 @@ class Specimen:
     """One kind of file.
 
     Attributes:
-        name: of the file, with its suffix.
-        write: writes a sound one at a path.
+        name: of the file, with the folders that it is in where it is one of several.
+        write: writes a sound one at a path, and those beside it.
         read: reads it as stages do.
         signed: whether it carries checksums, so that no damage may pass.
     """
@@ -41,12 +49,72 @@ class Specimen:
     signed: bool
 
 
-def _log(path: Path) -> None:
-    rng = np.random.default_rng(0)
+def _joints(signals: int) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, stamps (60,) and signals (n, 60, 7)."""
+    steps = 1e-3 * np.random.default_rng(0).normal(size=(signals, 60, 7))
     names = tuple(f"joint_{number}" for number in range(1, 8))
-    stamps = 10**9 + 4_000_000 * np.arange(60)
-    values = np.cumsum(1e-3 * rng.normal(size=(3, 60, 7)), axis=1)
+    return names, 10**9 + 4_000_000 * np.arange(60), np.cumsum(steps, axis=1)
+
+
+def _log(path: Path) -> None:
+    names, stamps, values = _joints(3)
     write_joint_log(JointLog(path.stem, names, stamps, *values), path)
+
+
+def _drives(path: Path) -> None:
+    names, stamps, values = _joints(5)
+    write_drive_log(DriveLog(path.stem, names, stamps, *values), path)
+
+
+def _scene(path: Path) -> None:
+    unturned, size = np.array([1.0, 0.0, 0.0, 0.0]), np.full(3, 0.1)
+    forms = ("cube", "sphere", "cylinder")
+    shapes = tuple(NamedShape(f"a {form}", form, np.arange(3.0), unturned, size) for form in forms)
+    write_recording(replace(make_recording(path.stem, count=20), shapes=shapes), path)
+
+
+def _bag(path: Path, **options: Any) -> None:
+    """As a robot's recorder writes it, with options of the library's writer."""
+    stamps = (10**9 + 10_000_000 * np.arange(40)).tolist()
+    write_bag(path, pose_messages(stamps, pose_rows(40), "/pose"), **options)
+
+
+def _drive_text(path: Path) -> None:
+    rng = np.random.default_rng(0)
+    times = 200.0 + 0.01 * np.arange(20)
+    np.savetxt(path, np.column_stack([times, rng.normal(size=(20, 30))]), fmt="%.6f", delimiter=",")
+
+
+def _skin(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rng, times = np.random.default_rng(0), 1_700_000_000.0 + 0.1 * np.arange(30)
+    for name, columns in (("states.csv", 3), ("sensor_post_baselines.csv", len(CHANNELS))):
+        rows = np.column_stack([times, rng.normal(size=(30, columns))])
+        np.savetxt(path.with_name(name), rows, fmt="%.6f", delimiter=",")
+
+
+def _reach(path: Path) -> None:
+    """A trial of the hand; `path` is one of its files."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trials = "participant,trial,type,start_moved_time,target_reached_time\nsub_01,7,main,100.02,100.15\n"
+    hand = "time,pos_x,pos_y,pos_z,rot_x,rot_y,rot_z\n"
+    hand += "".join(f"{100 + 0.01 * row:.4f},{0.1 + 0.01 * row:.3f},0.2,-0.3,0,90,0\n" for row in range(20))
+    shape = "object,x,y,z,width,height,depth\n"
+    boxes = "Target,0,0.8,0.2,0.05,0.09,0.06\nFailOnTouchObstacleLong-1,0.1,0.79,-0.1,0.15,0.12,0.05\n"
+    scene = "TableTop,0,0.7,0,1,0.1,1\nLeftBoundary,-0.36,0.8,0,0.02,0.13,0.6\n"
+    (path.parents[2] / TRIALS).write_text(trials)
+    (path.parent / "HandTracker_movement_T007.csv").write_text(hand)
+    (path.parent / "grid_objects_layout_T007.csv").write_text(shape + boxes)
+    (path.parent / "scene_layout_T007.csv").write_text(shape + scene)
+
+
+def _reaches(path: Path) -> list:
+    return [synchronise(trial) for trial in read_reaches_past_boxes(path.parents[2])]
+
+
+def _lock(path: Path) -> None:
+    outs = [{"path": f"data/{name}", "md5": "0" * 32, "size": 1} for name in "abc"]
+    path.write_text(yaml.safe_dump({"schema": "2.0", "stages": {"write": {"outs": outs}}}))
 
 
 def _table(path: Path) -> None:
@@ -82,16 +150,46 @@ SPECIMENS = {
             lambda path: synchronise(read_recording(path)),
             True,
         ),
+        Specimen("scene.mcap", _scene, lambda path: synchronise(read_recording(path)), True),
         Specimen("log.mcap", _log, read_joint_log, True),
+        Specimen("drives.mcap", _drives, read_drive_log, True),
+        Specimen(
+            "lz4.mcap",
+            lambda path: _bag(path, compression=CompressionType.LZ4, chunk_size=2000, enable_data_crcs=True),
+            lambda path: synchronise(read_recording(path)),
+            True,
+        ),
+        Specimen(
+            "unchecked.mcap",
+            lambda path: _bag(path, use_chunking=False, enable_crcs=False),
+            lambda path: synchronise(read_recording(path)),
+            False,
+        ),
         Specimen(
             "networks.safetensors",
             lambda path: write_networks([("tilt", constant_network())], path),
             read_networks,
             True,
         ),
+        Specimen(
+            "primitives.safetensors",
+            lambda path: write_primitives(scraping_skill().primitives, path),
+            read_primitives,
+            True,
+        ),
         Specimen("table.parquet", _table, read_table, True),
         Specimen("metrics.json", _metrics, read_metrics, False),
         Specimen("log.txt", _text, lambda path: read_stamped_table(path, 4), False),
+        Specimen("ur-run.csv", _drive_text, lambda path: read_logs(path.parent), False),
+        Specimen(
+            f"{FOLDERS[PRESSES]}/run/states.csv",
+            _skin,
+            lambda path: read_run(path.parent, path.parents[2], False),
+            False,
+        ),
+        Specimen("sub_01/T007/HandTracker_movement_T007.csv", _reach, _reaches, False),
+        Specimen("sub_01/T007/grid_objects_layout_T007.csv", _reach, _reaches, False),
+        Specimen("dvc.lock", _lock, lambda path: list(changed(path, path.parent)), False),
         Specimen(
             "params.yaml",
             _parameters,

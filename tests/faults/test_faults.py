@@ -14,6 +14,7 @@ COUNT = 50
 @pytest.mark.parametrize("name", SPECIMENS)
 def test_damage_is_the_same_data_or_one_line(tmp_path, name):
     specimen, path = SPECIMENS[name], tmp_path / name
+    path.parent.mkdir(parents=True, exist_ok=True)
     specimen.write(path)
     content, sound = path.read_bytes(), fingerprint(specimen.read(path))
     found = Counter()

@@ -1,6 +1,7 @@
 """Read a damaged file in a process of its own, with bounds on memory and time, and say what came of it.
 
-One rule holds: the same data, or one line that names the file, as an `InputError`.
+One rule holds: the same data, or one line that names the file, as an `InputError`; recordings go by the
+file's name without its suffix.
 """
 
 import hashlib
@@ -27,9 +28,13 @@ TRACEBACK, UNCLEAR, BLOWN_UP, HANGS, KILLED = "traceback", "unclear", "out of me
 OUTCOMES = (SAME, NAMED, OTHER, TRACEBACK, UNCLEAR, BLOWN_UP, HANGS, KILLED)
 
 MEMORY = 512 * 2**20
-"""Bytes that reading may take beyond what the process has; the files are some 10 kB."""
+"""Bytes that reading may take beyond what the process has."""
 
-LONGEST_S = 10.0
+LONGEST_S = 10
+"""Of the processor; the files are some 10 kB."""
+
+WAIT_S = 120.0
+"""On the clock, also where many other processes run."""
 
 
 def outcome(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, str]:
@@ -49,20 +54,24 @@ def outcome(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, s
         os._exit(0)
     os.close(writer)
     with os.fdopen(reader) as pipe:
-        ends = time.monotonic() + LONGEST_S
-        while os.waitpid(child, os.WNOHANG) == (0, 0):
+        ends = time.monotonic() + WAIT_S
+        while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0):
             if time.monotonic() > ends:
                 os.kill(child, signal.SIGKILL)
                 os.waitpid(child, 0)
-                return HANGS, f"more than {LONGEST_S:g} s"
+                return HANGS, f"more than {WAIT_S:g} s"
             time.sleep(0.001)
         said = pipe.read()
-    return tuple(json.loads(said)) if said else (KILLED, "the process ended")
+    code = os.waitstatus_to_exitcode(ended[1])
+    if code == -signal.SIGXCPU:
+        return HANGS, f"more than {LONGEST_S} s of the processor"
+    return tuple(json.loads(said)) if said else (KILLED, f"the process ended with {code}")
 
 
 def _tried(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, str]:
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S + 1))  # of this process alone
     silent = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silent, 2)  # parsers in C print
     warnings.simplefilter("ignore")
@@ -70,7 +79,7 @@ def _tried(read: Callable[[Path], Any], path: Path, sound: str) -> tuple[str, st
         found = fingerprint(read(path))
     except InputError as error:
         line = str(error)
-        return (NAMED if path.name in line and "\n" not in line else UNCLEAR), line
+        return (NAMED if path.stem in line and "\n" not in line else UNCLEAR), line
     except MemoryError as error:
         return BLOWN_UP, repr(error)
     except BaseException as error:

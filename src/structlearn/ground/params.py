@@ -71,7 +71,7 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except _DuplicateKeyError as error:
         raise InputError(f"{path}: {error}") from error
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date, a number, or bytes that are none
+    except Exception as error:  # YAML's, or that of a date, a number, a tag or bytes that are none
         raise InputError(f"{path}: not a YAML file: {error}") from error
     for part in key.split("."):
         if not isinstance(values, dict) or part not in values:
@@ -104,6 +104,12 @@ class _DuplicateKeyError(ValueError):
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
     """YAML's safe loader, in C where it is compiled in; a key that stands twice is an error."""
 
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        """A whole number that can be written out; hexadecimal ones may have any length."""
+        value = super().construct_yaml_int(node)
+        str(value)
+        return value
+
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         """A mapping, after a look at its keys."""
         seen: set[str] = set()
@@ -112,6 +118,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
                 raise _DuplicateKeyError(f"key '{key.value}' stands twice (line {key.start_mark.line + 1})")
             seen.add(key.value)
         return super().construct_mapping(node, deep)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 
 
 def _reasons(key: str, error: ValidationError) -> list[str]:

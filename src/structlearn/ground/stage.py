@@ -7,9 +7,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.params import ParametersType, read_parameters
+from structlearn.ground.publication import publish
 from structlearn.ground.wall_clock import timed
 
 PARAMETER_FILE = Path("params.yaml")

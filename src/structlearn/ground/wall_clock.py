@@ -14,6 +14,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 
+from structlearn.ground.errors import InputError
+from structlearn.ground.publication import publish
+
 TIMES = Path("reports/times/stages.json")
 """Relative to the working directory, so an experiment in a directory of its own has times of its own."""
 
@@ -81,8 +84,6 @@ def timed(main: Callable[[], None]) -> None:
     """
     main()
     if RUN_BY_DVC in os.environ:
-        import structlearn.ground.artefacts  # noqa: F401 - `record` needs it, and at exit it is too late
-
         # by its command: DVC's name of a stage depends on the folder that DVC is called in
         command, wall_s = shlex.join(sys.argv), _since_start_s()
         atexit.register(lambda: record(command, stage_time(wall_s, _cpu_s(), shared_works)))
@@ -96,15 +97,13 @@ def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
         taken: rounded to 0.1 s.
         path: of the file, which is made anew where it is missing or damaged.
     """
-    from structlearn.ground.artefacts import publish
-
     rounded = StageTime(*(round(value, 1) for value in astuple(taken)))
     times = {**read_times(path), command: rounded}
     entries = {name: asdict(times[name]) for name in sorted(times)}
     try:
         with publish(path) as target:
             target.write_text(json.dumps(entries, indent=2) + "\n")
-    except OSError as error:
+    except (OSError, InputError) as error:
         print(f"{path}: the time of {command} is not written: {error}", file=sys.stderr)
 
 

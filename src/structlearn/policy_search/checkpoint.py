@@ -9,13 +9,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from shutil import rmtree
 
 import numpy as np
 
 from structlearn.feedback.pmnn import read_networks, write_networks
 from structlearn.ground.artefacts import publish, read_table, read_tensors, write_table, write_tensors
 from structlearn.ground.params import Parameters
+from structlearn.ground.publication import discard
 from structlearn.policy_search.refinement import Progress
 
 NETWORK = "network"
@@ -62,7 +62,7 @@ class Checkpoint:
 
     def remove(self) -> None:
         """Delete all iterations."""
-        rmtree(self.folder, ignore_errors=True)
+        discard(self.folder)
 
 
 def digest(values: Mapping[str, object]) -> str:

@@ -23,7 +23,6 @@ def read_demonstrations(
     topics: TopicMap = OWN_TOPICS,
     rate_hz: float | None = None,
     max_gap_s: float = MAX_GAP_S,
-    refuse_jumps: bool = True,
 ) -> list[Demonstration]:
     """Read demonstrations, each on a uniform clock (see `clock.synchronise`).
 
@@ -33,7 +32,6 @@ def read_demonstrations(
         topics: which topic carries which signal.
         rate_hz: ticks per second of all demonstrations; None: each has the median rate of its pose stream.
         max_gap_s: longest hole in s that is bridged by interpolation.
-        refuse_jumps: as of `clock.synchronise`.
 
     Returns:
         One demonstration per file, named after the file's stem, in natural order: 2 before 10.
@@ -42,7 +40,7 @@ def read_demonstrations(
         InputError: there is no such source or no .mcap file in it, a bag is split over several files, two
             files have the same stem, or a file fails `read_recording` or `synchronise`; the message names it.
     """
-    return [_read(path, topics, rate_hz, max_gap_s, refuse_jumps) for path in _mcap_files(Path(source))]
+    return [_read(path, topics, rate_hz, max_gap_s) for path in _mcap_files(Path(source))]
 
 
 def read_recordings(source: str | Path, topics: TopicMap = OWN_TOPICS) -> list[Recording]:
@@ -82,12 +80,10 @@ def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> Non
         write_recording(recording, Path(folder) / f"{stem}.mcap")
 
 
-def _read(
-    path: Path, topics: TopicMap, rate_hz: float | None, max_gap_s: float, refuse_jumps: bool
-) -> Demonstration:
+def _read(path: Path, topics: TopicMap, rate_hz: float | None, max_gap_s: float) -> Demonstration:
     recording = read_recording(path, topics)
     try:
-        return synchronise(recording, rate_hz, max_gap_s, refuse_jumps)
+        return synchronise(recording, rate_hz, max_gap_s)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 

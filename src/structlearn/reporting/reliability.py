@@ -1,0 +1,94 @@
+"""The page of what was broken on purpose: damaged files, crashes, kills, a controller under faults.
+
+Each of the commands that break things (`make faults`, `make kills`, `make upsets`) leaves its table here,
+with counts and no wall times, and makes the page of all last results again.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from structlearn.ground.artefacts import Metrics, read_metrics, write_csv, write_metrics
+from structlearn.ground.publication import publish
+from structlearn.reporting.document import Document, Table, render
+
+RESULTS = Path("reports/reliability")
+
+SUMMED_BY = {
+    "faults": ["file", "checksums"],
+    "crashes": ["work"],
+    "kills": ["killed", "outputs"],
+    "upsets": ["reading"],
+}
+"""By table, columns that its sums are shown by; all its other numbers are counts."""
+
+
+def keep(name: str, table: pd.DataFrame, command: str, metrics: Metrics, folder: Path = RESULTS) -> None:
+    """Keep what a command found, and make the page again.
+
+    Args:
+        name: of the table, one of `SUMMED_BY`.
+        table: columns in words, then counts.
+        command: that makes it again.
+        metrics: its numbers; `broken` says how often the rule was.
+        folder: of the page.
+
+    Raises:
+        InputError: `metrics.json` of commands before is damaged.
+    """
+    path = folder / "metrics.json"
+    known = read_metrics(path) if path.exists() else {}
+    others = {key: value for key, value in known.items() if not key.startswith(f"{name}_")}
+    own = {f"{name}_{key}": value for key, value in {"command": command, **metrics}.items()}
+    found = others | own
+    write_csv(table, folder / f"{name}.csv")
+    write_metrics({key: found[key] for key in sorted(found)}, path)
+    tables = {one: folder / f"{one}.csv" for one in SUMMED_BY}
+    shown = {one: pd.read_csv(file) for one, file in tables.items() if file.exists()}
+    with publish(folder / "index.html") as page:
+        page.write_text(reliability_page(shown, found), encoding="utf-8")
+
+
+def outcome_table(rows: Sequence[tuple], names: Sequence[str], outcomes: Sequence[str]) -> pd.DataFrame:
+    """A table of outcomes: a row for each combination of words, a column of counts for each outcome.
+
+    Args:
+        rows: words, outcome, count.
+        names: of the words' columns.
+        outcomes: all that there are.
+    """
+    table = pd.DataFrame(rows, columns=[*names, "outcome", "count"])
+    counts = table.pivot_table(index=list(names), columns="outcome", values="count", fill_value=0)
+    counts = counts.reindex(columns=list(outcomes), fill_value=0).astype(int)
+    return counts.rename_axis(None, axis=1).reset_index()
+
+
+def reliability_page(tables: Mapping[str, pd.DataFrame], metrics: Metrics) -> str:
+    """The page as HTML; what was not run is said to be so.
+
+    Args:
+        tables: of `keep`, by name.
+        metrics: of all of them.
+    """
+    facts = {
+        name: {
+            "sums": Table(_sums(tables[name], by)),
+            "rows": Table(tables[name]),
+            **{
+                key.removeprefix(f"{name}_"): its
+                for key, its in metrics.items()
+                if key.startswith(f"{name}_")
+            },
+        }
+        if name in tables
+        else None
+        for name, by in SUMMED_BY.items()
+    }
+    return render(Document("reliability.html.jinja", "structlearn.reporting", facts=facts), figures={})
+
+
+def _sums(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Counts summed over all other columns in words; those of nothing but 0 are left out."""
+    counts = table.groupby(list(by), sort=False).sum(numeric_only=True).reset_index()
+    return counts.loc[:, [name in by or counts[name].any() for name in counts]]

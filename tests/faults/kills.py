@@ -1,0 +1,237 @@
+"""Kill stages of the pipeline while they run, and do them again: `make kills N=50`.
+
+On the reduced pipeline every stage is killed in its turn, at a time drawn over what it took, with all its
+processes or alone as for want of memory, with its former outputs in place or removed as DVC does; a
+refinement also after an iteration that it has kept. Nobody may live on, nothing may stay in shared memory,
+and the stage done again leaves the tree that it leaves without a kill. Before that come the crash points of
+`faults.crashes`.
+
+Writes `reports/reliability`; names each case that breaks the rule.
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+from faults.crashes import WORKS, outcomes
+from reduced_pipeline import artefacts, clone, environment
+from tqdm import tqdm
+
+from structlearn.ground.parallel import PROCESSES
+from structlearn.ground.wall_clock import RUN_BY_DVC, TIMES, read_times
+from structlearn.reporting.reliability import keep, outcome_table
+
+HEALED, NOT_KILLED = "healed", "ended before the kill"
+LIVES_ON, IN_MEMORY, FAILS = "processes live on", "shared memory stays", "fails when done again"
+DIFFERS = "leaves other files"
+OUTCOMES = (HEALED, NOT_KILLED, LIVES_ON, IN_MEMORY, FAILS, DIFFERS)
+
+POINTS = "crash points"
+
+GROUP, ALONE = "all processes", "the parent alone"
+
+END_S = 5.0
+"""Processes see within half a second that their parent is gone."""
+
+SHARED = Path("/dev/shm")
+
+CHECKPOINT = "data/unfinished/*/001"
+"""What a refinement has kept after an iteration of its search."""
+
+
+def main() -> None:
+    """Crash, kill, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=50, help="kills in all")
+    parser.add_argument("--seed", type=int, default=0, help="of when and how; and of what a crash loses")
+    parser.add_argument("--project", type=Path, help="a reduced pipeline to use; made there if there is none")
+    given = parser.parse_args()
+    made = f"make kills N={given.count}"
+    with tempfile.TemporaryDirectory() as folder:
+        crashed, broken = crash_points(Path(folder), given.seed)
+        keep("crashes", crashed, made, {"points": int(crashed[POINTS].sum()), "broken": len(broken)})
+        project = (given.project or Path(folder, "project")).resolve()
+        if not (project / TIMES).exists():
+            build(project)
+        killed, more = kills(project, given.count, given.seed)
+    counts = killed[list(OUTCOMES)].sum()
+    metrics = {
+        "stages": int(counts.sum()),
+        "healed": int(counts[HEALED]),
+        "ended_before": int(counts[NOT_KILLED]),
+    }
+    keep("kills", killed, made, metrics | {"broken": len(more)})
+    print(crashed.to_string(index=False), killed.to_string(index=False), sep="\n\n")
+    if broken + more:
+        sys.exit("\n".join(["error: the rule is broken:", *broken, *more]))
+
+
+def crash_points(folder: Path, seed: int) -> tuple[pd.DataFrame, list[str]]:
+    """How many crash points of each work heal, and those that do not."""
+    rows, broken = [], []
+    for name, work in WORKS.items():
+        root = folder / "crashes" / name
+        root.mkdir(parents=True)
+        faults = dict(outcomes(work, root, seed))
+        rows.append((name, len(faults), sum(fault is None for fault in faults.values())))
+        broken += [f"{name}, step {step}: {fault}" for step, fault in faults.items() if fault is not None]
+    return pd.DataFrame(rows, columns=["work", POINTS, HEALED]), broken
+
+
+def build(project: Path) -> None:
+    """The reduced pipeline, stage by stage, each in a process of its own whose time is taken."""
+    project.mkdir(parents=True, exist_ok=True)
+    clone(Path(__file__).parents[2], project)
+    (project / TIMES).unlink(missing_ok=True)
+    for stage in tqdm(pipeline(project).values(), desc="the reduced pipeline", leave=False, disable=None):
+        with started(project, stage["cmd"]) as process:
+            words = process.communicate()[1]
+        if process.returncode:
+            sys.exit(f"{stage['cmd']}: {words.decode()}")
+
+
+def pipeline(project: Path) -> Mapping[str, Mapping]:
+    """Stages of a project by name."""
+    return yaml.load((project / "dvc.yaml").read_text(), yaml.CSafeLoader)["stages"]
+
+
+def kills(project: Path, count: int, seed: int) -> tuple[pd.DataFrame, list[str]]:
+    """Kill stages of a finished project one after the other; the project stays finished.
+
+    Returns:
+        `stage`, `killed`, `outputs` (in place, or removed before), and how often each of `OUTCOMES` came;
+        lines about those that did not heal.
+    """
+    rng = np.random.default_rng(seed)
+    stages, times = pipeline(project), read_times(project / TIMES)
+    before = artefacts(project)
+    found, broken = Counter(), []
+    for number, (name, checkpoint) in tqdm(
+        zip(range(count), _in_turns(list(stages), rng), strict=False), total=count, leave=False, disable=None
+    ):
+        command = stages[name]["cmd"]
+        due_s = rng.uniform(0.0, times[command.removeprefix("python ")].wall_s)
+        due: Callable[[], bool] = (lambda: any(project.glob(CHECKPOINT))) if checkpoint else (lambda: False)
+        alone, removed = bool(rng.integers(2)), bool(rng.integers(2))
+        if removed:
+            remove_outputs(project, stages[name])
+        outcome, words = healed(project, command, np.inf if checkpoint else due_s, due, alone)
+        if outcome == HEALED:
+            after = artefacts(project)
+            changed = sorted(path for path in {*before, *after} if before.get(path) != after.get(path))
+            if changed:
+                outcome, words = DIFFERS, ", ".join(changed[:5])
+        stage = f"{name}, after an iteration" if checkpoint else name
+        found[stage, ALONE if alone else GROUP, "removed" if removed else "in place", outcome] += 1
+        if outcome not in (HEALED, NOT_KILLED):
+            broken.append(f"kill {number}: {stage} after {due_s:.2f} s: {outcome}: {words}")
+    rows = [(*key, its) for key, its in sorted(found.items())]
+    return outcome_table(rows, ["stage", "killed", "outputs"], OUTCOMES), broken
+
+
+def healed(
+    project: Path, command: str, after_s: float, due: Callable[[], bool], alone: bool
+) -> tuple[str, str]:
+    """Kill a stage and do it again.
+
+    Args:
+        project: a finished one.
+        command: of the stage, begins with `python`.
+        after_s: when it is killed at the latest, s after its start.
+        due: whether to kill it now.
+        alone: whether only its first process is killed.
+
+    Returns:
+        One of `OUTCOMES`, but for `DIFFERS`, and what was said.
+    """
+    shared = set(SHARED.iterdir())
+    with started(project, command, subprocess.DEVNULL) as process:
+        begin = time.monotonic()
+        while process.poll() is None and not due() and time.monotonic() - begin < after_s:
+            time.sleep(0.005)
+        ended = process.poll() is not None
+        if not ended:
+            (os.kill if alone else os.killpg)(process.pid, signal.SIGKILL)
+    ends = time.monotonic() + END_S
+    while (left := members(process.pid)) and time.monotonic() < ends:
+        time.sleep(0.05)
+    for number in left:
+        os.kill(number, signal.SIGKILL)
+    if left:
+        return LIVES_ON, f"{len(left)} processes"
+    if stays := sorted(path.name for path in set(SHARED.iterdir()) - shared if not _in_use(path)):
+        return IN_MEMORY, ", ".join(stays)
+    with started(project, command) as process:
+        words = process.communicate()[1].decode()
+    if process.returncode:
+        return FAILS, words.strip().splitlines()[-1]
+    return (NOT_KILLED if ended else HEALED), ""
+
+
+def started(project: Path, command: str, errors: int = subprocess.PIPE) -> subprocess.Popen:
+    """A stage as DVC starts it, two processes at a time, in a session of its own."""
+    variables = environment() | {RUN_BY_DVC: "stage", PROCESSES: "2"}
+    words = [sys.executable, *command.split()[1:]]
+    return subprocess.Popen(
+        words,
+        cwd=project,
+        env=variables,
+        stdout=subprocess.DEVNULL,
+        stderr=errors,
+        start_new_session=True,
+    )
+
+
+def members(session: int) -> list[int]:
+    """Processes of a session that live."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            state, _, _, its = (folder / "stat").read_text().rpartition(")")[2].split()[:4]
+        except OSError:  # it has ended meanwhile
+            continue
+        if int(its) == session and state != "Z":
+            found.append(int(folder.name))
+    return found
+
+
+def remove_outputs(project: Path, stage: Mapping) -> None:
+    """As DVC does before it runs a stage."""
+    for out in [*stage.get("outs", ()), *stage.get("metrics", ())]:
+        path, options = (out, {}) if isinstance(out, str) else next(iter(out.items()))
+        if not options.get("persist"):
+            subprocess.run(["rm", "-rf", "--", path], cwd=project, check=True)
+
+
+def _in_turns(names: Sequence[str], rng: np.random.Generator) -> Iterator[tuple[str, bool]]:
+    """Stages in a random order, over and over; the refinement a second time, after an iteration."""
+    once = [(name, False) for name in names] + [(name, True) for name in names if name == "refine"]
+    while True:
+        yield from (once[place] for place in rng.permutation(len(once)))
+
+
+def _in_use(path: Path) -> bool:
+    """Whether it is gone, or some process that lives has it open."""
+    if not path.exists():
+        return True
+    for maps in Path("/proc").glob("[0-9]*/maps"):
+        try:
+            if str(path) in maps.read_text():
+                return True
+        except OSError:  # it has ended meanwhile, or is another user's
+            continue
+    return False
+
+
+if __name__ == "__main__":
+    main()
