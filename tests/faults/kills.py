@@ -61,8 +61,7 @@ def main() -> None:
         crashed, broken = crash_points(Path(folder), given.seed)
         keep("crashes", crashed, made, {"points": int(crashed[POINTS].sum()), "broken": len(broken)})
         project = (given.project or Path(folder, "project")).resolve()
-        if not (project / TIMES).exists():
-            build(project)
+        build(project)
         killed, more = kills(project, given.count, given.seed)
     counts = killed[list(OUTCOMES)].sum()
     metrics = {
@@ -89,11 +88,18 @@ def crash_points(folder: Path, seed: int) -> tuple[pd.DataFrame, list[str]]:
 
 
 def build(project: Path) -> None:
-    """The reduced pipeline, stage by stage, each in a process of its own whose time is taken."""
-    project.mkdir(parents=True, exist_ok=True)
-    clone(Path(__file__).parents[2], project)
-    (project / TIMES).unlink(missing_ok=True)
-    for stage in tqdm(pipeline(project).values(), desc="the reduced pipeline", leave=False, disable=None):
+    """The reduced pipeline, stage by stage, each in a process of its own whose time is taken.
+
+    Args:
+        project: folder; what is done there is not done again.
+    """
+    if not project.exists():
+        project.mkdir(parents=True)
+        clone(Path(__file__).parents[2], project)
+        (project / TIMES).unlink(missing_ok=True)
+    times = read_times(project / TIMES)
+    missing = [stage for stage in pipeline(project).values() if _entry(stage) not in times]
+    for stage in tqdm(missing, desc="the reduced pipeline", leave=False, disable=None):
         with started(project, stage["cmd"]) as process:
             words = process.communicate()[1]
         if process.returncode:
@@ -105,22 +111,28 @@ def pipeline(project: Path) -> Mapping[str, Mapping]:
     return yaml.load((project / "dvc.yaml").read_text(), yaml.CSafeLoader)["stages"]
 
 
+def _entry(stage: Mapping) -> str:
+    """Of a stage among the times."""
+    return stage["cmd"].removeprefix("python ")
+
+
 def kills(project: Path, count: int, seed: int) -> tuple[pd.DataFrame, list[str]]:
-    """Kill stages of a finished project one after the other; the project stays finished.
+    """Kill stages of a project that were done, one after the other; the project stays as it is.
 
     Returns:
         `stage`, `killed`, `outputs` (in place, or removed before), and how often each of `OUTCOMES` came;
         lines about those that did not heal.
     """
     rng = np.random.default_rng(seed)
-    stages, times = pipeline(project), read_times(project / TIMES)
+    done = read_times(project / TIMES)
+    stages = {name: stage for name, stage in pipeline(project).items() if _entry(stage) in done}
     before = artefacts(project)
     found, broken = Counter(), []
     for number, (name, checkpoint) in tqdm(
         zip(range(count), _in_turns(list(stages), rng), strict=False), total=count, leave=False, disable=None
     ):
         command = stages[name]["cmd"]
-        due_s = rng.uniform(0.0, times[command.removeprefix("python ")].wall_s)
+        due_s = rng.uniform(0.0, read_times(project / TIMES)[_entry(stages[name])].wall_s)  # its last time
         due: Callable[[], bool] = (lambda: any(project.glob(CHECKPOINT))) if checkpoint else (lambda: False)
         alone, removed = bool(rng.integers(2)), bool(rng.integers(2))
         if removed:

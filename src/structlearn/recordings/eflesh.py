@@ -14,7 +14,7 @@ import pandas as pd
 
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings.text_log import read_stamped_table, source_provenance
+from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/notvenky/eFlesh"
 COMMIT = "ab5ca56a87df7cbf59264138998bf74efc216b13"
@@ -94,12 +94,14 @@ def read_run(path: Path, root: Path, on_scale: bool) -> ProbeRun:
     stamps, states = read_stamped_table(files[0], 5 if on_scale else 4, separator=",")
     sensed, counts = read_stamped_table(files[1], 1 + len(CHANNELS), separator=",")
     for file, times in zip(files, (stamps, sensed), strict=True):
-        _check_rising(file, times)
+        check_rising(file, times)
     rows = nearest_rows(stamps, sensed)
     away = np.abs(stamps[rows] - sensed)
     if len(stamps) > 1 and away.max() > np.median(np.diff(stamps)):
         row = int(np.argmax(away))
-        raise InputError(f"{files[1]}: line {row + 1} is {away[row] * 1e-9:.3f} s from any state")
+        raise InputError(
+            f"{files[1]}: line {row + 1} is {away[row] * 1e-9:.3f} s from any state in {files[0]}"
+        )
     grams = states[rows, 3] if on_scale else np.full(len(rows), MISSING)
     wrong = np.flatnonzero((grams < 0) & (grams != MISSING))
     if len(wrong):
@@ -201,11 +203,3 @@ def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANN
         )
         for name, its in table.groupby("run")
     ]
-
-
-def _check_rising(file: Path, stamps: np.ndarray) -> None:
-    steps = np.diff(stamps)
-    if (steps <= 0).any():
-        raise InputError(
-            f"{file}: line {int(np.argmax(steps <= 0)) + 2} does not come after the one before it"
-        )

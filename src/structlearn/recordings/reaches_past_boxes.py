@@ -14,7 +14,7 @@ import numpy as np
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.recording import NamedShape, Recording, Stream
-from structlearn.recordings.text_log import read_stamped_table, source_provenance
+from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/m-hasan-n/hlp"
 COMMIT = "5c1d5f29c3550391376da7e98e27a0006bb67ea5"
@@ -99,6 +99,7 @@ def _trial(folder: Path, trial: Path, row: dict[str, str], times: np.ndarray) ->
         for name in ("HandTracker_movement", "grid_objects_layout", "scene_layout")
     )
     stamps, values = read_stamped_table(hand, HAND_COLUMNS, separator=",", header_lines=1)
+    check_rising(hand, stamps)
     pose = np.hstack([unity_to_base(values[:, :3]), unity_rotation(values[:, 3:])])
     provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [hand, boxes, scene])
     provenance |= {

@@ -137,3 +137,20 @@ def _nanoseconds(path: Path, line: int, field: str) -> int:
     if abs(nanoseconds) >= 2**63:
         raise InputError(f"{path}: line {line}: time out of range: {field.strip()!r}")
     return nanoseconds
+
+
+def check_rising(path: Path, stamps: np.ndarray) -> None:
+    """Raise unless each line comes after the one before it.
+
+    Args:
+        path: of the table, for the message.
+        stamps: (T,) of its lines.
+
+    Raises:
+        InputError: file and line, from 1, are named.
+    """
+    steps = np.diff(stamps)
+    if (steps <= 0).any():
+        raise InputError(
+            f"{path}: line {int(np.argmax(steps <= 0)) + 2} does not come after the one before it"
+        )

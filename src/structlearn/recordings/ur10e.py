@@ -8,7 +8,7 @@ from pathlib import Path
 
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.drive_log import DriveLog
-from structlearn.recordings.text_log import read_stamped_table, source_provenance
+from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/shamilmamedov/dynamic_calibration"
 COMMIT = "11af40e7deb758ec080a175fed8fcdd6c99aca29"
@@ -67,6 +67,7 @@ def urdf_path(folder: str | Path) -> Path:
 def _read_log(folder: Path, path: Path) -> DriveLog:
     joints = len(JOINTS)
     stamps, values = read_stamped_table(path, 1 + len(SIGNALS) * joints, separator=",")
+    check_rising(path, stamps)
     parts = {
         name: values[:, place * joints : (place + 1) * joints].copy() for place, name in enumerate(SIGNALS)
     }

@@ -1,0 +1,67 @@
+"""The page of what was broken on purpose: numbers of each command, and what was not run is said to be so."""
+
+import pandas as pd
+import pytest
+
+from structlearn.ground.artefacts import read_metrics
+from structlearn.reporting.reliability import keep, outcome_table, reliability_page
+
+FAULTS = outcome_table(
+    [
+        ("a.mcap", "yes", "hole", "named", 3),
+        ("a.mcap", "yes", "noise", "same", 2),
+        ("b.txt", "no", "hole", "other", 1),
+    ],
+    ["file", "checksums", "damage"],
+    ["same", "named", "other", "hangs"],
+)
+COUNTS = {
+    **{"files": 6, "silent": 0, "broken": 0, "named_in_one_line": 3, "same_data": 2, "other_data": 1},
+    **{"traceback": 0, "hangs": 0, "out_of_memory": 0},
+}
+
+
+def test_outcomes_are_counted_for_each_combination_of_words():
+    assert FAULTS.to_numpy().tolist() == [
+        ["a.mcap", "yes", "hole", 0, 3, 0, 0],
+        ["a.mcap", "yes", "noise", 2, 0, 0, 0],
+        ["b.txt", "no", "hole", 0, 0, 1, 0],
+    ]
+    assert outcome_table([], ["file"], ["same"]).columns.tolist() == ["file", "same"]
+
+
+def test_each_command_keeps_its_own_and_leaves_the_others(tmp_path):
+    keep("faults", FAULTS, "make faults N=6", COUNTS, tmp_path)
+    crashes = pd.DataFrame([("a new file", 7, 7)], columns=["work", "crash points", "healed"])
+    keep("crashes", crashes, "make kills N=1", {"points": 7, "broken": 0}, tmp_path)
+    keep("faults", FAULTS, "make faults N=7", COUNTS, tmp_path)
+    metrics = read_metrics(tmp_path / "metrics.json")
+    assert (metrics["faults_command"], metrics["crashes_command"]) == ("make faults N=7", "make kills N=1")
+    assert (metrics["faults_files"], metrics["crashes_points"]) == (6, 7)
+    page = (tmp_path / "index.html").read_text()
+    assert "make faults N=7" in page
+    assert "Kills: not run" in page
+    assert 'href="faults.csv"' in page
+    assert 'href="kills.csv"' not in page
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "crashes.csv",
+        "faults.csv",
+        "index.html",
+        "metrics.json",
+    ]
+
+
+@pytest.mark.parametrize(("broken", "words"), [(0, "The rule held."), (1, "broken 1 time."), (2, "2 times.")])
+def test_a_broken_rule_is_said(broken, words):
+    metrics = {f"faults_{key}": value for key, value in (COUNTS | {"broken": broken, "command": "x"}).items()}
+    page = reliability_page({"faults": FAULTS}, metrics)
+    assert f"<strong>{'The rule held' if not broken else 'The rule was broken'}" in page
+    assert words in page
+
+
+def test_sums_leave_out_what_never_came():
+    metrics = {f"faults_{key}": value for key, value in (COUNTS | {"command": "x"}).items()}
+    page = reliability_page({"faults": FAULTS}, metrics)
+    table = page[page.index("<thead>") : page.index("</table>")]
+    assert "hangs" not in table
+    assert ">other<" in table
