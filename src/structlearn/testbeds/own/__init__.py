@@ -1,0 +1,1 @@
+"""A task of your own: from bags to a checked skill."""
