@@ -46,12 +46,12 @@ GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}
 
 # Time: a move of 0.5 m takes about 1.6 s, a shorter one less, and no two are alike.
 SECONDS, SECONDS_PER_M = 0.8, 1.6
-TEMPO_SPREAD, MOVE_SPREAD = 0.08, 0.08  # std of the logarithm of the duration, shared by all moves and of each
+TEMPO_SPREAD, MOVE_SPREAD = 0.08, 0.08  # std of the duration's logarithm, shared by all moves and of each
 SKEW, WAVES = 0.5, 0.15  # std of the exponents of the pace: early or late, and faster and slower in turns
 PAUSE_S, REST_S = (0.3, 1.0), (0.5, 1.2)  # between moves; before the first and after the last
 HESITATION_S, HESITATION_DEPTH = (0.05, 0.10), (0.85, 1.0)  # std of a dip of the pace, and its depth
 TWITCH_M, TWITCH_S = (0.006, 0.02), (0.25, 0.45)  # there and back again
-ONSET_SPEED = 0.05  # a move is seen from where its speed passes this part of its peak, to where it falls below
+ONSET_SPEED = 0.05  # a move is seen while its speed is above this part of its peak
 
 # Space: paths are bowed upwards and a little to some side.
 RISE, RISE_SPREAD, SIDE_SPREAD = 0.15, 0.05, 0.04  # of the length
@@ -241,7 +241,8 @@ def _take(
 
 def _move(start: float, duration: float, hesitates: bool, rng: np.random.Generator) -> _Move:
     """Least jerk at a pace that is not even, nor the same twice."""
-    skew, waves, angle = SKEW * rng.standard_normal(), WAVES * rng.standard_normal(), rng.uniform(0, 2 * np.pi)
+    skew, waves = np.array([SKEW, WAVES]) * rng.standard_normal(2)
+    angle = rng.uniform(0, 2 * np.pi)
     centre, width, depth = rng.uniform(0.35, 0.65), rng.uniform(*HESITATION_S), rng.uniform(*HESITATION_DEPTH)
     duration += hesitates * depth * width * np.sqrt(2 * np.pi)  # the rest of the move is not hurried
     grid = np.linspace(0.0, duration, int(duration * GRID_HZ) + 2)
