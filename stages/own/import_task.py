@@ -17,7 +17,9 @@ def main(files: TaskFiles) -> None:
         sets["demonstrations"] = {"": sources["demonstrations"]}
     if task.feedback is not None:
         sets["executions"] = {"": sources["executions"]}
-        sets["corrections"] = {f"{one:g}": sources["corrections"] / f"{one:g}" for one in task.feedback.settings}
+        sets["corrections"] = {
+            f"{one:g}": sources["corrections"] / f"{one:g}" for one in task.feedback.settings
+        }
     write_task(task, files.parameters)
     for kind, folders in sets.items():
         with publish(files.folder / kind) as target:

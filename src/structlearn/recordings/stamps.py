@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-
 from structlearn.ground.params import Parameters
 
 

@@ -17,6 +17,7 @@ from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.result import Segmentation, read_segmentation
+from structlearn.testbeds.own.task import TaskParameters
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
 
@@ -54,6 +55,11 @@ class TaskFiles:
         """Whether the task has a part, by its key."""
         return read_values(self.parameters)[key] is not None
 
+    def task(self) -> TaskParameters:
+        """All parameters of the task."""
+        values = {key: value for key, value in read_values(self.parameters).items() if key != "files"}
+        return checked(values, TaskParameters, self.parameters, self.name)
+
     @property
     def clock(self) -> ClockParameters:
         """On which everything is read."""
@@ -63,10 +69,9 @@ class TaskFiles:
         """Demonstrations, or executions."""
         return read_demonstrations(self.folder / kind, **self.clock.model_dump())
 
-    def corrections(self) -> dict[str, list[Demonstration]]:
-        """Corrected demonstrations by the label of their setting."""
-        folders = sorted(path for path in (self.folder / "corrections").iterdir() if path.is_dir())
-        return {path.name: read_demonstrations(path, **self.clock.model_dump()) for path in folders}
+    def settings(self) -> list[str]:
+        """Labels of the settings in which demonstrations were corrected."""
+        return sorted(path.name for path in (self.folder / "corrections").iterdir() if path.is_dir())
 
     @property
     def segments(self) -> Path:
@@ -98,15 +103,15 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
 
     Args:
         main: the stage.
-        part: key of the part that it is for; a task without it gets an empty folder.
-        out: name of that folder.
+        part: key of the part that it is for.
+        out: name of the folder that it writes, which stays empty where the task has no such part.
     """
 
     def of_task() -> None:
         files = TaskFiles(sys.argv[1])
         if not part or files.has(part):
             main(files)
-        else:
+        elif out:
             with publish(files.folder / out) as folder:
                 folder.mkdir()
 

@@ -26,6 +26,7 @@ from structlearn.ground.params import Name, Parameters, checked, merged, read_va
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters
+from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 
@@ -77,6 +78,7 @@ class TaskParameters(Parameters):
     Attributes:
         source: file or folder of the demonstrations; None: there are none.
         topics: which topic of the bags carries which signal.
+        stamps: which clock stamps a message, and what becomes of stamps that do not increase.
         clock: on which everything is read.
         segment: how demonstrations are cut into primitives.
         fit: how primitives are learned.
@@ -86,6 +88,7 @@ class TaskParameters(Parameters):
 
     source: str | None = Field(min_length=1)
     topics: TopicMap | None
+    stamps: StampPolicy
     clock: ClockParameters
     segment: SegmentParameters | None
     fit: FitParameters | None
@@ -124,8 +127,8 @@ def read_task(name: str, path: Path = PARAMETER_FILE) -> TaskParameters:
         path: of the parameter file.
 
     Raises:
-        InputError: the file is not readable, has no such task, or a value is missing, unknown or out of range;
-            the message names file and key.
+        InputError: the file is not readable, has no such task, or a value is missing, unknown or out of
+            range; the message names file and key.
     """
     values = read_values(path)
     tasks = values.get("tasks") if isinstance(values, dict) else None
