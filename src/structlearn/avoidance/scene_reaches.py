@@ -53,6 +53,7 @@ class SceneReach:
 
 def cut_reach(
     trial: Demonstration,
+    name: str,
     person: str,
     smooth: Trajectory,
     part: slice,
@@ -64,6 +65,7 @@ def cut_reach(
 
     Args:
         trial: the recording.
+        name: that the reach gets.
         person: whose it is.
         smooth: (T, 3) m, its smoothed positions with their derivatives.
         part: samples of the reach.
@@ -91,7 +93,7 @@ def cut_reach(
     )
     grid = np.linspace(0.0, 1.0, parameters.samples)
     path = Trajectory(grid, *(_resampled(grid, time, signal @ frame) for signal in signals))
-    return SceneReach(trial.name, person, path, start, frame, duration, obstacles, walls)
+    return SceneReach(name, person, path, start, frame, duration, obstacles, walls)
 
 
 def _resampled(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:

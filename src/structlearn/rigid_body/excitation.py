@@ -1,4 +1,4 @@
-"""How well a motion tells the base parameters: their condition number, values and intervals (Gautier 1992)."""
+"""How well a motion tells base parameters: condition number, values and intervals (Gautier 1992)."""
 
 from dataclasses import dataclass
 
@@ -22,13 +22,13 @@ class BaseFit:
     Attributes:
         condition: ratio of the largest to the least singular value, columns scaled to unit length; infinite
             where something does not show at all.
-        values: (r,) base parameters, SI units.
+        parameters: (r,) base parameters, SI units.
         low: (r,) lower end of the 95 % interval.
         high: (r,) upper end.
     """
 
     condition: float
-    values: np.ndarray
+    parameters: np.ndarray
     low: np.ndarray
     high: np.ndarray
 

@@ -1,4 +1,4 @@
-"""Your own arm from logs of its joints: what its motion tells, and models asked about other motion (III.4)."""
+"""Your own arm from logs of its joints: what its motion tells, models asked about other motion (III.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -102,7 +102,7 @@ def identify_own_arm(
     fit = fit_base(robot.tree, base, parts[TRAIN], FRICTION, *drawing)
     found = {
         "parameter": base.formulas(robot.tree),
-        "value": fit.values,
+        "value": fit.parameters,
         "low": fit.low,
         "high": fit.high,
         "urdf": base.values(robot.inertias),

@@ -63,4 +63,5 @@ def _reach(trial: Demonstration, parameters: SceneReachParameters) -> SceneReach
     before = speed[: begins + 1]
     slow = np.flatnonzero(before < parameters.onset_share * speed[begins : ends + 1].max())
     onset = int(slow[-1]) if len(slow) else int(before.argmin())
-    return cut_reach(trial, person, smooth, slice(onset, ends + 1), boxes, walls, parameters)
+    part = slice(onset, ends + 1)
+    return cut_reach(trial, trial.name, person, smooth, part, boxes, walls, parameters)
