@@ -1,0 +1,1 @@
+"""What is done with a learned task, and how it is scored."""
