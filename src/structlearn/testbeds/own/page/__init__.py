@@ -1,1 +1,1 @@
-"""Sections of the page of a task."""
+"""The page of a task of your own."""

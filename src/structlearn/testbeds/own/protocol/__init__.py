@@ -1,1 +1,1 @@
-"""What is done with a learned task, and how it is scored."""
+"""What is run and scored on recordings of your own."""

@@ -10,7 +10,7 @@ from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.reporting import segmentation_figures
+from structlearn.reporting import movement_figures, segmentation_figures
 from structlearn.reporting.claims import UNKNOWN, Found, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
@@ -206,7 +206,7 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
         "downsampling": segmentation_figures.downsampling_figure(results.downsampling),
         "position_fit": demonstration_figures.position_fit_figure(results),
         "forcing": demonstration_figures.forcing_figure(results),
-        "sequence": demonstration_figures.sequence_figure(results.sequences),
+        "sequence": movement_figures.sequence_figure(results.sequences),
         "sequence_space": demonstration_figures.sequence_space_figure(results.sequences),
     }
     if len(results.sweep):
