@@ -1,18 +1,15 @@
-"""Check what a skill may ask of the robot: `make check TASK=pick` prints it and says whether all is well."""
+"""Hold a skill against the robot that is to run it."""
 
 from structlearn.feedback.skill_file import read_skill
-from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.testbeds.own.protocol.check_results import write_check
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 from structlearn.testbeds.own.protocol.skill_check import check_skill
 
 
 def main(files: TaskFiles) -> None:
-    check = check_skill(read_skill(files.skill), files.part("robot", RobotParameters))
-    with publish(files.folder / "check") as folder:
-        folder.mkdir()
-        write_table(check.margins, folder / "margins.parquet")
-        write_metrics(check.metrics(), folder / "check.json")
+    skill = read_skill(files.folder / "skill.safetensors")
+    write_check(check_skill(skill, files.part("robot", RobotParameters)), files.folder / "check")
 
 
 if __name__ == "__main__":

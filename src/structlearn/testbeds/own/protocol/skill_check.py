@@ -1,7 +1,6 @@
 """Whether a robot can do what a skill may ask of it, with the margin of each quantity in each run.
 
-Every run is followed by inverse kinematics from near the same rest configuration. A margin is the part of a
-bound that is left: 0 at the bound, 1 as far from it as can be, negative beyond.
+Every run is followed by inverse kinematics from near the same rest configuration.
 
 | quantity | bound |
 |---|---|
@@ -22,11 +21,11 @@ import pandas as pd
 
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.ground import quaternion, signals
-from structlearn.ground.artefacts import Metrics
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.inverse_kinematics import Arm, JointPath, follow, read_arm, rest_for
 from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
 from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.own.protocol.check_results import NOT_TESTED, THIN, SkillCheck, verdict
 from structlearn.testbeds.own.protocol.robot_parameters import Bound, RobotParameters
 from structlearn.testbeds.own.protocol.skill_unrolls import Unroll, unrolls
 
@@ -42,71 +41,8 @@ REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
 JUMP = 0.1
 """rad or m from one sample to the next."""
 
-THIN = 0.1
-"""A smaller margin is doubtful: what a controller that follows adds to its reference may use it up."""
-
-SLOWED = {"velocity": 1, "acceleration": 2, "jerk": 3}
-"""Quantities that a longer duration lessens, and with which power."""
-
-YES, DOUBTFUL, NO, NOT_TESTED = "yes", "doubtful", "no", "not tested"
-
 SEED = 1
 """Of the search for a rest configuration."""
-
-
-@dataclass(frozen=True)
-class SkillCheck:
-    """What was found.
-
-    Attributes:
-        margins: a row per run and quantity: `kind`, `unroll`, `quantity`, `where` (joint or links), `value`,
-            `bound`, `unit`, `margin`, `time_s`, `verdict`.
-        rest: joints' names -> rest configuration, rad or m.
-        untested: why self-collision was not looked at; empty where it was.
-        unwatched: links that nobody watches for collision, and why.
-    """
-
-    margins: pd.DataFrame
-    rest: dict[str, float]
-    untested: str
-    unwatched: tuple[str, ...]
-
-    @property
-    def verdict(self) -> str:
-        """That of all runs."""
-        return overall(self.margins["verdict"])
-
-    @property
-    def stretch(self) -> float:
-        """Factor of all durations with which velocity, acceleration and jerk would be at their bounds at most.
-
-        A primitive keeps its path when its duration changes, so these fall with the factor's first, second
-        and third power.
-        """
-        share = 1.0 - self.margins.groupby("quantity")["margin"].min()
-        return max(1.0, *(share[quantity] ** (1.0 / power) for quantity, power in SLOWED.items()))
-
-    def metrics(self) -> Metrics:
-        """Key figures."""
-        tested = self.margins[self.margins["verdict"] != NOT_TESTED]
-        return {
-            "verdict": self.verdict,
-            "runs": int(self.margins["unroll"].nunique()),
-            "failing_runs": int(self.margins.loc[self.margins["verdict"] == NO, "unroll"].nunique()),
-            "least_margin": float(tested["margin"].min()),
-            "stretch": float(self.stretch),
-            "untested": self.untested,
-            "unwatched": "; ".join(self.unwatched),
-            **{f"rest {name}": value for name, value in self.rest.items()},
-        }
-
-
-def overall(verdicts: pd.Series) -> str:
-    """The worst of several: a no, else a doubt; what is not tested is a doubt."""
-    found = set(verdicts)
-    if NO in found:
-        return NO
-    return DOUBTFUL if found & {DOUBTFUL, NOT_TESTED} else YES
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
@@ -124,23 +60,19 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     bounds = Bounds.of(arm, parameters)
     runs = [in_arm_frames(run, parameters) for run in unrolls(skill, RATE_HZ)]
     rest = _rest(arm, parameters, runs[0])
-    untested, shapes = "", None
     try:
         shapes = read_shapes(arm, parameters.locked_joints, rest)
+        notes = _unwatched(shapes)
     except InputError as error:
-        untested = str(error)
+        shapes, notes = None, (f"self-collision was not tested: {error}",)
+    if skill.workspace is None:
+        notes += ("the skill has no workspace, so starts and goals elsewhere were not tried",)
     rows = []
     for run in runs:
-        path = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
-        rows += [
-            {"kind": run.kind, "unroll": run.name} | row for row in margins(arm, path, bounds, shapes)
-        ]
-    return SkillCheck(
-        margins=pd.DataFrame(rows),
-        rest=dict(zip(arm.tree.names, rest.tolist(), strict=True)),
-        untested=untested,
-        unwatched=_unwatched(shapes),
-    )
+        followed = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
+        found = margins(arm, followed, bounds, shapes)
+        rows += [{"kind": run.kind, "run": run.name} | row for row in found]
+    return SkillCheck(pd.DataFrame(rows), dict(zip(arm.tree.names, rest.tolist(), strict=True)), notes)
 
 
 @dataclass(frozen=True)
@@ -205,7 +137,7 @@ def margins(
         shapes: of its links, or None where they are not known.
 
     Yields:
-        Rows of `SkillCheck.margins`, but for the run.
+        Rows of `check_results.SkillCheck.margins`, but for the run.
     """
     tree, dt = arm.tree, 1.0 / RATE_HZ
     units = np.where(tree.prismatic, "m", "rad")
@@ -253,11 +185,10 @@ def _per_joint(arm: Arm, values: Bound | Sequence[float], key: str) -> np.ndarra
     return np.broadcast_to(array, count).copy()
 
 
-def _unwatched(shapes: LinkShapes | None) -> tuple[str, ...]:
-    if shapes is None:
-        return ()
-    bare = tuple(f"what {joint} moves has no collision shape" for joint in shapes.bare)
-    return tuple(f"{pair} touch at rest" for pair in shapes.touching) + bare
+def _unwatched(shapes: LinkShapes) -> tuple[str, ...]:
+    """What shapes cannot tell of."""
+    touching = tuple(f"{pair} touch at rest and are not watched" for pair in shapes.touching)
+    return touching + tuple(f"what {joint} moves has no collision shape" for joint in shapes.bare)
 
 
 def _at_most(
@@ -308,5 +239,5 @@ def _row(
         "unit": units[place],
         "margin": margin,
         "time_s": float(sample) * every / RATE_HZ,
-        "verdict": NO if margin < 0.0 else DOUBTFUL if margin < THIN else YES,
+        "verdict": verdict(margin),
     }

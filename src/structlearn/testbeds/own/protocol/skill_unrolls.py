@@ -16,9 +16,7 @@ from structlearn.feedback.skill import ReactiveSkill, open_loop
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import sample_count
-
-NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")
-"""Kinds of runs."""
+from structlearn.testbeds.own.protocol.check_results import CORRECTIONS, GOALS, NOMINAL, STARTS
 
 BEYOND_ALL_BOUNDS = 1e9
 """Weights of a network whose coupling term is at its bound from the second tick on, as far as its rate lets."""
@@ -29,7 +27,7 @@ class Unroll:
     """One run of T ticks.
 
     Attributes:
-        kind: of `KINDS`.
+        kind: of `check_results.KINDS`.
         name: what differs from the nominal run, in words.
         position: (T, 3) m, frame of the demonstrations.
         orientation: (T, 4) unit quaternions, or None.
