@@ -1,6 +1,7 @@
 """Hold a skill against the robot that is to run it."""
 
 from structlearn.feedback.skill_file import read_skill
+
 from structlearn.testbeds.own.files import TaskFiles, run_for_task
 from structlearn.testbeds.own.protocol.check_results import write_check
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters

@@ -7,7 +7,10 @@ towards a rest configuration at a bounded pace, so a path has one answer, and a 
 Jacobian has full rank. Joint limits are not enforced: whoever asks sees how far a path goes beyond them.
 
     arm = read_arm("robot.urdf", "tool0")
-    path = follow(arm, positions, orientations, dt, rest)
+    path = follow(arm, positions, orientations, dt, rest)    # all poses at once
+    follower = Follower(arm, rest, dt)                       # or one by one, in a robot's own loop
+    joints = follower.start(position, orientation)
+    joints = follower.step(position, orientation)
 """
 
 from collections.abc import Sequence
@@ -28,7 +31,7 @@ DAMPING = 1e-10
 """Square of the least damping: without effect where singular values are above 0.001."""
 
 STEPS, FIRST_STEPS = 12, 300
-"""Newton steps per sample, of which two or three are needed, and for the first one, which may be far away."""
+"""Newton steps per sample at most, of which two or three are needed, and for the first one, far away."""
 
 LARGEST_STEP = 0.2
 """rad or m that a joint moves in one Newton step, so that the first pose is approached, not leapt at."""
@@ -129,24 +132,20 @@ def follow(
         dt: sampling interval in s.
         rest: (n,) towards which free joints are drawn; the first pose is sought from there.
     """
-    solver = _Solver(arm, orientation is not None)
-    rotation = [np.eye(3)] * len(position) if orientation is None else map(quaternion.matrix, orientation)
+    turned = orientation is not None
+    follower = Follower(arm, rest, dt, turned)
     path = JointPath(
         joints=np.empty((len(position), arm.model.nv)),
         missed_m=np.empty(len(position)),
         missed_rad=np.empty(len(position)),
-        jacobian=np.empty((len(position), solver.rows, arm.model.nv)),
+        jacobian=np.empty((len(position), len(follower.error), arm.model.nv)),
     )
-    joints = np.array(rest, dtype=float)
-    for sample, wanted in enumerate(zip(position, rotation, strict=True)):
-        if sample == 0:
-            joints = solver.solve(*wanted, joints, rest, pull=1.0, steps=FIRST_STEPS)
-        else:
-            joints = solver.solve(*wanted, joints, rest, pull=TO_REST * dt, steps=STEPS)
-        path.joints[sample] = joints
-        path.missed_m[sample] = np.linalg.norm(solver.error[:3])
-        path.missed_rad[sample] = np.linalg.norm(solver.error[3:])
-        path.jacobian[sample] = solver.jacobian
+    for sample, point in enumerate(position):
+        reach = follower.step if sample else follower.start
+        path.joints[sample] = reach(point, orientation[sample] if turned else None)
+        path.missed_m[sample] = np.linalg.norm(follower.error[:3])
+        path.missed_rad[sample] = np.linalg.norm(follower.error[3:])
+        path.jacobian[sample] = follower.jacobian
     return path
 
 
@@ -185,65 +184,69 @@ def rest_for(arm: Arm, position: np.ndarray, orientation: np.ndarray | None, see
     return found
 
 
-class _Solver:
-    """Newton steps to poses, with the memory that they need.
+class Follower:
+    """Pose after pose, as a path has them or as a robot's own loop asks for them.
 
     Attributes:
-        rows: 3 for positions, 6 with orientations.
-        error: (rows,) what is left, linear then angular, base axes.
-        jacobian: (rows, n) there.
+        joints: (n,) of the newest pose, rad or m.
+        error: (3 or 6,) by which they miss it: m, then rad where orientations are followed; base axes.
+        jacobian: (3 or 6, n) of the tip there.
     """
 
-    def __init__(self, arm: Arm, turned: bool) -> None:
-        self._arm, self._data = arm, arm.model.createData()
-        self.rows = 6 if turned else 3
-        self.error, self.jacobian = np.zeros(self.rows), np.zeros((self.rows, arm.model.nv))
-
-    def solve(
-        self,
-        position: np.ndarray,
-        rotation: np.ndarray,
-        joints: np.ndarray,
-        rest: np.ndarray,
-        pull: float,
-        steps: int,
-    ) -> np.ndarray:
-        """Joints (n,) for a pose (3,), (3, 3), from joints nearby.
+    def __init__(self, arm: Arm, rest: np.ndarray, dt: float, turned: bool = True) -> None:
+        """Make a follower, which is to be started.
 
         Args:
-            position: m.
-            rotation: of the tip's frame; not looked at for positions alone.
-            joints: (n,) to start from.
-            rest: (n,) towards which free joints go.
-            pull: part of the way to `rest` that they go in the first step; 1: as near as they can.
-            steps: at most.
+            arm: the arm.
+            rest: (n,) towards which free joints are drawn; the first pose is sought from there.
+            dt: time from one pose to the next in s.
+            turned: whether orientations are followed.
         """
-        identity = np.eye(self._arm.model.nv)
-        self._look(joints, position, rotation)
-        for step in range(steps):
-            missed = self.error @ self.error
-            damped = self.jacobian @ self.jacobian.T
-            damped[np.diag_indices(self.rows)] += 0.5 * missed + DAMPING
-            inverse = np.linalg.solve(damped, self.jacobian).T  # (n, rows)
-            move = inverse @ self.error
-            settles = pull == 1.0  # the first pose: free joints come to rest too
-            if step == 0 or settles:
-                free = (identity - inverse @ self.jacobian) @ (rest - joints)
-                move = move + (0.5 if settles else pull) * free
-            largest = np.abs(move).max()
-            joints = joints + move * min(1.0, LARGEST_STEP / max(largest, LARGEST_STEP))
-            self._look(joints, position, rotation)
-            if np.abs(self.error).max() < CONVERGED and (not settles or largest < CONVERGED):
-                break
-        return joints
+        self._arm, self._data, self._rest = arm, arm.model.createData(), np.array(rest, dtype=float)
+        self._pull, self._identity = TO_REST * dt, np.eye(arm.model.nv)
+        self.joints, self.error = self._rest.copy(), np.zeros(6 if turned else 3)
+        self.jacobian = np.zeros((len(self.error), arm.model.nv))
 
-    def _look(self, joints: np.ndarray, position: np.ndarray, rotation: np.ndarray) -> None:
-        """Bring error and Jacobian to these joints."""
+    def start(self, position: np.ndarray, orientation: np.ndarray | None) -> np.ndarray:
+        """Joints (n,) for the first pose (3,), (4,): as near to rest as it lets them be.
+
+        Free joints go on until they have come to rest, so that the path starts without a motion of theirs.
+        """
+        self.joints = self._rest.copy()
+        for _ in range(FIRST_STEPS):
+            move = self._newton(position, orientation, 0.5)
+            if np.abs(self.error).max() < CONVERGED and np.abs(move).max() < CONVERGED:
+                break
+            self._take(move)
+        return self.joints
+
+    def step(self, position: np.ndarray, orientation: np.ndarray | None) -> np.ndarray:
+        """Joints (n,) for the next pose, from those of the one before."""
+        self._take(self._newton(position, orientation, self._pull))
+        for _ in range(STEPS):
+            move = self._newton(position, orientation, 0.0)
+            if np.abs(self.error).max() < CONVERGED:
+                break
+            self._take(move)
+        return self.joints
+
+    def _newton(self, position: np.ndarray, orientation: np.ndarray | None, pull: float) -> np.ndarray:
+        """Step (n,) towards a pose, and of free joints by a part of their way to rest."""
         arm, data = self._arm, self._data
-        pinocchio.computeJointJacobians(arm.model, data, arm.configuration(joints))
+        pinocchio.computeJointJacobians(arm.model, data, arm.configuration(self.joints))
         frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)
         axes = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        self.jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)[: self.rows]
+        self.jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)[: len(self.error)]
         self.error[:3] = position - frame.translation
-        if self.rows == 6:
-            self.error[3:] = pinocchio.log3(rotation @ frame.rotation.T)
+        if len(self.error) == 6:
+            self.error[3:] = pinocchio.log3(quaternion.matrix(orientation) @ frame.rotation.T)
+        damped = self.jacobian @ self.jacobian.T
+        damped[np.diag_indices(len(damped))] += 0.5 * (self.error @ self.error) + DAMPING
+        inverse = np.linalg.solve(damped, self.jacobian).T  # (n, 3 or 6)
+        move = inverse @ self.error
+        if pull:
+            move = move + pull * (self._identity - inverse @ self.jacobian) @ (self._rest - self.joints)
+        return move
+
+    def _take(self, move: np.ndarray) -> None:
+        self.joints = self.joints + move * min(1.0, LARGEST_STEP / max(np.abs(move).max(), LARGEST_STEP))

@@ -45,7 +45,7 @@ class SkillCheck:
 
     @property
     def stretch(self) -> float:
-        """Factor of all durations with which velocity, acceleration and jerk would be at their bounds at most.
+        """Factor of all durations with which velocity, acceleration and jerk would keep their bounds.
 
         A primitive keeps its path when its duration changes, so these fall with the factor's first, second
         and third power.

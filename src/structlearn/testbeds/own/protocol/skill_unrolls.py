@@ -19,7 +19,7 @@ from structlearn.primitives.vector import sample_count
 from structlearn.testbeds.own.protocol.check_results import CORRECTIONS, GOALS, NOMINAL, STARTS
 
 BEYOND_ALL_BOUNDS = 1e9
-"""Weights of a network whose coupling term is at its bound from the second tick on, as far as its rate lets."""
+"""Weights of a network whose coupling term is at its bound from the second tick on, or on its way there."""
 
 
 @dataclass(frozen=True)
