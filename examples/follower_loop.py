@@ -2,10 +2,10 @@
 
     python examples/follower_loop.py data/own/pick/skill.safetensors
 
-`FakeArm` has the shape of robots' own libraries, a read that waits for the robot and sets the pace, and a write:
-pylibfranka's `readOnce` and `writeOnce(JointPositions(...))` on what `start_joint_position_control` returns, or
-`setJointPosition` in the `command` of a client of lbr_fri. (franky plans motions by itself: give it waypoints.)
-Run `make check` first, and bring the arm to the first joints by a motion of its own.
+`FakeArm` has the shape of robots' own libraries: a read that waits for the robot and so sets the pace, and a
+write. In pylibfranka they are `readOnce` and `writeOnce(JointPositions(...))` of what
+`start_joint_position_control` gives; a client of lbr_fri has `setJointPosition` in its `command`. (franky plans
+motions by itself: give it waypoints.) Run `make check` first, and bring the arm to the first joints beforehand.
 """
 
 import sys

@@ -236,7 +236,8 @@ class Follower:
         pinocchio.computeJointJacobians(arm.model, data, arm.configuration(self.joints))
         frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)
         axes = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        self.jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)[: len(self.error)]
+        jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)
+        self.jacobian = jacobian.reshape(6, -1)[: len(self.error)]  # of a single joint it is a vector
         self.error[:3] = position - frame.translation
         if len(self.error) == 6:
             self.error[3:] = pinocchio.log3(quaternion.matrix(orientation) @ frame.rotation.T)
