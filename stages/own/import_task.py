@@ -6,17 +6,16 @@ from pathlib import Path
 from structlearn.ground.artefacts import publish
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.testbeds.own.files import TaskFiles, run_for_task
-from structlearn.testbeds.own.task import read_task, write_task
+from structlearn.testbeds.own.task import local_path, read_task, write_task
 
 
 def main(files: TaskFiles) -> None:
     task = read_task(files.name)
-    sources = task.sources()
     sets: dict[str, Mapping[str, Path]] = {"demonstrations": {}, "executions": {}, "corrections": {}}
-    if "demonstrations" in sources:
-        sets["demonstrations"] = {"": sources["demonstrations"]}
+    if task.source is not None:
+        sets["demonstrations"] = {"": local_path(task.source)}
     if task.feedback is not None:
-        sets["executions"] = {"": sources["executions"]}
+        sets["executions"] = {"": local_path(task.feedback.executions)}
         sets["corrections"] = {
             f"{one:g}": sources["corrections"] / f"{one:g}" for one in task.feedback.settings
         }
