@@ -16,15 +16,14 @@ def main(files: TaskFiles) -> None:
         sets["demonstrations"] = {"": local_path(task.source)}
     if task.feedback is not None:
         sets["executions"] = {"": local_path(task.feedback.executions)}
-        sets["corrections"] = {
-            f"{one:g}": sources["corrections"] / f"{one:g}" for one in task.feedback.settings
-        }
+        corrections = local_path(task.feedback.corrections)
+        sets["corrections"] = {f"{one:g}": corrections / f"{one:g}" for one in task.feedback.settings}
     write_task(task, files.parameters)
     for kind, folders in sets.items():
         with publish(files.folder / kind) as target:
             target.mkdir()
             for name, source in folders.items():
-                write_recordings(read_recordings(source, task.topics), target / name)
+                write_recordings(read_recordings(source, task.topics, task.stamps), target / name)
 
 
 if __name__ == "__main__":

@@ -28,7 +28,6 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
@@ -194,6 +193,8 @@ def file_digests(source: str) -> dict[str, str]:
     """
     path = local_path(source)
     if path.suffix == ".urdf":
+        from structlearn.simulation.arm import urdf_path
+
         path = urdf_path(str(path))
     if not path.exists():
         raise InputError(f"{source}: no such file or folder")
