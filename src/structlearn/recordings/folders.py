@@ -42,11 +42,7 @@ def read_demonstrations(
         InputError: the source fails `bag_files.recording_files`, or a recording `read_recording` or
             `synchronise`; the message names it.
     """
-<<<<<<< HEAD
-    return [_read(path, topics, rate_hz, max_gap_s) for path in mcap_files(Path(source))]
-=======
     return [_read(file, topics, rate_hz, max_gap_s, stamps) for file in recording_files(source)]
->>>>>>> k1
 
 
 def read_recordings(
@@ -65,11 +61,7 @@ def read_recordings(
     Raises:
         InputError: as `read_demonstrations`, but for the clock; or a recording fails `check_recording`.
     """
-<<<<<<< HEAD
-    return [_read_checked(path, topics) for path in mcap_files(Path(source))]
-=======
     return [_read_checked(file, topics, stamps) for file in recording_files(source)]
->>>>>>> k1
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
@@ -110,47 +102,3 @@ def _read_checked(file: RecordingFile, topics: TopicMap, stamps: StampPolicy) ->
     except InputError as error:
         raise InputError(f"{file.path}: {error}") from error
     return recording
-<<<<<<< HEAD
-
-
-def mcap_files(source: Path) -> list[Path]:
-    """The .mcap files of a source in natural order; one in each bag."""
-    if not source.exists():
-        raise InputError(f"{source}: no such file or folder")
-    if source.is_file():
-        return [source]
-    found: list[Path] = []
-    for folder in [source, *(path.parent for path in source.glob("*/metadata.yaml"))]:
-        files = [path for path in folder.glob("*.mcap") if not path.name.startswith(".")]
-        if len(files) > 1 and (folder / "metadata.yaml").exists():
-            raise InputError(
-                f"{folder}: the bag is split into {len(files)} files; join them with `ros2 bag convert`"
-            )
-        found += files
-    if not found:
-        raise InputError(f"{source}: holds no .mcap file; other bags become one with `ros2 bag convert`")
-    for path in found:
-        _check_name(path.stem, str(path))
-    _check_unique([path.stem for path in found], str(source))
-    return sorted(found, key=lambda path: natural_order(path.stem))
-
-
-def natural_order(name: str) -> list[str | int]:
-    """Key that sorts runs of digits in a name as numbers; odd places are numbers, so keys compare."""
-    return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"(\d+)", name))]
-
-
-def _check_name(name: str, where: str) -> None:
-    if not re.fullmatch(NAME, name):
-        raise InputError(
-            f"{where}: '{name}' cannot be a name: it needs a letter or digit first, then such, spaces and "
-            "_ . + - ( )"
-        )
-
-
-def _check_unique(names: Sequence[str], where: str) -> None:
-    repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
-        raise InputError(f"{where}: several recordings have the name {', '.join(repeated)}")
-=======
->>>>>>> k1

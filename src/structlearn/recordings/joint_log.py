@@ -12,19 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_files import as_recording_file, open_bag
+from structlearn.recordings.bag_files import as_recording_file, open_bag, recording_files
 from structlearn.recordings.bag_reader import own_provenance
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
-<<<<<<< HEAD
-from structlearn.recordings.folders import mcap_files
-from structlearn.recordings.messages import JOINT_KINDS, check_readable, joint_states, joint_topic
-=======
 from structlearn.recordings.joint_series import chosen, joint_series
 from structlearn.recordings.messages import check_readable, joint_topic
 from structlearn.recordings.recording import JOINT_KINDS
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
->>>>>>> k1
 
 JOINT_STATES = "/joint_states"
 """Where drivers publish joint states unless told otherwise."""
@@ -112,19 +107,15 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
     write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
 
 
-<<<<<<< HEAD
 def read_joint_logs(source: str | Path, topic: str = JOINT_STATES) -> list[JointLog]:
-    """Read the logs of a file or folder, in natural order of their names (see `folders`).
+    """Read all logs of a source (see `bag_files.recording_files`), in natural order of their names.
 
     Raises:
         InputError: there are none, or as `read_joint_log`.
     """
-    return [read_joint_log(path, topic) for path in mcap_files(Path(source))]
+    return [read_joint_log(file.paths[0], topic) for file in recording_files(source)]
 
 
-def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
-    """Read a log from an MCAP file of ROS 2 messages, ours or a robot's.
-=======
 def read_joint_log(
     path: str | Path,
     topic: str = JOINT_STATES,
@@ -132,7 +123,6 @@ def read_joint_log(
     stamps: StampPolicy = AS_WRITTEN,
 ) -> JointLog:
     """Read a log from a file of any format (`bag_files`), ours or a robot's.
->>>>>>> k1
 
     Args:
         path: the file, e.g. as `ros2 bag record -s mcap` or `write_joint_log` leaves it.
