@@ -2,6 +2,7 @@
 
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.recordings import read_demonstrations
+from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.touch_log import read_touch_table, touch_of, touch_tables
 from structlearn.tactile.latent_files import write_models
 from structlearn.testbeds.own.files import TaskFiles, run_for_task
@@ -15,7 +16,7 @@ def main(files: TaskFiles) -> None:
     source = local_path(parameters.source)
     logs = [read_touch_table(path, parameters.channels) for path in touch_tables(source)]
     if not logs:
-        clock = files.clock.model_dump()
+        clock = files.clock.model_dump() | {"stamps": files.part("stamps", StampPolicy)}
         logs = [touch_of(one) for one in read_demonstrations(source, parameters.topics, **clock)]
     learned, results = learn_own_touch(logs, parameters)
     with publish(files.folder / "touch") as folder:
