@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_files import as_recording_file, open_bag, recording_files
+from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
 from structlearn.recordings.bag_reader import own_provenance
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
@@ -107,13 +107,24 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
     write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
 
 
-def read_joint_logs(source: str | Path, topic: str = JOINT_STATES) -> list[JointLog]:
+def read_joint_logs(
+    source: str | Path,
+    topic: str = JOINT_STATES,
+    joints: Sequence[str] | None = None,
+    stamps: StampPolicy = AS_WRITTEN,
+) -> list[JointLog]:
     """Read all logs of a source (see `bag_files.recording_files`), in natural order of their names.
+
+    Args:
+        source: file or folder.
+        topic: as in `read_joint_log`, as are the others.
+        joints: names of those that are taken.
+        stamps: how stamps are taken.
 
     Raises:
         InputError: there are none, or as `read_joint_log`.
     """
-    return [read_joint_log(file.paths[0], topic) for file in recording_files(source)]
+    return [_read(file, topic, joints, stamps) for file in recording_files(source)]
 
 
 def read_joint_log(
@@ -138,7 +149,11 @@ def read_joint_log(
             another type; joints have no names, one is missing, or they come at different times; positions,
             velocities or efforts are not filled, or not finite.
     """
-    file = as_recording_file(Path(path))
+    return _read(as_recording_file(Path(path)), topic, joints, stamps)
+
+
+def _read(file: RecordingFile, topic: str, joints: Sequence[str] | None, stamps: StampPolicy) -> JointLog:
+    path = file.path
     where = f"{path}: topic '{topic}'"
     bag = open_bag(file, [topic])
     if topic not in bag.messages:

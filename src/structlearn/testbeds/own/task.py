@@ -31,6 +31,7 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.own.files import local_path
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
+from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
@@ -38,7 +39,7 @@ PARAMETER_FILE = Path("stages/own/params.yaml")
 TASK_NAME = r"[A-Za-z0-9][A-Za-z0-9_-]*"
 """A task's name is a folder's and part of the names of its stages, in which DVC has signs of its own."""
 
-PARTS = ("feedback", "robot", "motion", "obstacles")
+PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
 """Keys of what a task may have or not, besides demonstrations."""
 
 OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise")
@@ -89,6 +90,7 @@ class TaskParameters(Parameters):
         feedback: what is learned from corrections.
         robot: that the skill is checked on.
         motion: logs of an arm that is identified.
+        touch: touches of a skin.
         obstacles: reaches past obstacles.
     """
 
@@ -102,6 +104,7 @@ class TaskParameters(Parameters):
     feedback: CorrectionParameters | None
     robot: RobotParameters | None
     motion: MotionParameters | None
+    touch: TouchParameters | None
     obstacles: ObstacleParameters | None
 
     @model_validator(mode="after")
@@ -110,8 +113,10 @@ class TaskParameters(Parameters):
             for part in ("feedback", "robot"):
                 if getattr(self, part) is not None:
                     raise ValueError(f"{part} needs demonstrations: name their source")
-            if self.motion is None and self.obstacles is None:
-                raise ValueError("names no recordings: a source of demonstrations, motion or obstacles")
+            if self.motion is None and self.touch is None and self.obstacles is None:
+                raise ValueError(
+                    "names no recordings: a source of demonstrations, motion, touch or obstacles"
+                )
         if self.feedback is not None:
             known = [primitive.name for primitive in self.segment.primitives]
             for name in self.feedback.primitives:
@@ -131,12 +136,14 @@ class TaskParameters(Parameters):
             found["robot"] = (self.robot.urdf,)
         if self.motion is not None:
             found["motion"] = (self.motion.source, self.motion.urdf)
+        if self.touch is not None:
+            found["touch"] = (self.touch.source,)
         if self.obstacles is not None:
             found["obstacles"] = (self.obstacles.source,)
         return found
 
 
-SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "obstacles")
+SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "touch", "obstacles")
 """What files may be for."""
 
 
