@@ -37,7 +37,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     if recording.shapes:
         start = min(int(stream.stamps[0]) for stream in recording.streams)
         raw.append(shapes_topic(OWN_TOPICS.obstacles, start, recording.shapes))
-    write_bag(path, _to_metadata(recording), raw)
+    write_bag(path, to_metadata(recording), raw)
 
 
 def _own_topics(recording: Recording) -> list[str]:
@@ -57,7 +57,7 @@ def _own_topics(recording: Recording) -> list[str]:
     ]
 
 
-def _to_metadata(recording: Recording) -> dict[str, str]:
+def to_metadata(recording: Recording) -> dict[str, str]:
     """The metadata record, values as JSON with sorted keys; numbers keep all their digits."""
     segments = recording.true_segments
     return {
