@@ -40,7 +40,7 @@ def read_demonstrations(
         InputError: there is no such source or no .mcap file in it, a bag is split over several files, two
             files have the same stem, or a file fails `read_recording` or `synchronise`; the message names it.
     """
-    return [_read(path, topics, rate_hz, max_gap_s) for path in _mcap_files(Path(source))]
+    return [_read(path, topics, rate_hz, max_gap_s) for path in mcap_files(Path(source))]
 
 
 def read_recordings(source: str | Path, topics: TopicMap = OWN_TOPICS) -> list[Recording]:
@@ -56,7 +56,7 @@ def read_recordings(source: str | Path, topics: TopicMap = OWN_TOPICS) -> list[R
     Raises:
         InputError: as `read_demonstrations`, but for the clock; or a recording fails `check_recording`.
     """
-    return [_read_checked(path, topics) for path in _mcap_files(Path(source))]
+    return [_read_checked(path, topics) for path in mcap_files(Path(source))]
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
@@ -97,7 +97,7 @@ def _read_checked(path: Path, topics: TopicMap) -> Recording:
     return recording
 
 
-def _mcap_files(source: Path) -> list[Path]:
+def mcap_files(source: Path) -> list[Path]:
     """The .mcap files of a source in natural order; one in each bag."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")

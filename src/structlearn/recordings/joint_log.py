@@ -15,6 +15,7 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_reader import own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
+from structlearn.recordings.folders import mcap_files
 from structlearn.recordings.messages import JOINT_KINDS, check_readable, joint_states, joint_topic
 
 JOINT_STATES = "/joint_states"
@@ -101,6 +102,15 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
     values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
     topic = joint_topic(f"{log.name}: {JOINT_STATES}", JOINT_STATES, log.joints, log.stamps, values)
     write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
+
+
+def read_joint_logs(source: str | Path, topic: str = JOINT_STATES) -> list[JointLog]:
+    """Read the logs of a file or folder, in natural order of their names (see `folders`).
+
+    Raises:
+        InputError: there are none, or as `read_joint_log`.
+    """
+    return [read_joint_log(path, topic) for path in mcap_files(Path(source))]
 
 
 def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
