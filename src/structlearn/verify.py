@@ -2,7 +2,8 @@
 
 Without arguments every output that a `dvc.lock` names is read anew and its digest compared; DVC itself looks
 at times and sizes first, so that it does not see a bit that changed by itself. With arguments single files
-are read, and must be what they were written as: arrays, tables, bags. Ends with code 1 where one is not.
+are read, and must be what they were written as: arrays, skills, tables, bags. Ends with code 1 where one is
+not.
 """
 
 import argparse
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import yaml
 
+from structlearn.feedback.skill_file import is_skill, read_skill
 from structlearn.ground.artefacts import read_metrics, read_table, read_tensors
 from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_reader import read_bag
@@ -21,7 +23,7 @@ from structlearn.recordings.bag_reader import read_bag
 LOCKS = ("dvc.lock", "stages/*/dvc.lock")
 
 READERS = {
-    ".safetensors": read_tensors,
+    ".safetensors": lambda path: read_skill(path) if is_skill(path) else read_tensors(path),
     ".parquet": read_table,
     ".json": read_metrics,
     ".mcap": lambda path: read_bag(path, ()),
