@@ -3,7 +3,6 @@
 from structlearn.feedback.skill_file import read_skill
 from structlearn.ground.artefacts import write_metrics
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.source import SourceParameters
 from structlearn.testbeds.scraping.protocol.latency import TimingParameters, controller_latency, run_cost
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
@@ -12,9 +11,7 @@ def main() -> None:
     parameters = stage_parameters("time_controller", TimingParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     skill = read_skill("data/feedback/scraping/skill.safetensors")
-    times = controller_latency(skill, parameters) if skill.networks else {}
-    if skill.networks and stage_parameters("record", SourceParameters).simulated:
-        times |= run_cost(skill, testbed, parameters)
+    times = controller_latency(skill, parameters) | run_cost(skill, testbed, parameters)
     write_metrics(times, "reports/scraping/timings.json")
 
 
