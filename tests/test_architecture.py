@@ -38,7 +38,8 @@ STARTS = {
     "tables": (
         (),
         "report.py scraping/segment.py scraping/sweep.py scraping/fit_primitives.py "
-        "scraping/coupling_dataset.py obstacles/demonstrate.py obstacles/dataset.py obstacles/evaluate.py "
+        "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
+        "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
         "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
