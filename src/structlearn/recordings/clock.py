@@ -214,7 +214,8 @@ def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
     if end <= start:
         raise InputError(
             f"{name}: {late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
-            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
+            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin, which "
+            "`clock: log` under `stamps` gives them"
         )
     return start, end
 
