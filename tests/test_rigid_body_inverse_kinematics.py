@@ -59,7 +59,9 @@ def test_tip_poses_are_products_of_the_joints_frames(panda):
 
 
 def test_a_redundant_arm_follows_smoothly_and_comes_back_to_where_it_was(panda):
-    position, orientation = there_and_back(panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3]))
+    position, orientation = there_and_back(
+        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
+    )
     path = follow(panda, position, orientation, DT, BENT)
     assert path.missed_m.max() < 1e-8
     assert path.missed_rad.max() < 1e-8
@@ -79,7 +81,9 @@ def test_poses_one_by_one_are_a_path(panda):
 
 
 def test_where_orientation_is_free_joints_stay_nearer_to_rest(panda):
-    position, orientation = there_and_back(panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3]))
+    position, orientation = there_and_back(
+        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
+    )
     bound = follow(panda, position, orientation, DT, BENT)
     free = follow(panda, position, None, DT, BENT)
     assert free.missed_m.max() < 1e-8
