@@ -5,10 +5,9 @@ from structlearn.recordings.joint_log import read_joint_logs
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.rigid_body.tree import read_urdf
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
 from structlearn.testbeds.own.protocol.own_motion import identify_own_arm
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
-from structlearn.testbeds.own.task import local_path
 
 
 def main(files: TaskFiles) -> None:

@@ -5,10 +5,9 @@ from pathlib import Path
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.stamps import StampPolicy
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
 from structlearn.testbeds.own.protocol.own_obstacles import EVERYBODY, learn_past_obstacles
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
-from structlearn.testbeds.own.task import local_path
 
 
 def folders(source: Path) -> dict[str, Path]:

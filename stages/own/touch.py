@@ -5,10 +5,9 @@ from structlearn.recordings import read_demonstrations
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.touch_log import read_touch_table, touch_of, touch_tables
 from structlearn.tactile.latent_files import write_models
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
 from structlearn.testbeds.own.protocol.own_touch import learn_own_touch
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
-from structlearn.testbeds.own.task import local_path
 
 
 def main(files: TaskFiles) -> None:

@@ -28,6 +28,7 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.testbeds.own.files import local_path
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
@@ -146,11 +147,6 @@ SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "to
 """What files may be for."""
 
 
-def local_path(path: str) -> Path:
-    """A path as a parameter file may have it: from the project's folder, or with `~` for the home folder."""
-    return Path(path).expanduser()
-
-
 def read_task(name: str, path: Path = PARAMETER_FILE) -> TaskParameters:
     """The parameters of one task.
 
@@ -179,6 +175,12 @@ def _with_defaults(defaults: dict[str, Any], entry: dict[str, Any]) -> dict[str,
     absent = [part for part in PARTS if entry.get(part) is None]
     absent += OF_DEMONSTRATIONS if values.get("source") is None else ()
     return values | dict.fromkeys(absent)
+
+
+def read_checked(path: Path) -> TaskParameters:
+    """What `write_task` published."""
+    values = {key: value for key, value in read_values(path).items() if key != "files"}
+    return checked(values, TaskParameters, path, "")
 
 
 def write_task(task: TaskParameters, path: Path) -> None:

@@ -15,6 +15,7 @@ from structlearn.testbeds.own.page import (
     touch_section,
 )
 from structlearn.testbeds.own.page.section import Section
+from structlearn.testbeds.own.task import read_checked
 
 PACKAGE = "structlearn.testbeds.own.page"
 PIPELINE = "stages/own/dvc.yaml"
@@ -71,7 +72,7 @@ def publish_page(files: TaskFiles) -> None:
             name: Source(f"{files.folder}/{folder}", f"{PIPELINE}:{stage}@{files.name}")
             for name, (folder, stage) in STAGES.items()
         },
-        parameters={f"tasks.{files.name}": files.task()},
+        parameters={f"tasks.{files.name}": read_checked(files.parameters)},
         recordings="recordings",
         simulated=any(one.simulated for one in files.runs("demonstrations")) if "cuts" in shown else False,
     )
