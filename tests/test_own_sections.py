@@ -43,8 +43,8 @@ ENTRY = {
         "source": "reaches",
         "topics": {"pose": "/pose", "obstacles": "/obstacles"},
         "folds": 2,
-        "network": {"members": 1, "training": {"iterations": 4}},
-        "text_network": {"training": {"iterations": 4}},
+        "network": {"members": 1, "training": {"iterations": 2}},
+        "text_network": {"training": {"iterations": 2}},
     },
 }
 
