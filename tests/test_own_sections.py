@@ -104,15 +104,24 @@ def test_what_was_found_of_the_arm_is_there_for_others(page):
     assert (page / "data/own/lab/touch/latent.safetensors").is_file()
 
 
-def test_a_part_that_a_task_lacks_leaves_an_empty_folder(root, tmp_path, monkeypatch):
+def test_bags_of_touch_will_do_and_a_part_that_a_task_lacks_leaves_an_empty_folder(
+    root, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     committed = yaml.safe_load((root / "stages/own/params.yaml").read_text())
-    entry = {key: value for key, value in ENTRY.items() if key in ("source", "obstacles")}
+    bags = {"topics": {"tactile": "/tactile/0"}, "spaces": {"training": {"steps": 5}}}
+    entry = {"source": None, "clock": {"rate_hz": 20.0}, "touch": merged(ENTRY["touch"], bags)}
     Path("stages/own").mkdir(parents=True)
-    values = merged({"defaults": committed["defaults"]}, {"tasks": {"lab": entry}})
+    values = {"defaults": committed["defaults"], "tasks": {"lab": entry}}
     Path("stages/own/params.yaml").write_text(yaml.safe_dump(values))
-    write_recordings([as_recording(one) for one in test_own_obstacles.recordings()[:1]], "reaches")
+    log = test_own_touch.made_up("run", 0, 400)
+    stamps = 10**9 + 5 * 10**7 * np.arange(len(log.counts))
+    pose = np.hstack([log.place, np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))])
+    streams = (Stream("/pose", "pose", stamps, pose), Stream("/tactile/0", "tactile", stamps, log.counts))
+    write_recordings([Recording("run", streams, provenance={"origin": "recorded"})], "touches")
     monkeypatch.setattr(sys, "argv", ["stage", "lab"])
-    for stage in ("import_task", "motion", "touch"):
+    for stage in ("import_task", "motion", "touch", "obstacles"):
         runpy.run_path(str(root / f"stages/own/{stage}.py"), run_name="__main__")
-    assert list(Path("data/own/lab/motion").iterdir()) == list(Path("data/own/lab/touch").iterdir()) == []
+    recordings = pd.read_parquet("data/own/lab/touch/recordings.parquet")
+    assert recordings["touching"].tolist() == [400]
+    assert list(Path("data/own/lab/motion").iterdir()) == list(Path("data/own/lab/obstacles").iterdir()) == []
