@@ -31,7 +31,7 @@ class Crossing:
         unlike: how unlike the reference's primitive it is (`run_assignment`); 0 where nothing was chosen.
         left_out: way of the motion before it, and after it where it is the last, that belongs to no
             primitive, in ways of a mean one.
-        rested: longest dip within it that was taken for a hesitation.
+        rested: s of dips within it that were taken for hesitations.
     """
 
     start: int
@@ -42,7 +42,7 @@ class Crossing:
     end_known: bool = False
     unlike: float = 0.0
     left_out: tuple[float, float] = (0.0, 0.0)
-    rested: int = 0
+    rested: float = 0.0
 
 
 Crossings = Mapping[str, Crossing]
@@ -217,7 +217,7 @@ def _placed(
             end_known,
             float(choice.assignment.costs[index][place]),
             (left_out[place], left_out[-1] if place == len(primitives) - 1 else 0.0),
-            int(one.rested[chosen]),
+            float(one.rested[chosen]),
         )
         event, before = last if end_known else None, end
     return found
@@ -245,6 +245,6 @@ def _missing(
         else f"none is like '{primitive.name}' in the other demonstrations"
     )
     return InputError(
-        f"{demonstration.name}: has {len(one.runs)} runs of motion above {choice.thresholds[place]:.3g} {unit}"
-        f"{f' ({runs} s)' if runs else ''}, and {what}; tried {thresholds} {unit}"
+        f"{demonstration.name}: has {len(one.runs)} runs of motion above {choice.thresholds[place]:.3g} "
+        f"{unit}{f' ({runs} s)' if runs else ''}, and {what}; tried {thresholds} {unit}"
     )

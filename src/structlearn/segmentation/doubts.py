@@ -30,7 +30,8 @@ LEFT_OUT = 0.25
 """Longest way of motion that belongs to no primitive, in ways of a mean primitive; a twitch is shorter."""
 
 RESTED_S = 0.35
-"""Longest rest within a primitive that is taken for a hesitation; pauses between primitives are longer."""
+"""Longest time in rests within a primitive that are taken for hesitations; a pause between primitives is
+longer."""
 
 
 def doubts(demonstration: str, refined: Mapping[str, Refined], reference: bool) -> pd.DataFrame:
@@ -59,7 +60,7 @@ def _of_motion(one: Refined) -> Iterator[tuple[str, float, float]]:
     yield "its duration, way or direction is unlike the reference's (cost)", crossing.unlike, UNLIKE
     yield "motion before it belongs to no primitive (ways of a primitive)", crossing.left_out[0], LEFT_OUT
     yield "motion after it belongs to no primitive (ways of a primitive)", crossing.left_out[1], LEFT_OUT
-    yield "a rest within it was taken for a hesitation (s)", one.own.dt * crossing.rested, RESTED_S
+    yield "a rest within it was taken for a hesitation (s)", crossing.rested, RESTED_S
 
 
 def _of_alignment(one: Refined) -> Iterator[tuple[str, float, float]]:

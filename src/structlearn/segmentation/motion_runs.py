@@ -46,8 +46,7 @@ class Candidates:
 
     Attributes:
         first, last: (G,) samples.
-        joined: (G,) dips that were taken for hesitations.
-        rested: (G,) samples of the longest of them.
+        rested: (G,) s of dips that are taken for hesitations.
         duration: (G,) s.
         way: (G,) m or rad, along the path.
         displacement: (G, D) m or rad, from first to last sample.
@@ -58,7 +57,6 @@ class Candidates:
 
     first: np.ndarray
     last: np.ndarray
-    joined: np.ndarray
     rested: np.ndarray
     duration: np.ndarray
     way: np.ndarray
@@ -178,7 +176,7 @@ def candidates(
             dip = runs[j, 0] - runs[j - 1, 1] - 1 if j > i else 0
             if dip > bridge:
                 break
-            rested = max(rested, dip)
+            rested += dip
             last = runs[j, 1]
             if ends is not None:
                 limit = runs[j + 1, 0] if j + 1 < len(runs) else len(step) - 1
@@ -186,13 +184,12 @@ def candidates(
                 if len(passed) == 0:
                     continue
                 last = passed[0]
-            rows.append((runs[i, 0], last, j - i, rested))
-    first, last, joined, rested = np.array(rows, dtype=int).reshape(-1, 4).T
+            rows.append((runs[i, 0], last, rested))
+    first, last, rested = np.array(rows, dtype=int).reshape(-1, 3).T
     return Candidates(
         first,
         last,
-        joined,
-        rested,
+        dt * rested,
         dt * (last - first + 1),
         np.maximum(travelled[last] - travelled[first], np.finfo(float).tiny),
         moved.path[last] - moved.path[first],
