@@ -46,9 +46,7 @@ def test_folders_come_by_label_those_that_are_named_first(tmp_path):
 
 def test_a_setting_that_is_named_and_not_recorded_is_an_error(tmp_path):
     folders(tmp_path, "5", "tilt_left")
-    with pytest.raises(
-        InputError, match="nothing was recorded in the setting 6, up; there are 5, tilt_left"
-    ):
+    with pytest.raises(InputError, match="nothing was recorded in the setting 6, up; there are 5, tilt_left"):
         setting_folders(tmp_path, ["5", "6", "up"])
     with pytest.raises(InputError, match="nowhere: no such folder"):
         setting_folders(tmp_path / "nowhere", [])
