@@ -57,5 +57,4 @@ def main(file: str) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    for name, value in main(sys.argv[1]).items():
-        print(f"{name}: {value:.3g}")
+    print(*main(sys.argv[1]).items(), sep="\n")
