@@ -140,11 +140,6 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
     return _described(path)["provenance"]
 
 
-def is_skill(path: str | Path) -> bool:
-    """Whether a safetensors file says that it holds a skill."""
-    return read_description(path).startswith(f'{{"{KIND}"')
-
-
 def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Of what, how and by which version a skill was learned.
 

@@ -200,7 +200,7 @@ def _placed(
     left_out = choice.assignment.left_out[index].tolist()
     for place, primitive in enumerate(primitives):
         one, chosen = choice.candidates[index][place], choice.assignment.chosen[index][place]
-        first, last = int(one.first[chosen]), int(one.last[chosen])
+        first, last = max(before, int(one.first[chosen])), int(one.last[chosen])
         speed = motions[primitive.axis].speed
         after = one.runs[one.runs[:, 0] > last, 0]
         limits = before, int(after[0]) if len(after) else len(speed) - 1
@@ -234,6 +234,10 @@ def _missing(
     chosen = None if choice.assignment is None else choice.assignment.chosen[index]
     place = 0 if chosen is None else int(np.argmax(choice.assignment.costs[index]))
     primitive, one = primitives[place], choice.candidates[index][place]
+    for bounded, its in zip(primitives, choice.candidates[index], strict=True):
+        if chosen is None and bounded.until is not None and len(its.runs) and len(its.first) == 0:
+            what = f"{bounded.until.signal} never comes to {bounded.until}"
+            return InputError(f"{demonstration.name}: primitive '{bounded.name}': {what} after its motion")
     unit = "rad/s" if primitive.axis == "rot" else "m/s"
     dt = demonstration.dt
     runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs)

@@ -8,12 +8,11 @@ above all that good cuts of the invented task show, and below what goes with a w
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import pandas as pd
 
 from structlearn.segmentation.refinement import Refined
 from structlearn.segmentation.result import RESULT
 
-COLUMNS = {"demonstration": object, "primitive": object, "reason": object, "number": float}
+COLUMNS = ["demonstration", "primitive", "reason", "number"]
 """Of the table: demonstration, primitive, reason in words, and the number that is beyond its bound."""
 
 APART = 0.2
@@ -34,7 +33,9 @@ RESTED_S = 0.35
 longer."""
 
 
-def doubts(demonstration: str, refined: Mapping[str, Refined], reference: bool) -> pd.DataFrame:
+def doubts(
+    demonstration: str, refined: Mapping[str, Refined], reference: bool
+) -> list[tuple[str, str, str, float]]:
     """What speaks against the cuts of one demonstration.
 
     Args:
@@ -45,13 +46,12 @@ def doubts(demonstration: str, refined: Mapping[str, Refined], reference: bool) 
     Returns:
         Rows of `COLUMNS`; most demonstrations have none.
     """
-    rows = [
+    return [
         (demonstration, primitive, reason, number)
         for primitive, one in refined.items()
         for reason, number, bound in (*_of_motion(one), *(() if reference else _of_alignment(one)))
         if number > bound
     ]
-    return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
 
 
 def _of_motion(one: Refined) -> Iterator[tuple[str, float, float]]:

@@ -27,6 +27,10 @@ MISSING = 2.0
 """Cost of a candidate that is not the pattern's primitive, whatever else it is, e.g. one of opposite
 direction."""
 
+OVERLAP = 0.3
+"""Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns
+the hand seldom waits until it has arrived. Motion along one axis belongs to one primitive."""
+
 PATTERNS = 200
 """Ways to cut one demonstration that are tried as the pattern, the cheapest ones by the prices above."""
 
@@ -143,7 +147,10 @@ def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.
     for before, after, moves in zip(primitives, primitives[1:], between[1:], strict=False):
         way = after.travelled[after.first][None] - after.travelled[before.last][:, None]
         way = np.zeros_like(way) if moves else way
-        in_order = (before.last[:, None] <= after.first[None]) & (before.first[:, None] < after.first[None])
+        overlap = before.last[:, None] - after.first[None]
+        shorter = np.minimum((before.last - before.first)[:, None], (after.last - after.first)[None])
+        other_axis = not np.array_equal(before.runs, after.runs)
+        in_order = (overlap <= OVERLAP * shorter * other_axis) & (before.first[:, None] < after.first[None])
         tables.append(np.where(in_order, np.maximum(way, 0.0), np.inf))
     last = primitives[-1]
     return [*tables, (last.travelled[-1] - last.travelled[last.last])[:, None]]
