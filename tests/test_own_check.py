@@ -1,6 +1,7 @@
 """A skill held against a robot: what is tried, margins in closed form, and what is told of it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from structlearn.ground.errors import InputError
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.reporting.document import Document, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
+from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own import check_verdict
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page import check_section
@@ -138,9 +140,27 @@ def test_what_does_not_fit_the_arm_is_told_by_key():
     ):
         with pytest.raises(InputError, match=rf"robot\.{key}: {counts}"):
             skill_check.check_skill(skill, PANDA.model_copy(update={key: values}))
+    with pytest.raises(InputError, match="there is no link 'hand'; there are panda_link0, "):
+        skill_check.check_skill(skill, PANDA.model_copy(update={"tip": "hand"}))
     away = Placement(position_m=(3.0, 0.0, 0.0), orientation=(1.0, 0.0, 0.0, 0.0))
     with pytest.raises(InputError, match="is the base where the demonstrations have their origin"):
         skill_check.check_skill(skill, PANDA.model_copy(update={"base": away, "rest_configuration": None}))
+
+
+def test_an_arm_whose_shapes_are_lost_is_checked_but_for_collisions(tmp_path):
+    """With a rest configuration that is looked for, and shapes in a folder that is not there."""
+    text = Path(urdf_path(PANDA.urdf)).read_text()
+    (tmp_path / "panda.urdf").write_text(text.replace("package://meshes", "package://lost"))
+    lost = PANDA.model_copy(update={"urdf": str(tmp_path / "panda.urdf"), "rest_configuration": None})
+    found = skill_check.check_skill(nominal_alone(pick_skill()), lost)
+    assert found.notes[0].startswith("self-collision was not tested: ")
+    assert "lost" in found.notes[0]
+    assert found.verdict == "doubtful"
+    assert set(found.margins.loc[found.margins["verdict"] != "yes", "quantity"]) <= {
+        "self-collision",
+        *check_results.SLOWED,
+        "joint range",
+    }
 
 
 def test_parameters_are_checked():
@@ -159,8 +179,11 @@ def test_what_was_found_is_read_as_it_was_written(check, tmp_path):
     read = check_results.read_check(tmp_path / "once")
     assert read.metrics() == check.metrics()
     assert (read.rest, read.notes) == (check.rest, check.notes)
-    for name in ("margins.parquet", "about.json"):
+    for name in ("margins.parquet", "rest.parquet", "notes.parquet"):
         assert (tmp_path / "once" / name).read_bytes() == (tmp_path / "twice" / name).read_bytes()
+    noted = replace(check, notes=("nobody looked", "nor did we"))
+    check_results.write_check(noted, tmp_path / "noted")
+    assert check_results.read_check(tmp_path / "noted").notes == noted.notes
 
 
 def with_verdicts(check, verdict):
