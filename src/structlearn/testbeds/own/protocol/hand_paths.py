@@ -1,0 +1,105 @@
+"""How the hand moves in recordings that nobody has described yet: its speed, its noise, its runs of motion.
+
+Poses may come from several topics; all are looked at, and the one that moves most is taken for the hand's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.ground import signals
+from structlearn.ground.errors import InputError
+from structlearn.recordings.checks import check_speed
+from structlearn.recordings.recording import Stream
+
+SPEED_HZ = 2.0
+"""Hz, low-pass of the positions before they are differentiated: the method's for finding a movement."""
+
+MOST_TICKS = 10**7
+"""Of a uniform clock; more of them mean that a stamp lies years away from the others."""
+
+REST_SHARE = 0.05
+"""Of the largest speed, below which the hand counts as resting."""
+
+
+@dataclass(frozen=True)
+class HandPath:
+    """Positions of one source of poses in one file, on a uniform clock.
+
+    Attributes:
+        dt: s between ticks.
+        start_s: s, of the first tick on the recording's clock.
+        position: (T, 3) m, without what is above `SPEED_HZ`.
+        speed: (T,) m/s of it.
+        noise_m: m, root mean square per axis of what was taken away while the hand rests.
+        norm_error: largest difference of a quaternion's norm from 1.
+        fault: what no hand does, e.g. a jump, or values that are no numbers; empty where there is nothing.
+    """
+
+    dt: float
+    start_s: float
+    position: np.ndarray
+    speed: np.ndarray
+    noise_m: float
+    norm_error: float
+    fault: str
+
+    @property
+    def travelled_m(self) -> float:
+        """Length of the way."""
+        return float(self.speed.sum() * self.dt)
+
+    @property
+    def extent_m(self) -> float:
+        """Diagonal of the box that holds it."""
+        return float(np.linalg.norm(np.ptp(self.position, axis=0)))
+
+    @property
+    def peak_m_s(self) -> float:
+        """Largest speed."""
+        return float(self.speed.max())
+
+
+def hand_path(stream: Stream) -> HandPath:
+    """The path of a stream of poses; stamps in disorder are sorted, and values that are no numbers left out.
+
+    Raises:
+        InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
+    """
+    finite = np.isfinite(stream.values).all(axis=1)
+    stamps, places = np.unique(stream.stamps[finite], return_index=True)
+    values = stream.values[finite][places]
+    if len(stamps) < 3:
+        raise InputError(f"{stream.topic} has {len(stamps)} poses, fewer than three")
+    dt = 1e-9 * float(np.median(np.diff(stamps)))
+    time = 1e-9 * (stamps - stamps[0])
+    if time[-1] > MOST_TICKS * dt:
+        raise InputError(f"{stream.topic} has stamps that lie {time[-1]:.3g} s apart, {dt:.3g} s as a rule")
+    ticks = np.arange(int(time[-1] / dt) + 1) * dt
+    if len(ticks) < 3:
+        raise InputError(f"{stream.topic} has poses at fewer than three ticks of {dt:.3g} s")
+    raw = np.stack([np.interp(ticks, time, column) for column in values[:, :3].T], axis=1)
+    position = signals.low_pass(raw, dt, SPEED_HZ)
+    speed = np.linalg.norm(signals.derivative(position, dt), axis=1)
+    resting = speed <= REST_SHARE * speed.max()
+    noise = raw[resting] - position[resting] if resting.any() else raw - position
+    return HandPath(
+        dt=dt,
+        start_s=1e-9 * int(stamps[0]),
+        position=position,
+        speed=speed,
+        noise_m=float(np.sqrt(np.mean(noise**2))),
+        norm_error=float(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0).max()),
+        fault=_fault(stream, finite, Stream(stream.topic, "pose", stamps, values)),
+    )
+
+
+def _fault(stream: Stream, finite: np.ndarray, ordered: Stream) -> str:
+    if not finite.all():
+        return f"{stream.topic}: {int((~finite).sum())} of {len(finite)} poses have values that are no numbers"
+    try:
+        check_speed("", ordered)
+    except InputError as error:
+        return str(error).removeprefix(": ")
+    return ""

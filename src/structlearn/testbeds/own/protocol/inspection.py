@@ -1,0 +1,243 @@
+"""What the files of a source hold, as far as it matters for learning from them.
+
+Files are opened one after another; what cannot be read is remembered by its reason, and the others go on.
+Camera images are looked at topic by topic, since those of one file may be larger than the memory.
+"""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from structlearn.ground.errors import InputError
+from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_files
+from structlearn.recordings.bag_reader import RawMessages
+from structlearn.recordings.cdr import short_name
+from structlearn.recordings.mcap_file import read_recording
+from structlearn.recordings.messages import READERS
+from structlearn.recordings.stamps import StampPolicy
+from structlearn.recordings.survey import (
+    JointSet,
+    TopicClocks,
+    Transforms,
+    joint_sets,
+    topic_clocks,
+    transforms,
+)
+from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
+from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path
+
+PoseSource = str | TransformPose | JointPose
+
+JOINT_STATE, TRANSFORMS = "sensor_msgs/JointState", "tf2_msgs/TFMessage"
+
+LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVideo", "CompressedPointCloud2")
+"""Types whose topics are looked at one by one."""
+
+HANDS = re.compile(r"tcp|tool|grasp|gripper|hand|ee$|end_?effector|flange", re.IGNORECASE)
+"""What frames of a hand are mostly called."""
+
+Seen = TypeVar("Seen")
+
+
+@dataclass(frozen=True)
+class TopicSeen:
+    """A topic of a file.
+
+    Attributes:
+        types: of its messages, `package/Type`.
+        clocks: its stamps; None where there are no messages, or none that are ROS 2 messages.
+        joints: by publisher, of a topic of joint states.
+        links: of a topic of transforms.
+    """
+
+    types: tuple[str, ...]
+    clocks: TopicClocks | None
+    joints: tuple[JointSet, ...] = ()
+    links: tuple[Transforms, ...] = ()
+
+    @property
+    def type(self) -> str:
+        """The type, or all of them."""
+        return " and ".join(self.types)
+
+
+@dataclass(frozen=True)
+class FileSeen:
+    """A file that could be opened.
+
+    Attributes:
+        file: it.
+        topics: by name.
+        hands: path of each source of poses.
+        no_hands: why a source of poses has no path.
+    """
+
+    file: RecordingFile
+    topics: Mapping[str, TopicSeen]
+    hands: Mapping[PoseSource, HandPath]
+    no_hands: Mapping[PoseSource, str]
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.file.name
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last log time of all messages in s; equal where there are none."""
+        logs = [seen.clocks.log for seen in self.topics.values() if seen.clocks]
+        return min((log.first_s for log in logs), default=0.0), max((log.last_s for log in logs), default=0.0)
+
+
+@dataclass(frozen=True)
+class SourceSeen:
+    """All files of a source.
+
+    Attributes:
+        source: as it was given.
+        urdf: of the robot, where given.
+        files: that could be opened, in natural order.
+        damaged: reason in one line by name of the others.
+    """
+
+    source: str
+    urdf: str | None
+    files: tuple[FileSeen, ...]
+    damaged: Mapping[str, str]
+
+
+def look_at(source: str, urdf: str | None = None) -> SourceSeen:
+    """Open every file of a source.
+
+    Args:
+        source: as `recording_files` takes it.
+        urdf: file of the robot, from whose joints poses may be computed.
+
+    Raises:
+        InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
+    """
+    tips = robot_tips(urdf) if urdf else []
+    files, damaged = [], {}
+    for file in recording_files(source):
+        try:
+            files.append(look_into(file, urdf, tips))
+        except InputError as error:
+            damaged[file.name] = str(error)
+    if not files:
+        raise InputError("; ".join(damaged.values()))
+    return SourceSeen(source, urdf, tuple(files), damaged)
+
+
+def look_into(file: RecordingFile, urdf: str | None = None, tips: Sequence[str] = ()) -> FileSeen:
+    """Open one file.
+
+    Args:
+        file: it.
+        urdf: of the robot.
+        tips: links whose poses its joints may give.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    present = open_bag(file, ()).topics
+    large = [topic for topic, types in present.items() if any(name.endswith(LARGE) for name in types)]
+    topics: dict[str, TopicSeen] = {}
+    for group in [[topic for topic in present if topic not in large], *([topic] for topic in large)]:
+        messages = open_bag(file, group).messages if group else {}
+        for topic in group:
+            topics[topic] = _topic_seen(present[topic], messages.get(topic))
+    hands, no_hands = {}, {}
+    for source in pose_sources(topics, urdf, tips):
+        try:
+            hands[source] = hand_path(_poses(file, source))
+        except InputError as error:
+            no_hands[source] = str(error)
+    return FileSeen(file, {topic: topics[topic] for topic in sorted(topics)}, hands, no_hands)
+
+
+def _topic_seen(types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
+    names = tuple(short_name(name) for name in types)
+    if messages is None:
+        return TopicSeen(names, None)
+    joints = tuple(joint_sets(messages)) if names == (JOINT_STATE,) else ()
+    links = tuple(transforms(messages)) if names == (TRANSFORMS,) else ()
+    return TopicSeen(names, topic_clocks(messages), joints, links)
+
+
+def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None, tips: Sequence[str]) -> list[PoseSource]:
+    """Whatever may be the hand's pose: topics of poses, then moving frames, then tips of the robot."""
+    found: list[PoseSource] = [
+        topic for topic, seen in topics.items() if len(seen.types) == 1 and seen.types[0] in READERS["pose"]
+    ]
+    for topic, seen in topics.items():
+        if seen.links and not topic.endswith("_static"):
+            static = topics[f"{topic}_static"].links if f"{topic}_static" in topics else ()
+            found += [TransformPose(parent=a, child=b, topic=topic) for a, b in frame_pairs(seen.links, static)]
+    for topic, seen in topics.items():
+        if urdf and any("joint_positions" in joints.values for joints in seen.joints):
+            found += [JointPose(urdf=urdf, tip=tip, topic=topic) for tip in tips]
+    return found
+
+
+def frame_pairs(moving: Sequence[Transforms], static: Sequence[Transforms]) -> list[tuple[str, str]]:
+    """Frames at the ends of the tree whose pose in the base changes, each with that base.
+
+    The base is the last frame on the way from the root that does not move in it.
+
+    Args:
+        moving: links of /tf, of which some may be at rest.
+        static: links of /tf_static.
+    """
+    parents = {link.child: link.parent for link in (*static, *moving)}
+    moves = {link.child for link in moving if link.moves}
+    pairs = []
+    for end in sorted(parents.keys() - set(parents.values())):
+        way = [end]
+        while way[-1] in parents and parents[way[-1]] not in way:  # a circle of frames has no root
+            way.append(parents[way[-1]])
+        turning = [place for place, frame in enumerate(way) if frame in moves]
+        if turning:
+            pairs.append((way[turning[-1] + 1], end))
+    return sorted(pairs, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
+
+
+def robot_tips(urdf: str) -> list[str]:
+    """Links of a URDF that carry no other one, behind the most joints; those called like a hand come first.
+
+    Raises:
+        InputError: the file is missing or no URDF.
+    """
+    path = Path(urdf).expanduser()
+    try:
+        joints = ElementTree.parse(path).getroot().findall("joint")
+        parents = {joint.find("child").get("link"): joint for joint in joints}
+        carriers = {joint.find("parent").get("link") for joint in joints}
+    except FileNotFoundError as error:
+        raise InputError(f"{urdf}: no such URDF file") from error
+    except (OSError, ElementTree.ParseError, AttributeError) as error:
+        raise InputError(f"{urdf}: cannot be read as a URDF: {error}") from error
+    depths = {link: _moving_joints(link, parents) for link in sorted(parents.keys() - carriers)}
+    ends = [link for link, depth in depths.items() if depth == max(depths.values())]
+    return sorted(ends, key=lambda link: (not HANDS.search(link), link))
+
+
+def _moving_joints(link: str, parents: Mapping[str, ElementTree.Element]) -> int:
+    count, seen = 0, set()
+    while link in parents and link not in seen:
+        seen.add(link)
+        count += parents[link].get("type") != "fixed"
+        link = parents[link].find("parent").get("link")
+    return count
+
+
+def _poses(file: RecordingFile, source: PoseSource):
+    topics = TopicMap(
+        pose=source, twist=None, joint_states=(), joints=None, wrench=None, tactile=(), tool_to_board=None
+    )
+    policy = StampPolicy(clock="header", disorder="sort")
+    return next(stream for stream in read_recording(file, topics, policy).streams if stream.kind == "pose")
