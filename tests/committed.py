@@ -14,7 +14,14 @@ from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
-NO_TOPICS = {"twist": None, "joint_states": [], "wrench": None, "tactile": [], "tool_to_board": None}
+NO_TOPICS = {
+    "twist": None,
+    "joint_states": [],
+    "joints": None,
+    "wrench": None,
+    "tactile": [],
+    "tool_to_board": None,
+}
 
 ParametersType = TypeVar("ParametersType", bound=Parameters)
 

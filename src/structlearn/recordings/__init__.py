@@ -11,12 +11,14 @@ from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.folders import read_demonstrations, read_recordings, write_recordings
 from structlearn.recordings.mcap_file import read_recording, write_recording
 from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import OWN_TOPICS, TopicMap
 
 __all__ = [
     "OWN_TOPICS",
     "Demonstration",
     "Recording",
+    "StampPolicy",
     "Stream",
     "TopicMap",
     "read_demonstrations",
