@@ -1,7 +1,5 @@
 """Whether a motion is rich enough to learn a robot's dynamics from it."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from structlearn.rigid_body.base_parameters import base_parameters
@@ -10,30 +8,7 @@ from structlearn.rigid_body.regressor import torque_regressor
 from structlearn.rigid_body.tree import KinematicTree
 
 MOST_SAMPLES = 3000
-"""Of a motion whose regressor is looked at, evenly spread: more change the condition number in its third digit."""
-
-
-@dataclass(frozen=True)
-class JointRange:
-    """What one joint went through.
-
-    Attributes:
-        position: rad (m where it slides, likewise below), from its least to its largest position.
-        velocity: rad/s, the largest, either way.
-        acceleration: rad/s^2, likewise.
-    """
-
-    position: float
-    velocity: float
-    acceleration: float
-
-
-def joint_ranges(motion: Motion) -> list[JointRange]:
-    """What each of the n joints of a motion went through."""
-    columns = zip(
-        np.ptp(motion.q, axis=0), np.abs(motion.qd).max(axis=0), np.abs(motion.qdd).max(axis=0), strict=True
-    )
-    return [JointRange(*map(float, column)) for column in columns]
+"""Of a motion whose regressor is looked at, evenly spread: more would change its third digit."""
 
 
 def base_condition(tree: KinematicTree, motion: Motion) -> float:

@@ -1,10 +1,10 @@
-"""How the hand moves in recordings that nobody has described yet: its speed, its noise, its runs of motion.
+"""How the hand moves in recordings that nobody has described yet: its way, its speed, its noise.
 
-Poses may come from several topics; all are looked at, and the one that moves most is taken for the hand's.
+Where there are joint states and no robot to compute poses with, the joints stand in for the hand.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -28,15 +28,17 @@ class HandPath:
     """Positions of one source of poses in one file, on a uniform clock.
 
     Attributes:
+        unit: m, or rad where it is joints that move; below, m stands for either.
         dt: s between ticks.
         start_s: s, of the first tick on the recording's clock.
-        position: (T, 3) m, without what is above `SPEED_HZ`.
+        position: (T, D) m, without what is above `SPEED_HZ`.
         speed: (T,) m/s of it.
         noise_m: m, root mean square per axis of what was taken away while the hand rests.
         norm_error: largest difference of a quaternion's norm from 1.
         fault: what no hand does, e.g. a jump, or values that are no numbers; empty where there is nothing.
     """
 
+    unit: Literal["m", "rad"]
     dt: float
     start_s: float
     position: np.ndarray
@@ -68,38 +70,49 @@ def hand_path(stream: Stream) -> HandPath:
         InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
     """
     finite = np.isfinite(stream.values).all(axis=1)
-    stamps, places = np.unique(stream.stamps[finite], return_index=True)
-    values = stream.values[finite][places]
+    stamps, values = _in_order(stream.stamps[finite], stream.values[finite])
+    path = _path("m", stream.topic, stamps, values[:, :3])
+    return replace(
+        path,
+        norm_error=float(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0).max()),
+        fault=_fault(finite, Stream(stream.topic, "pose", stamps, values)),
+    )
+
+
+def joint_path(topic: str, stamps: np.ndarray, positions: np.ndarray) -> HandPath:
+    """The path of joints, as `hand_path`: (T,) int64 ns, (T, J) rad."""
+    return _path("rad", topic, *_in_order(stamps, positions))
+
+
+def _in_order(stamps: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    ordered, places = np.unique(stamps, return_index=True)
+    return ordered, values[places]
+
+
+def _path(unit: Literal["m", "rad"], topic: str, stamps: np.ndarray, values: np.ndarray) -> HandPath:
     if len(stamps) < 3:
-        raise InputError(f"{stream.topic} has {len(stamps)} poses, fewer than three")
+        raise InputError(f"{topic} has {len(stamps)} samples, fewer than three")
     dt = 1e-9 * float(np.median(np.diff(stamps)))
     time = 1e-9 * (stamps - stamps[0])
     if time[-1] > MOST_TICKS * dt:
-        raise InputError(f"{stream.topic} has stamps that lie {time[-1]:.3g} s apart, {dt:.3g} s as a rule")
+        raise InputError(f"{topic} has stamps that lie {time[-1]:.3g} s apart, {dt:.3g} s as a rule")
     ticks = np.arange(int(time[-1] / dt) + 1) * dt
     if len(ticks) < 3:
-        raise InputError(f"{stream.topic} has poses at fewer than three ticks of {dt:.3g} s")
-    raw = np.stack([np.interp(ticks, time, column) for column in values[:, :3].T], axis=1)
+        raise InputError(f"{topic} has samples at fewer than three ticks of {dt:.3g} s")
+    raw = np.stack([np.interp(ticks, time, column) for column in values.T], axis=1)
     position = signals.low_pass(raw, dt, SPEED_HZ)
     speed = np.linalg.norm(signals.derivative(position, dt), axis=1)
     resting = speed <= REST_SHARE * speed.max()
     noise = raw[resting] - position[resting] if resting.any() else raw - position
-    return HandPath(
-        dt=dt,
-        start_s=1e-9 * int(stamps[0]),
-        position=position,
-        speed=speed,
-        noise_m=float(np.sqrt(np.mean(noise**2))),
-        norm_error=float(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0).max()),
-        fault=_fault(stream, finite, Stream(stream.topic, "pose", stamps, values)),
-    )
+    noise_m = float(np.sqrt(np.mean(noise**2)))
+    return HandPath(unit, dt, 1e-9 * int(stamps[0]), position, speed, noise_m, norm_error=0.0, fault="")
 
 
-def _fault(stream: Stream, finite: np.ndarray, ordered: Stream) -> str:
+def _fault(finite: np.ndarray, ordered: Stream) -> str:
     if not finite.all():
-        return f"{stream.topic}: {int((~finite).sum())} of {len(finite)} poses have values that are no numbers"
+        return f"{int((~finite).sum())} of {len(finite)} poses have values that are no numbers"
     try:
         check_speed("", ordered)
     except InputError as error:
-        return str(error).removeprefix(": ")
+        return str(error).removeprefix(f": {ordered.topic}: ")
     return ""

@@ -4,14 +4,9 @@ Files are opened one after another; what cannot be read is remembered by its rea
 Camera images are looked at topic by topic, since those of one file may be larger than the memory.
 """
 
-import re
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
-
-import numpy as np
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_files
@@ -19,6 +14,7 @@ from structlearn.recordings.bag_reader import RawMessages
 from structlearn.recordings.cdr import short_name
 from structlearn.recordings.mcap_file import read_recording
 from structlearn.recordings.messages import READERS
+from structlearn.recordings.recording import Stream
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.survey import (
     JointSet,
@@ -29,7 +25,8 @@ from structlearn.recordings.survey import (
     transforms,
 )
 from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
-from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path
+from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
+from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path, joint_path
 
 PoseSource = str | TransformPose | JointPose
 
@@ -37,11 +34,6 @@ JOINT_STATE, TRANSFORMS = "sensor_msgs/JointState", "tf2_msgs/TFMessage"
 
 LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVideo", "CompressedPointCloud2")
 """Types whose topics are looked at one by one."""
-
-HANDS = re.compile(r"tcp|tool|grasp|gripper|hand|ee$|end_?effector|flange", re.IGNORECASE)
-"""What frames of a hand are mostly called."""
-
-Seen = TypeVar("Seen")
 
 
 @dataclass(frozen=True)
@@ -121,11 +113,12 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
     Raises:
         InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
     """
-    tips = robot_tips(urdf) if urdf else []
+    if urdf:
+        moving_joints(_local(urdf))  # a wrong file is told of before any bag is opened
     files, damaged = [], {}
     for file in recording_files(source):
         try:
-            files.append(look_into(file, urdf, tips))
+            files.append(look_into(file, urdf))
         except InputError as error:
             damaged[file.name] = str(error)
     if not files:
@@ -133,13 +126,12 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
     return SourceSeen(source, urdf, tuple(files), damaged)
 
 
-def look_into(file: RecordingFile, urdf: str | None = None, tips: Sequence[str] = ()) -> FileSeen:
+def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
     """Open one file.
 
     Args:
         file: it.
         urdf: of the robot.
-        tips: links whose poses its joints may give.
 
     Raises:
         InputError: it cannot be read.
@@ -151,13 +143,30 @@ def look_into(file: RecordingFile, urdf: str | None = None, tips: Sequence[str] 
         messages = open_bag(file, group).messages if group else {}
         for topic in group:
             topics[topic] = _topic_seen(present[topic], messages.get(topic))
+    topics = {topic: topics[topic] for topic in sorted(topics)}
     hands, no_hands = {}, {}
-    for source in pose_sources(topics, urdf, tips):
+    sources = pose_sources(topics, urdf)
+    for source in sources:
         try:
             hands[source] = hand_path(_poses(file, source))
         except InputError as error:
             no_hands[source] = str(error)
-    return FileSeen(file, {topic: topics[topic] for topic in sorted(topics)}, hands, no_hands)
+    if not sources and (arm := arm_of(topics)):
+        topic, joints = arm
+        source = JointPose(urdf=UNKNOWN_URDF, tip=UNKNOWN_TIP, topic=topic)
+        hands[source] = joint_path(topic, joints.stamps, joints.values["joint_positions"])
+    return FileSeen(file, topics, hands, no_hands)
+
+
+UNKNOWN_URDF, UNKNOWN_TIP = "~/robot.urdf", "tool0"
+"""Stand in for a robot that has not been named."""
+
+
+def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSet] | None:
+    """Whoever publishes positions of the most joints, with the topic."""
+    arms = [(topic, joints) for topic, seen in topics.items() for joints in seen.joints]
+    arms = [(topic, joints) for topic, joints in arms if "joint_positions" in joints.values]
+    return max(arms, key=lambda arm: len(arm[1].names), default=None)
 
 
 def _topic_seen(types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
@@ -169,18 +178,20 @@ def _topic_seen(types: Sequence[str], messages: RawMessages | None) -> TopicSeen
     return TopicSeen(names, topic_clocks(messages), joints, links)
 
 
-def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None, tips: Sequence[str]) -> list[PoseSource]:
-    """Whatever may be the hand's pose: topics of poses, then moving frames, then tips of the robot."""
+def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
+    """Whatever may be the hand's pose: topics of poses, then moving frames, then the tip of the robot."""
     found: list[PoseSource] = [
         topic for topic, seen in topics.items() if len(seen.types) == 1 and seen.types[0] in READERS["pose"]
     ]
     for topic, seen in topics.items():
         if seen.links and not topic.endswith("_static"):
             static = topics[f"{topic}_static"].links if f"{topic}_static" in topics else ()
-            found += [TransformPose(parent=a, child=b, topic=topic) for a, b in frame_pairs(seen.links, static)]
-    for topic, seen in topics.items():
-        if urdf and any("joint_positions" in joints.values for joints in seen.joints):
-            found += [JointPose(urdf=urdf, tip=tip, topic=topic) for tip in tips]
+            found += [
+                TransformPose(parent=a, child=b, topic=topic) for a, b in frame_pairs(seen.links, static)
+            ]
+    if urdf and (arm := arm_of(topics)):
+        topic, joints = arm
+        found += [JointPose(urdf=urdf, tip=tip, topic=topic) for tip in tips(_local(urdf), joints.names)[:1]]
     return found
 
 
@@ -206,36 +217,21 @@ def frame_pairs(moving: Sequence[Transforms], static: Sequence[Transforms]) -> l
     return sorted(pairs, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
 
 
-def robot_tips(urdf: str) -> list[str]:
-    """Links of a URDF that carry no other one, behind the most joints; those called like a hand come first.
-
-    Raises:
-        InputError: the file is missing or no URDF.
-    """
-    path = Path(urdf).expanduser()
-    try:
-        joints = ElementTree.parse(path).getroot().findall("joint")
-        parents = {joint.find("child").get("link"): joint for joint in joints}
-        carriers = {joint.find("parent").get("link") for joint in joints}
-    except FileNotFoundError as error:
-        raise InputError(f"{urdf}: no such URDF file") from error
-    except (OSError, ElementTree.ParseError, AttributeError) as error:
-        raise InputError(f"{urdf}: cannot be read as a URDF: {error}") from error
-    depths = {link: _moving_joints(link, parents) for link in sorted(parents.keys() - carriers)}
-    ends = [link for link, depth in depths.items() if depth == max(depths.values())]
-    return sorted(ends, key=lambda link: (not HANDS.search(link), link))
+def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
+    """Clocks of those of the topics that have messages, each with its file and topic."""
+    return [
+        (file.name, topic, file.topics[topic].clocks)
+        for file in files
+        for topic in topics
+        if topic in file.topics and file.topics[topic].clocks
+    ]
 
 
-def _moving_joints(link: str, parents: Mapping[str, ElementTree.Element]) -> int:
-    count, seen = 0, set()
-    while link in parents and link not in seen:
-        seen.add(link)
-        count += parents[link].get("type") != "fixed"
-        link = parents[link].find("parent").get("link")
-    return count
+def _local(path: str) -> Path:
+    return Path(path).expanduser()
 
 
-def _poses(file: RecordingFile, source: PoseSource):
+def _poses(file: RecordingFile, source: PoseSource) -> Stream:
     topics = TopicMap(
         pose=source, twist=None, joint_states=(), joints=None, wrench=None, tactile=(), tool_to_board=None
     )
