@@ -17,9 +17,10 @@ from structlearn.ground import signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.alignment import Alignment, least_squares, velocity_weights, with_crossings
-from structlearn.segmentation.crossing import moving_interval
+from structlearn.segmentation.crossings import Crossing, Crossings, find_crossings
 from structlearn.segmentation.dtw import correspondences
-from structlearn.segmentation.parameters import AXES, SegmentParameters
+from structlearn.segmentation.motion_runs import path
+from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 
 
@@ -28,10 +29,9 @@ class _Motion:
     """Filtered signals of one primitive's axis in one demonstration, and its crossing."""
 
     dt: float
-    position: np.ndarray  # (T, D)
+    position: np.ndarray  # (T, D) m, of an orientation rad
     velocity: np.ndarray  # (T, D)
-    start: int
-    end: int
+    crossing: Crossing
 
 
 def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
@@ -48,18 +48,23 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         InputError: there is no demonstration of the reference's name, the sampling intervals differ, the
             reference cannot be cut, or another cannot and failures are not to be skipped.
     """
-    reference = _reference(demonstrations, parameters)
+    first = demonstrations[0]
     for demonstration in demonstrations:
-        if abs(demonstration.dt - reference.dt) > 1e-6 * reference.dt:
+        if abs(demonstration.dt - first.dt) > 1e-6 * first.dt:
             raise InputError(
                 f"{demonstration.name}: sampling interval {demonstration.dt:g} s differs from "
-                f"{reference.dt:g} s of the reference {reference.name}"
+                f"{first.dt:g} s of {first.name}"
             )
-    reference_motions = _guess(reference, parameters)
+    reference, crossings = find_crossings(demonstrations, parameters)
+    reference_motions = _motions(reference, crossings[demonstrations.index(reference)], parameters)
     cuts, pairs, left_out = [], [], {}
-    for demonstration in demonstrations:
+    for demonstration, found in zip(demonstrations, crossings, strict=True):
         try:
-            motions = reference_motions if demonstration is reference else _guess(demonstration, parameters)
+            motions = (
+                reference_motions
+                if demonstration is reference
+                else _motions(demonstration, found, parameters)
+            )
             aligned = {
                 name: _align(demonstration.name, name, reference_motions[name], motion, parameters)
                 for name, motion in motions.items()
@@ -94,43 +99,29 @@ class _Aligned:
 
     def ends(self, method: str) -> np.ndarray:
         """(2,) start and end by a method."""
-        reference_ends = np.array([self.reference.start, self.reference.end], dtype=float)
+        reference, own = self.reference.crossing, self.motion.crossing
+        reference_ends = np.array([reference.start, reference.end], dtype=float)
+        crossings = np.array([own.start, own.end], dtype=float)
         if method == "zvc":
-            return np.array([self.motion.start, self.motion.end], dtype=float)
+            return crossings
         if method == "dtw":
-            return np.interp(reference_ends, self.pairs[:, 0], self.pairs[:, 1])
-        return self.alignments[method].guess_time(reference_ends)
+            ends = np.interp(reference_ends, self.pairs[:, 0], self.pairs[:, 1])
+        else:
+            ends = self.alignments[method].guess_time(reference_ends)
+        return np.where([own.start_known, own.end_known], crossings, ends)
 
 
-def _reference(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Demonstration:
-    if parameters.reference is None:
-        return demonstrations[0]
-    for demonstration in demonstrations:
-        if demonstration.name == parameters.reference:
-            return demonstration
-    raise InputError(f"segment.reference: there is no demonstration named '{parameters.reference}'")
-
-
-def _guess(demonstration: Demonstration, parameters: SegmentParameters) -> dict[str, _Motion]:
-    """Zero-velocity crossing of every primitive with an axis, each looked for after the one before."""
-    dt, motions, first = demonstration.dt, {}, 0
-    for primitive in parameters.primitives:
-        if primitive.axis == "between":
-            continue
-        position = demonstration.position[:, AXES[primitive.axis]]
-        speeds = [
-            np.linalg.norm(signals.derivative(signals.low_pass(position, dt, cutoff), dt), axis=1)
-            for cutoff in (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
-        ]
-        try:
-            start, end = moving_interval(
-                *speeds, primitive.threshold_m_s, round(parameters.bridge_s / dt), first
-            )
-        except InputError as error:
-            raise InputError(f"{demonstration.name}: primitive '{primitive.name}': {error}") from error
-        smooth = signals.low_pass(position, dt, parameters.align_cutoff_hz)
-        motions[primitive.name] = _Motion(dt, smooth, signals.derivative(smooth, dt), start, end)
-        first = end
+def _motions(
+    demonstration: Demonstration, found: Crossings | InputError, parameters: SegmentParameters
+) -> dict[str, _Motion]:
+    """What is aligned of every primitive with an axis; raises what stands in place of the crossings."""
+    if isinstance(found, InputError):
+        raise found
+    dt, motions = demonstration.dt, {}
+    axes = {primitive.name: primitive.axis for primitive in parameters.primitives}
+    for name, crossing in found.items():
+        smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
+        motions[name] = _Motion(dt, smooth, signals.derivative(smooth, dt), crossing)
     return motions
 
 
@@ -141,19 +132,20 @@ def _align(
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
     # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.
-    firsts = [max(0, motion.start - extension) for motion in (reference, guess)]
+    own = [motion.crossing for motion in (reference, guess)]
+    firsts = [max(one.earliest, one.start - extension) for one in own]
     parts = [
-        motion.position[first : motion.end + extension + 1 : g]
-        for motion, first in zip((reference, guess), firsts, strict=True)
+        motion.position[first : min(one.latest, one.end + extension) + 1 : g]
+        for motion, one, first in zip((reference, guess), own, firsts, strict=True)
     ]
-    pairs = g * correspondences(*parts) + np.array(firsts)
+    pairs = g * correspondences(*parts, one_scale=parameters.assigns_runs) + np.array(firsts)
     weights = velocity_weights(
         reference.velocity[pairs[:, 0]],
         guess.velocity[pairs[:, 1]],
         parameters.near_zero,
         parameters.decay,
     )
-    crossings = np.array([[reference.start, guess.start], [reference.end, guess.end]])
+    crossings = np.array([[one.start for one in own], [one.end for one in own]])
     tolerance = parameters.crossing_tolerance_s / reference.dt
     try:
         text = least_squares(pairs, weights)
