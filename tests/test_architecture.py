@@ -19,7 +19,7 @@ FLOORS = (
     ("simulation",),
     ("reporting", "viewer"),
     ("testbeds",),
-    ("inspect",),
+    ("inspect", "verify"),  # commands, run as modules
 )
 ROOMS = {
     "rerun": ("viewer", "recordings"),
