@@ -1,8 +1,8 @@
 """How many moves the demonstrations of one task have: the runs of motion in which most of them agree.
 
-A threshold that is right for one task is wrong for the next, so some are tried, as shares of the speed that
-the hand reaches. At each, a demonstration is a row of long and short runs. What most demonstrations show
-alike is the task; short runs count as long as they, too, stand at the same places.
+A threshold that is right for one task is wrong for the next, so those are tried that the cutting tries. At
+each, a demonstration is a row of long and short runs. What most demonstrations show alike is the task; short
+runs count as long as they, too, stand at the same places.
 """
 
 from collections import Counter
@@ -11,13 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
 from structlearn.testbeds.own.protocol.hand_paths import HandPath
 
-SPEED_SHARES = (0.03, 0.05, 0.1, 0.2)
-"""Of the median over demonstrations of their largest speed: thresholds that are tried."""
-
 PREFERRED = 1
-"""Which of them is taken where they agree alike: low, so that no slow move is lost, and above the sway."""
+"""Which threshold is taken where they serve alike: low, so that no slow move is lost, and above the sway."""
 
 BRIDGE_S = 0.2
 """s; a shorter dip in speed is a hesitation: people who stop on purpose do for longer."""
@@ -80,8 +78,8 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
     Args:
         paths: of the hand by name of the demonstration, one at least.
     """
-    peak = float(np.median([path.peak_m_s for path in paths.values()]))
-    thresholds = tuple(share * peak for share in SPEED_SHARES)
+    moved = [Motion(path.position, path.speed, path.speed, path.unit == "rad") for path in paths.values()]
+    thresholds = tuple(fraction * pace(moved) for fraction in FRACTIONS)
     runs = {
         name: tuple(tuple(motion_runs(path, threshold)) for threshold in thresholds)
         for name, path in paths.items()
@@ -110,12 +108,13 @@ def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
         path: of the hand.
         threshold: m/s, not below 0; of a hand that never moves no run is found.
     """
-    moving = np.flatnonzero(path.speed > threshold)
-    if not len(moving):
+    runs = runs_of_motion(path.speed, threshold, most=len(path.speed))
+    if not len(runs):
         return []
-    pieces = np.split(moving, np.flatnonzero(np.diff(moving) * path.dt > BRIDGE_S + path.dt) + 1)
-    ways = [float(path.speed[piece[0] : piece[-1] + 1].sum() * path.dt) for piece in pieces]
+    pauses = np.flatnonzero((runs[1:, 0] - runs[:-1, 1]) * path.dt > BRIDGE_S)
+    first, last = runs[np.append(0, pauses + 1), 0], runs[np.append(pauses, len(runs) - 1), 1]
+    ways = [float(path.speed[a : b + 1].sum() * path.dt) for a, b in zip(first, last, strict=True)]
     return [
-        MotionRun(piece[0] * path.dt, piece[-1] * path.dt, way, way < SHORT_SHARE * max(ways))
-        for piece, way in zip(pieces, ways, strict=True)
+        MotionRun(float(a * path.dt), float(b * path.dt), way, way < SHORT_SHARE * max(ways))
+        for a, b, way in zip(first, last, ways, strict=True)
     ]
