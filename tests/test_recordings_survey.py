@@ -1,0 +1,128 @@
+"""What raw messages say of clocks, joints and frames, against numbers that were put into them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings_bags import header, pose_messages, pose_rows, write_bag
+
+from structlearn.recordings import cdr, survey
+from structlearn.recordings.bag_reader import read_bag
+
+MS = 10**6
+
+
+def messages_of(path, messages, topic):
+    write_bag(path, messages)
+    return read_bag(path, [topic]).messages[topic]
+
+
+def joint_message(stamp, names, position, velocity=(), effort=(), topic="/joint_states"):
+    fields = {"position": list(position), "velocity": list(velocity), "effort": list(effort)}
+    content = {"header": header(stamp), "name": list(names)} | fields
+    return (topic, "sensor_msgs/msg/JointState", content, stamp)
+
+
+def test_a_regular_clock():
+    stamps = survey.stamps_of(5 * 10**9 + 10 * MS * np.arange(101))
+    assert (stamps.count, stamps.repeated, stamps.backward) == (101, 0, 0)
+    assert stamps.rate_hz == pytest.approx(100.0)
+    assert (stamps.first_s, stamps.duration_s) == (5.0, pytest.approx(1.0))
+    assert stamps.largest_gap_s == pytest.approx(0.01)
+    assert stamps.jitter_s == pytest.approx(0.0, abs=1e-12)
+
+
+def test_gaps_jitter_and_disorder_are_numbers():
+    steps = np.tile([8, 12], 100) * MS
+    steps[150] = 500 * MS
+    stamps = np.append(0, np.cumsum(steps))
+    found = survey.stamps_of(stamps)
+    assert found.largest_gap_s == pytest.approx(0.5)
+    assert found.gap_at_s == pytest.approx(1e-9 * stamps[150])
+    assert found.jitter_s == pytest.approx(0.002)  # 8 to 12 ms
+    stamps[[20, 21]] = stamps[[21, 20]]
+    stamps[40] = stamps[39]
+    found = survey.stamps_of(stamps)
+    assert (found.backward, found.repeated) == (1, 1)
+
+
+def test_one_message_has_no_rate():
+    assert np.isnan(survey.stamps_of(np.array([7])).rate_hz)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.integers(-(10**12), 10**12), min_size=1, max_size=50), st.integers(-(10**12), 10**12))
+def test_counts_do_not_depend_on_where_the_clock_starts(stamps, shift):
+    before = survey.stamps_of(np.array(stamps))
+    after = survey.stamps_of(np.array(stamps) + shift)
+    for name in ("count", "repeated", "backward", "rate_hz", "largest_gap_s", "jitter_s"):
+        np.testing.assert_equal(getattr(before, name), getattr(after, name))
+
+
+def test_delays_of_the_log_behind_the_header(tmp_path):
+    taken = 10**9 + 10 * MS * np.arange(1000)
+    late = taken + 30 * MS + np.linspace(0, 100 * MS, 1000).astype(int)  # a clock that runs 1 % fast
+    rows = [
+        (topic, kind, content, int(log))
+        for (topic, kind, content, _), log in zip(
+            pose_messages(taken.tolist(), pose_rows(1000)), late, strict=True
+        )
+    ]
+    clocks = survey.topic_clocks(messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    assert clocks.delay.median_s == pytest.approx(0.080, abs=1e-4)
+    assert clocks.delay.spread_s == pytest.approx(0.045, abs=1e-4)
+    assert clocks.delay.drift_s == pytest.approx(0.090, abs=1e-3)
+    assert clocks.own is clocks.header
+    assert clocks.header.rate_hz == pytest.approx(100.0)
+    assert clocks.frames == ("base_link",)
+
+
+@pytest.mark.parametrize(
+    ("kind", "content"),
+    [
+        ("geometry_msgs/msg/Pose", {"position": {"x": 0.0, "y": 0.0, "z": 0.0}}),
+        ("geometry_msgs/msg/PoseStamped", {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}}),
+    ],
+)
+def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
+    rows = [("/tool", kind, content, 10**9 + 20 * MS * row) for row in range(50)]
+    clocks = survey.topic_clocks(messages_of(tmp_path / "bag.mcap", rows, "/tool"))
+    assert clocks.header is None
+    assert clocks.delay is None
+    assert clocks.own.rate_hz == pytest.approx(50.0)
+
+
+def test_publishers_of_joint_states_are_told_apart_by_their_names(tmp_path):
+    arm, hand = ("joint_a", "joint_b"), ("joint_c", "joint_d")  # as long, so messages are as long, too
+    rows = []
+    for tick in range(30):
+        stamp = 10**9 + 10 * MS * tick
+        rows.append(joint_message(stamp, arm, [tick, -tick], [1.0, 2.0], [np.nan, np.nan]))
+        if tick % 3 == 0:
+            rows.append(joint_message(stamp + 5 * MS, hand, [0.1 * tick, 0.0]))
+    rows.append(joint_message(2 * 10**9, (), []))
+    sets = survey.joint_sets(messages_of(tmp_path / "bag.mcap", rows, "/joint_states"))
+    assert [one.names for one in sets] == [arm, hand, ()]
+    assert set(sets[0].values) == {"joint_positions", "joint_velocities"}  # no effort is a number
+    np.testing.assert_array_equal(sets[0].values["joint_positions"][:, 0], np.arange(30))
+    np.testing.assert_array_equal(sets[0].stamps, 10**9 + 10 * MS * np.arange(30))
+    np.testing.assert_allclose(sets[1].values["joint_positions"][:, 0], 0.3 * np.arange(10))
+    assert not sets[2].values
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.data())
+def test_layouts_are_a_partition_of_the_messages(tmp_path_factory, data):
+    """Every message stands in one group, with the numbers that it was written with."""
+    choices = st.sampled_from([("a",), ("b",), ("a", "b"), ("long name",), ()])
+    names = data.draw(st.lists(choices, min_size=1, max_size=20))
+    rows = [joint_message(10**9 + row, one, [row] * len(one)) for row, one in enumerate(names)]
+    raw = messages_of(tmp_path_factory.mktemp("bags") / "bag.mcap", rows, "/joint_states")
+    (schema,) = raw.schemas.values()
+    seen = []
+    for places, columns in cdr.layouts(schema.name, schema.data.decode(), raw.data):
+        assert all(tuple(columns.name) == names[place] for place in places)
+        expected = np.tile(places[:, None], (1, len(columns.name)))
+        np.testing.assert_array_equal(columns.position, expected)
+        seen += places.tolist()
+    assert sorted(seen) == list(range(len(names)))
