@@ -1,12 +1,12 @@
-"""What raw messages say of clocks, joints and frames, against numbers that were put into them."""
+"""What raw messages say of their clocks, against numbers that were put into them."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recordings_bags import header, pose_messages, pose_rows, write_bag
+from recordings_bags import pose_messages, pose_rows, write_bag
 
-from structlearn.recordings import cdr, survey
+from structlearn.recordings import survey
 from structlearn.recordings.bag_reader import read_bag
 
 MS = 10**6
@@ -15,12 +15,6 @@ MS = 10**6
 def messages_of(path, messages, topic):
     write_bag(path, messages)
     return read_bag(path, [topic]).messages[topic]
-
-
-def joint_message(stamp, names, position, velocity=(), effort=(), topic="/joint_states"):
-    fields = {"position": list(position), "velocity": list(velocity), "effort": list(effort)}
-    content = {"header": header(stamp), "name": list(names)} | fields
-    return (topic, "sensor_msgs/msg/JointState", content, stamp)
 
 
 def test_a_regular_clock():
@@ -90,39 +84,3 @@ def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
     assert clocks.header is None
     assert clocks.delay is None
     assert clocks.own.rate_hz == pytest.approx(50.0)
-
-
-def test_publishers_of_joint_states_are_told_apart_by_their_names(tmp_path):
-    arm, hand = ("joint_a", "joint_b"), ("joint_c", "joint_d")  # as long, so messages are as long, too
-    rows = []
-    for tick in range(30):
-        stamp = 10**9 + 10 * MS * tick
-        rows.append(joint_message(stamp, arm, [tick, -tick], [1.0, 2.0], [np.nan, np.nan]))
-        if tick % 3 == 0:
-            rows.append(joint_message(stamp + 5 * MS, hand, [0.1 * tick, 0.0]))
-    rows.append(joint_message(2 * 10**9, (), []))
-    sets = survey.joint_sets(messages_of(tmp_path / "bag.mcap", rows, "/joint_states"))
-    assert [one.names for one in sets] == [arm, hand, ()]
-    assert set(sets[0].values) == {"joint_positions", "joint_velocities"}  # no effort is a number
-    np.testing.assert_array_equal(sets[0].values["joint_positions"][:, 0], np.arange(30))
-    np.testing.assert_array_equal(sets[0].stamps, 10**9 + 10 * MS * np.arange(30))
-    np.testing.assert_allclose(sets[1].values["joint_positions"][:, 0], 0.3 * np.arange(10))
-    assert not sets[2].values
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.data())
-def test_layouts_are_a_partition_of_the_messages(tmp_path_factory, data):
-    """Every message stands in one group, with the numbers that it was written with."""
-    choices = st.sampled_from([("a",), ("b",), ("a", "b"), ("long name",), ()])
-    names = data.draw(st.lists(choices, min_size=1, max_size=20))
-    rows = [joint_message(10**9 + row, one, [row] * len(one)) for row, one in enumerate(names)]
-    raw = messages_of(tmp_path_factory.mktemp("bags") / "bag.mcap", rows, "/joint_states")
-    (schema,) = raw.schemas.values()
-    seen = []
-    for places, columns in cdr.layouts(schema.name, schema.data.decode(), raw.data):
-        assert all(tuple(columns.name) == names[place] for place in places)
-        expected = np.tile(places[:, None], (1, len(columns.name)))
-        np.testing.assert_array_equal(columns.position, expected)
-        seen += places.tolist()
-    assert sorted(seen) == list(range(len(names)))

@@ -8,7 +8,7 @@ the messages have to be decoded one by one.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -48,50 +48,15 @@ def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleN
         that of every message. None where the messages differ in a length or a string, are big-endian, or have
         a definition with something else than numbers, strings, sequences and nested types.
     """
-    fields, alike = _laid_out(message_type, definition, messages)
-    return fields if alike.all() else None
-
-
-def layouts(
-    message_type: str, definition: str, messages: Sequence[bytes]
-) -> Iterator[tuple[np.ndarray, SimpleNamespace | None]]:
-    """Columns of messages of several layouts, as several publishers on one topic have.
-
-    Args:
-        message_type: as for `columns`.
-        definition: likewise.
-        messages: in any order.
-
-    Yields:
-        Places of the messages of one layout, and their columns; None for those that have to be decoded.
-    """
-    lengths = np.array([len(message) for message in messages])
-    for length in dict.fromkeys(lengths.tolist()):
-        places = np.flatnonzero(lengths == length)
-        joined = b"".join(messages[place] for place in places.tolist())
-        table = np.frombuffer(joined, dtype=np.uint8).reshape(len(places), length)
-        while len(places):
-            alike = _laid_out(message_type, definition, table)[1]
-            if not alike.any():
-                yield places, None
-                break
-            yield places[alike], columns(message_type, definition, table[alike])
-            places, table = places[~alike], table[~alike]
-
-
-def _laid_out(
-    message_type: str, definition: str, messages: np.ndarray
-) -> tuple[SimpleNamespace | None, np.ndarray]:
-    """Fields as the first message has them, and which messages (T,) are laid out like it."""
-    alike = np.zeros(len(messages), dtype=bool)
     if messages.shape[1] < 4 or messages[0, 1] != LITTLE_ENDIAN:
-        return None, alike
+        return None
     layout = _Layout(messages)
     try:
         fields = layout.message(dict(_definitions(message_type, definition)), short_name(message_type))
     except (LookupError, ValueError):  # a type that is not defined; a line, text or end that is not expected
-        return None, alike
-    return fields, (messages[:, layout.shaping] == messages[0, layout.shaping]).all(axis=1)
+        return None
+    shaping = layout.shaping
+    return fields if (messages[:, shaping] == messages[0, shaping]).all() else None
 
 
 class _Layout:

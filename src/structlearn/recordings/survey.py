@@ -1,4 +1,4 @@
-"""What a bag holds, before anybody has said what it means: clocks, rates, gaps, joints, frames.
+"""The clocks of a topic, before anybody has said what it means: rates, gaps, jitter, disorder, delays.
 
 Nothing is refused here: disorder is counted, not mended, and most numbers need no more of a message than its
 stamp. A header is the first field of every message type that has one, so it stands at one place in the bytes
@@ -6,16 +6,11 @@ of all of them, also of types that nobody here can decode.
 """
 
 import re
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 
-from structlearn.recordings import cdr
 from structlearn.recordings.bag_reader import RawMessages
-from structlearn.recordings.messages import JOINT_KINDS
-from structlearn.recordings.recording import Kind
 
 INNER = (5.0, 95.0)
 """Percentiles between which jitter and spread are taken: nine of ten samples, whatever the rest does."""
@@ -178,103 +173,3 @@ def _frame(message: bytes) -> str:
     order = "little" if message[1] & 1 else "big"
     length = int.from_bytes(message[_FRAME_AT - 4 : _FRAME_AT], order)
     return message[_FRAME_AT : _FRAME_AT + length].rstrip(b"\0").decode(errors="replace")
-
-
-@dataclass(frozen=True)
-class JointSet:
-    """Joint states of one publisher, told from others on its topic by the names.
-
-    Attributes:
-        names: of the joints, in the order of the columns.
-        stamps: (T,) int64 ns of the header, or of the log where the header is not set.
-        values: (T, J) of each kind that every message fills with finite numbers.
-    """
-
-    names: tuple[str, ...]
-    stamps: np.ndarray
-    values: Mapping[Kind, np.ndarray]
-
-
-def joint_sets(messages: RawMessages) -> list[JointSet]:
-    """Joint states of a topic by the names in the messages, in the order in which they first come.
-
-    Messages in a rare encoding are left out.
-    """
-    stamps, found = _own_stamps(messages), {}
-    for places, columns in _layouts(messages):
-        found.setdefault(tuple(columns.name), []).append((places, columns))
-    sets = []
-    for names, groups in sorted(found.items(), key=lambda item: min(group[0][0] for group in item[1])):
-        places = np.concatenate([group for group, _ in groups])
-        order = np.argsort(places)
-        values = {}
-        for kind, field in zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True):
-            tables = [getattr(columns, field) for _, columns in groups]
-            if names and all(table.shape[1] == len(names) for table in tables):
-                table = np.concatenate(tables)[order]
-                if np.isfinite(table).all():
-                    values[kind] = table
-        sets.append(JointSet(names, stamps[places[order]], values))
-    return sets
-
-
-@dataclass(frozen=True)
-class Transforms:
-    """One link of a tree of frames.
-
-    Attributes:
-        parent: frame.
-        child: frame.
-        stamps: (T,) int64 ns.
-        poses: (T, 7) m, then quaternion w, x, y, z: child in parent.
-    """
-
-    parent: str
-    child: str
-    stamps: np.ndarray
-    poses: np.ndarray
-
-    @property
-    def moves(self) -> bool:
-        """Whether it is more than noise that changes: a millimetre, or half a degree."""
-        steps = np.ptp(self.poses[:, :3], axis=0).max(initial=0.0)
-        cosines = np.abs(self.poses[:, 3:] @ self.poses[0, 3:])
-        turn = 2.0 * np.arccos(min(1.0, cosines.min(initial=1.0)))
-        return bool(steps > LEAST_MOTION_M or turn > LEAST_MOTION_RAD)
-
-
-LEAST_MOTION_M, LEAST_MOTION_RAD = 0.001, np.radians(0.5)
-
-
-def transforms(messages: RawMessages) -> list[Transforms]:
-    """Links of a topic of tf2 messages, in the order of their frames' names."""
-    found: dict[tuple[str, str], list[tuple[np.ndarray, np.ndarray]]] = {}
-    for places, columns in _layouts(messages):
-        for one in columns.transforms:
-            p, q = one.transform.translation, one.transform.rotation
-            poses = np.stack([p.x, p.y, p.z, q.w, q.x, q.y, q.z], axis=1)
-            stamps = one.header.stamp.sec.astype(np.int64) * 10**9 + one.header.stamp.nanosec
-            stamps = stamps if stamps.any() else messages.log_times[places]
-            link = (one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/"))
-            found.setdefault(link, []).append((stamps, poses))
-    links = []
-    for (parent, child), pieces in sorted(found.items()):
-        stamps, poses = (np.concatenate(part) for part in zip(*pieces, strict=True))
-        order = np.argsort(stamps, kind="stable")
-        links.append(Transforms(parent, child, stamps[order], poses[order]))
-    return links
-
-
-def _own_stamps(messages: RawMessages) -> np.ndarray:
-    headers = header_stamps(messages)
-    return messages.log_times if headers is None or not headers.any() else headers
-
-
-def _layouts(messages: RawMessages) -> Iterator[tuple[np.ndarray, SimpleNamespace]]:
-    """Places and columns of messages that are laid out alike."""
-    for number, schema in messages.schemas.items():
-        mine = np.flatnonzero(messages.channels == number)
-        data = [messages.data[place] for place in mine.tolist()]
-        for places, columns in cdr.layouts(schema.name, schema.data.decode(errors="replace"), data):
-            if columns is not None:
-                yield mine[places], columns

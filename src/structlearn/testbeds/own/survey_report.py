@@ -6,8 +6,8 @@ from typing import Any
 
 import yaml
 
-from structlearn.recordings.messages import JOINT_KINDS
-from structlearn.recordings.survey import TopicClocks
+from structlearn.recordings.joint_series import FIELDS
+from structlearn.recordings.survey import TopicClocks, stamps_of
 from structlearn.testbeds.own.protocol.fitness import Answer
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
 from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen
@@ -24,8 +24,6 @@ FORMATS = {
 HEADINGS = ("topic", "type", "messages", "rate", "jitter", "largest gap", "clock", "log - header", "drift")
 RIGHT = (2, 3, 4, 5, 7, 8)
 """Columns of numbers."""
-
-FIELDS = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
 
 
 def report(
@@ -99,7 +97,10 @@ def _file(file: FileSeen) -> Iterator[str]:
         for joints in seen.joints:
             filled = ", ".join(FIELDS[kind] for kind in joints.values) or "nothing that is filled"
             names = ", ".join(joints.names) or "no names"
-            yield f"  joints in {topic}: {names} ({filled}; {len(joints.stamps)} messages)"
+            rate = stamps_of(joints.stamps).rate_hz
+            yield f"  joints in {topic}: {names} ({filled}; {len(joints.stamps)} samples, {rate:.4g} Hz)"
+        if seen.fault:
+            yield f"  cannot be read: {seen.fault}"
         if seen.links:
             still = "static" if topic.endswith("_static") else "at rest"
             links = [

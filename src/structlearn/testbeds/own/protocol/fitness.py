@@ -14,12 +14,13 @@ import numpy as np
 from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import NORM_TOLERANCE
 from structlearn.recordings.clock import MAX_GAP_S
-from structlearn.recordings.messages import JOINT_KINDS
-from structlearn.recordings.survey import JointSet
+from structlearn.recordings.joint_series import JointSeries
+from structlearn.recordings.recording import JOINT_KINDS
+from structlearn.recordings.survey import Stamps
 from structlearn.rigid_body.motion import Motion, joined, joint_ranges, measured_motion
 from structlearn.rigid_body.urdf_links import moving_joints
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
-from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen, arm_of, clocks_of
+from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen, arm_of, clocks_of, series_of
 from structlearn.testbeds.own.protocol.motion_survey import MotionSurvey
 
 Verdict = Literal["yes", "doubtful", "no"]
@@ -45,8 +46,7 @@ JITTER = (0.5, 1.0)
 """Of a step: half the range of the inner nine tenths of the steps."""
 
 DISORDERED = (0.0, 0.01)
-"""Share of messages whose stamp does not come after the one before: none; so few that to drop them harms
-nothing."""
+"""Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing."""
 
 CONDITIONS = (100.0, 1000.0)
 """Of the base regressor: below 100 counts as well excited (Gautier and Khalil 1992)."""
@@ -201,43 +201,45 @@ def _of_clocks(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[Ans
         verdict = at_most(off, IN_STEP_S)
         advice = "" if verdict == "yes" else f"look at {where}: delays of topics differ, or drift"
         yield Answer("Are the clocks in step?", verdict, f"to {1e3 * off:.3g} ms", advice)
-    name, topic, one = max(
-        clocks, key=lambda item: (item[2].own.repeated + item[2].own.backward) / item[2].own.count
-    )
-    disorder = one.own.repeated + one.own.backward
+    series = series_of(files, topics)
+    name, topic, one = max(series, key=lambda item: _disorder(item[2]))
     yield Answer(
         "Do stamps increase?",
-        at_most(disorder / one.own.count, DISORDERED),
-        f"{disorder} of {one.own.count} do not" if disorder else "all do",
-        f"worst in {name}, {topic}: {one.own.repeated} repeat, {one.own.backward} run back"
-        if disorder
-        else "",
+        at_most(_disorder(one), DISORDERED),
+        f"all but {_disorder(one):.2g} of them" if _disorder(one) else "all do",
+        f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back" if _disorder(one) else "",
     )
-    name, topic, one = max(clocks, key=lambda item: np.nan_to_num(item[2].own.largest_gap_s, nan=np.inf))
-    gap = one.own.largest_gap_s
+    name, topic, one = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
     yield Answer(
         "Are streams without gaps?",
-        "yes" if gap <= MAX_GAP_S else "no",
-        f"largest {gap:.3g} s",
-        ""
-        if gap <= MAX_GAP_S
-        else f"in {name}, {topic}, at {one.own.gap_at_s:.3g} s: cut it off, or allow it",
+        "yes" if one.largest_gap_s <= MAX_GAP_S else "no",
+        f"largest {one.largest_gap_s:.3g} s",
+        "" if one.largest_gap_s <= MAX_GAP_S else f"in {name}, {topic}, at {one.gap_at_s:.3g} s",
     )
-    name, topic, one = max(clocks, key=lambda item: np.nan_to_num(item[2].own.jitter_s * item[2].own.rate_hz))
-    jitter = one.own.jitter_s * one.own.rate_hz
+    name, topic, one = max(series, key=lambda item: _unevenness(item[2]))
     yield Answer(
         "Are steps even?",
-        at_most(np.nan_to_num(jitter), JITTER),
-        f"to {100 * jitter:.2g} % of a step",
-        f"worst in {name}, {topic}" if jitter > JITTER[0] else "",
+        at_most(_unevenness(one), JITTER),
+        f"to {100 * _unevenness(one):.2g} % of a step",
+        f"in {name}, {topic}" if _unevenness(one) > JITTER[0] else "",
     )
-    name, topic, one = min(clocks, key=lambda item: item[2].own.rate_hz)
+    name, topic, one = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz))
     yield Answer(
         "Are topics fast enough?",
-        at_least(one.own.rate_hz, RATES_HZ),
-        f"slowest {one.own.rate_hz:.4g} Hz",
-        f"{topic} in {name}" if one.own.rate_hz < RATES_HZ[0] else "",
+        at_least(one.rate_hz, RATES_HZ),
+        f"slowest {one.rate_hz:.4g} Hz",
+        f"in {name}, {topic}" if not one.rate_hz >= RATES_HZ[0] else "",
     )
+
+
+def _disorder(stamps: Stamps) -> float:
+    """Share of stamps that do not come after the one before."""
+    return (stamps.repeated + stamps.backward) / stamps.count
+
+
+def _unevenness(stamps: Stamps) -> float:
+    """Jitter in steps; of one message, none."""
+    return float(np.nan_to_num(stamps.jitter_s * stamps.rate_hz))
 
 
 def out_of_step(file: FileSeen, topics: Sequence[str]) -> float:
@@ -294,7 +296,7 @@ def _condition(urdf: Path, names: Sequence[str], motion: Motion) -> float:
     return base_condition(tree, Motion(*columns))
 
 
-def _motion(name: str, joints: JointSet, names: Sequence[str]) -> Motion:
+def _motion(name: str, joints: JointSeries, names: Sequence[str]) -> Motion:
     """Joint states as dynamics are learned from, columns in an order of names."""
     if sorted(joints.names) != sorted(names):
         raise InputError(f"{name} has the joints {', '.join(joints.names)}, others have {', '.join(names)}")

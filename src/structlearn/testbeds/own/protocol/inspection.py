@@ -11,26 +11,22 @@ from pathlib import Path
 from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_files
 from structlearn.recordings.bag_reader import RawMessages
+from structlearn.recordings.bag_recording import read_recording
 from structlearn.recordings.cdr import short_name
-from structlearn.recordings.mcap_file import read_recording
+from structlearn.recordings.joint_series import JointSeries, joint_series
 from structlearn.recordings.messages import READERS
 from structlearn.recordings.recording import Stream
 from structlearn.recordings.stamps import StampPolicy
-from structlearn.recordings.survey import (
-    JointSet,
-    TopicClocks,
-    Transforms,
-    joint_sets,
-    topic_clocks,
-    transforms,
-)
+from structlearn.recordings.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
+from structlearn.recordings.transforms import TransformSeries, transform_series
 from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
 from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path, joint_path
 
 PoseSource = str | TransformPose | JointPose
 
-JOINT_STATE, TRANSFORMS = "sensor_msgs/JointState", "tf2_msgs/TFMessage"
+AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
+"""Disorder is counted elsewhere and refused by nobody here."""
 
 LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVideo", "CompressedPointCloud2")
 """Types whose topics are looked at one by one."""
@@ -43,14 +39,19 @@ class TopicSeen:
     Attributes:
         types: of its messages, `package/Type`.
         clocks: its stamps; None where there are no messages, or none that are ROS 2 messages.
-        joints: by publisher, of a topic of joint states.
+        joints: of a topic of joint states, those that share a clock together.
         links: of a topic of transforms.
+        series: stamps of each publisher's joints, or of each link that moves; else those of the topic, on
+            which several may publish and each be in order.
+        fault: why joint states or transforms cannot be read; empty where they can.
     """
 
     types: tuple[str, ...]
     clocks: TopicClocks | None
-    joints: tuple[JointSet, ...] = ()
-    links: tuple[Transforms, ...] = ()
+    joints: tuple[JointSeries, ...] = ()
+    links: tuple[TransformSeries, ...] = ()
+    series: tuple[Stamps, ...] = ()
+    fault: str = ""
 
     @property
     def type(self) -> str:
@@ -142,7 +143,8 @@ def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
     for group in [[topic for topic in present if topic not in large], *([topic] for topic in large)]:
         messages = open_bag(file, group).messages if group else {}
         for topic in group:
-            topics[topic] = _topic_seen(present[topic], messages.get(topic))
+            where = f"{file.path}: topic '{topic}'"
+            topics[topic] = _topic_seen(where, topic, present[topic], messages.get(topic))
     topics = {topic: topics[topic] for topic in sorted(topics)}
     hands, no_hands = {}, {}
     sources = pose_sources(topics, urdf)
@@ -162,20 +164,30 @@ UNKNOWN_URDF, UNKNOWN_TIP = "~/robot.urdf", "tool0"
 """Stand in for a robot that has not been named."""
 
 
-def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSet] | None:
-    """Whoever publishes positions of the most joints, with the topic."""
+def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
+    """Positions of the most joints that share a clock, with their topic."""
     arms = [(topic, joints) for topic, seen in topics.items() for joints in seen.joints]
     arms = [(topic, joints) for topic, joints in arms if "joint_positions" in joints.values]
     return max(arms, key=lambda arm: len(arm[1].names), default=None)
 
 
-def _topic_seen(types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
+def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
     names = tuple(short_name(name) for name in types)
     if messages is None:
         return TopicSeen(names, None)
-    joints = tuple(joint_sets(messages)) if names == (JOINT_STATE,) else ()
-    links = tuple(transforms(messages)) if names == (TRANSFORMS,) else ()
-    return TopicSeen(names, topic_clocks(messages), joints, links)
+    clocks = topic_clocks(messages)
+    joints, links, series, fault = [], [], [clocks.own], ""
+    try:
+        if set(names) <= READERS["joint_states"].keys():
+            joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
+            series = [stamps_of(one.stamps) for one in joints] if mended is None else series
+        elif set(names) <= READERS["transforms"].keys():
+            found = transform_series(where, messages, AS_THEY_COME)
+            links = [found[edge] for edge in sorted(found)]
+            series = [stamps_of(link.stamps) for link in links if link.moves] or series
+    except InputError as error:
+        fault = str(error)
+    return TopicSeen(names, clocks, tuple(joints), tuple(links), tuple(series), fault)
 
 
 def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
@@ -195,7 +207,9 @@ def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[Pose
     return found
 
 
-def frame_pairs(moving: Sequence[Transforms], static: Sequence[Transforms]) -> list[tuple[str, str]]:
+def frame_pairs(
+    moving: Sequence[TransformSeries], static: Sequence[TransformSeries]
+) -> list[tuple[str, str]]:
     """Frames at the ends of the tree whose pose in the base changes, each with that base.
 
     The base is the last frame on the way from the root that does not move in it.
@@ -227,6 +241,17 @@ def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[st
     ]
 
 
+def series_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, Stamps]]:
+    """Stamps of every series on the topics, each with its file and topic."""
+    return [
+        (file.name, topic, stamps)
+        for file in files
+        for topic in topics
+        if topic in file.topics
+        for stamps in file.topics[topic].series
+    ]
+
+
 def _local(path: str) -> Path:
     return Path(path).expanduser()
 
@@ -235,5 +260,4 @@ def _poses(file: RecordingFile, source: PoseSource) -> Stream:
     topics = TopicMap(
         pose=source, twist=None, joint_states=(), joints=None, wrench=None, tactile=(), tool_to_board=None
     )
-    policy = StampPolicy(clock="header", disorder="sort")
-    return next(stream for stream in read_recording(file, topics, policy).streams if stream.kind == "pose")
+    return next(one for one in read_recording(file, topics, AS_THEY_COME).streams if one.kind == "pose")

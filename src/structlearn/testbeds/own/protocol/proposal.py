@@ -16,12 +16,12 @@ from structlearn.recordings.topics import JointPose
 from structlearn.testbeds.own.protocol.fitness import IN_STEP_S, out_of_step
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
 from structlearn.testbeds.own.protocol.inspection import (
-    JOINT_STATE,
     UNKNOWN_URDF,
     FileSeen,
     SourceSeen,
     arm_of,
     clocks_of,
+    series_of,
 )
 from structlearn.testbeds.own.protocol.motion_survey import MotionSurvey
 
@@ -98,7 +98,7 @@ def _topics(
     arms = [arm[0] for file in seen.files if (arm := arm_of(file.topics))]
     if arms:
         arm = max(sorted(set(arms)), key=arms.count)
-        if arm in _of_types(seen.files, (JOINT_STATE,)):
+        if arm in _of_types(seen.files, READERS["joint_states"]):
             topics["joint_states"] = arm
             doubts["topics.joint_states"] = list(_joint_doubts(seen.files, arm))
     wrenches = _of_types(seen.files, READERS["wrench"])
@@ -136,17 +136,17 @@ def _joint_doubts(files: Sequence[FileSeen], arm: str) -> Iterator[str]:
         most = max(sorted(sets), key=len)
         others = "; ".join(", ".join(names) for names in sorted(sets - {most}))
         yield f"several publish on it; taken is {', '.join(most)}, not {others} (`joints` names others)"
-    elsewhere = [topic for topic in _of_types(files, (JOINT_STATE,)) if topic != arm]
+    elsewhere = [topic for topic in _of_types(files, READERS["joint_states"]) if topic != arm]
     if elsewhere:
         yield f"also there: {', '.join(elsewhere)}"
 
 
 def _stamps(files: Sequence[FileSeen], read: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     """What differs from header stamps that increase, and why."""
-    clocks = clocks_of(files, read)
     off = max((out_of_step(file, read) for file in files), default=0.0)
     by_log = off > IN_STEP_S[1]
-    taken = [(name, topic, one.log if by_log else one.own) for name, topic, one in clocks]
+    logs = [(name, topic, one.log) for name, topic, one in clocks_of(files, read)]
+    taken = logs if by_log else series_of(files, read)
     repeated, backward = (sum(getattr(one, kind) for _, _, one in taken) for kind in ("repeated", "backward"))
     if not (by_log or repeated or backward):
         return {}, []
@@ -167,10 +167,10 @@ def _stamps(files: Sequence[FileSeen], read: Sequence[str]) -> tuple[dict[str, s
 def _gaps(files: Sequence[FileSeen], read: Sequence[str]) -> list[str]:
     """Holes that the reader refuses unless it is told otherwise."""
     return [
-        f"{topic} of {name} has a gap of {one.own.largest_gap_s:.3g} s at {one.own.gap_at_s:.3g} s: refused "
-        "where it is longer than `clock: {max_gap_s: ...}`"
-        for name, topic, one in clocks_of(files, read)
-        if one.own.largest_gap_s > MAX_GAP_S
+        f"{topic} of {name} has a gap of {one.largest_gap_s:.3g} s at {one.gap_at_s:.3g} s: refused where "
+        "it is longer than `clock: {max_gap_s: ...}`"
+        for name, topic, one in series_of(files, read)
+        if one.largest_gap_s > MAX_GAP_S
     ]
 
 
