@@ -25,7 +25,7 @@ ROOMS = {
     "rerun": ("viewer", "recordings"),
     "matplotlib": ("reporting", "page"),
     "pybullet": ("simulation", "world"),
-    "pinocchio": ("simulation", "world", "rigid_body"),
+    "pinocchio": ("simulation", "world", "rigid_body", "recordings"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
     "mcap": ("recordings",),
 }

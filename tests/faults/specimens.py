@@ -16,9 +16,10 @@ from scraping_motions import constant_network
 from structlearn.feedback.pmnn import read_networks, write_networks
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.params import read_parameters
+from structlearn.recordings.bag_recording import read_recording
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
-from structlearn.recordings.mcap_file import read_recording, write_recording
+from structlearn.recordings.mcap_file import write_recording
 from structlearn.recordings.text_log import read_stamped_table
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.segmentation.parameters import SegmentParameters
