@@ -29,7 +29,9 @@ class Crossing:
         earliest, latest: what surrounds it reaches no further: there other motion begins.
         start_known, end_known: whether an event and not a speed says so, and nothing is to be refined.
         unlike: how unlike the reference's primitive it is (`run_assignment`); 0 where nothing was chosen.
-        left_out: way of the motion before it that belongs to no primitive, in mean ways of a primitive.
+        left_out: way of the motion before it, and after it where it is the last, that belongs to no
+            primitive, in ways of a mean one.
+        rested: longest dip within it that was taken for a hesitation.
     """
 
     start: int
@@ -39,7 +41,8 @@ class Crossing:
     start_known: bool = False
     end_known: bool = False
     unlike: float = 0.0
-    left_out: float = 0.0
+    left_out: tuple[float, float] = (0.0, 0.0)
+    rested: int = 0
 
 
 Crossings = Mapping[str, Crossing]
@@ -48,7 +51,7 @@ Crossings = Mapping[str, Crossing]
 
 def find_crossings(
     demonstrations: Sequence[Demonstration], parameters: SegmentParameters
-) -> tuple[Demonstration, list[Crossings | InputError]]:
+) -> tuple[int, list[Crossings | InputError]]:
     """Start and end of every primitive that has an axis.
 
     Args:
@@ -56,7 +59,7 @@ def find_crossings(
         parameters: of the segmentation.
 
     Returns:
-        The reference, and of each demonstration the crossings, or why it has none.
+        Index of the reference, and of each demonstration the crossings, or why it has none.
 
     Raises:
         InputError: there is no demonstration of the reference's name, or none can be cut.
@@ -73,7 +76,7 @@ def find_crossings(
             found.append(_largest(demonstration, parameters))
         except InputError as error:
             found.append(error)
-    return demonstrations[named or 0], found
+    return named or 0, found
 
 
 def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Crossings:
@@ -112,7 +115,7 @@ class _Choice:
 
 def _assigned(
     demonstrations: Sequence[Demonstration], parameters: SegmentParameters, named: int | None
-) -> tuple[Demonstration, list[Crossings | InputError]]:
+) -> tuple[int, list[Crossings | InputError]]:
     """By assignment of runs, at the thresholds at which the demonstrations are most alike."""
     primitives = _with_axis(parameters)
     axes = dict.fromkeys(primitive.axis for primitive in primitives)
@@ -138,7 +141,7 @@ def _assigned(
     lowest = next(iter(tried))
     rests = [REST_FRACTION * threshold for threshold in lowest]
     if choice.assignment is None:
-        return demonstrations[references[0]], [
+        return references[0], [
             _missing(one, primitives, choice, index, tried) for index, one in enumerate(demonstrations)
         ]
     found: list[Crossings | InputError] = []
@@ -148,7 +151,7 @@ def _assigned(
             found.append(_missing(demonstration, primitives, choice, index, tried))
         else:
             found.append(_placed(primitives, motions, choice, index, rests))
-    return demonstrations[choice.assignment.reference], found
+    return choice.assignment.reference, found
 
 
 def _events(
@@ -194,6 +197,7 @@ def _placed(
     """Crossings of the candidates that were chosen in a demonstration."""
     found: dict[str, Crossing] = {}
     event, before = None, 0
+    left_out = choice.assignment.left_out[index].tolist()
     for place, primitive in enumerate(primitives):
         one, chosen = choice.candidates[index][place], choice.assignment.chosen[index][place]
         first, last = int(one.first[chosen]), int(one.last[chosen])
@@ -212,7 +216,8 @@ def _placed(
             start_known,
             end_known,
             float(choice.assignment.costs[index][place]),
-            float(choice.assignment.left_out[index][place]),
+            (left_out[place], left_out[-1] if place == len(primitives) - 1 else 0.0),
+            int(one.rested[chosen]),
         )
         event, before = last if end_known else None, end
     return found
@@ -231,15 +236,15 @@ def _missing(
     primitive, one = primitives[place], choice.candidates[index][place]
     unit = "rad/s" if primitive.axis == "rot" else "m/s"
     dt = demonstration.dt
-    runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs) or "none"
-    thresholds = sorted(values[place] for values in tried)
+    runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs)
+    thresholds = ", ".join(f"{values[place]:.3g}" for values in tried)
     names = ", ".join(primitive.name for primitive in primitives)
     what = (
-        f"its motion cannot be {names} in this order"
+        f"they cannot be {names} in this order"
         if chosen is None
-        else f"primitive '{primitive.name}': nothing there is like that of the other demonstrations"
+        else f"none is like '{primitive.name}' in the other demonstrations"
     )
     return InputError(
-        f"{demonstration.name}: {what}; its motion above {choice.thresholds[place]:.3g} {unit}: {runs} s; "
-        f"tried {', '.join(f'{threshold:.3g}' for threshold in thresholds)} {unit}"
+        f"{demonstration.name}: has {len(one.runs)} runs of motion above {choice.thresholds[place]:.3g} {unit}"
+        f"{f' ({runs} s)' if runs else ''}, and {what}; tried {thresholds} {unit}"
     )

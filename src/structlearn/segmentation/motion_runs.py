@@ -47,6 +47,7 @@ class Candidates:
     Attributes:
         first, last: (G,) samples.
         joined: (G,) dips that were taken for hesitations.
+        rested: (G,) samples of the longest of them.
         duration: (G,) s.
         way: (G,) m or rad, along the path.
         displacement: (G, D) m or rad, from first to last sample.
@@ -58,6 +59,7 @@ class Candidates:
     first: np.ndarray
     last: np.ndarray
     joined: np.ndarray
+    rested: np.ndarray
     duration: np.ndarray
     way: np.ndarray
     displacement: np.ndarray
@@ -171,9 +173,12 @@ def candidates(
     travelled = np.cumsum(np.where(inside, step, 0.0))
     rows = []
     for i in range(len(runs)):
+        rested = 0
         for j in range(i, len(runs)):
-            if j > i and runs[j, 0] - runs[j - 1, 1] > bridge + 1:
+            dip = runs[j, 0] - runs[j - 1, 1] - 1 if j > i else 0
+            if dip > bridge:
                 break
+            rested = max(rested, dip)
             last = runs[j, 1]
             if ends is not None:
                 limit = runs[j + 1, 0] if j + 1 < len(runs) else len(step) - 1
@@ -181,12 +186,13 @@ def candidates(
                 if len(passed) == 0:
                     continue
                 last = passed[0]
-            rows.append((runs[i, 0], last, j - i))
-    first, last, joined = np.array(rows, dtype=int).reshape(-1, 3).T
+            rows.append((runs[i, 0], last, j - i, rested))
+    first, last, joined, rested = np.array(rows, dtype=int).reshape(-1, 4).T
     return Candidates(
         first,
         last,
         joined,
+        rested,
         dt * (last - first + 1),
         np.maximum(travelled[last] - travelled[first], np.finfo(float).tiny),
         moved.path[last] - moved.path[first],

@@ -8,7 +8,6 @@ correspondences too (`wls`), which is the result.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -16,22 +15,12 @@ import pandas as pd
 from structlearn.ground import signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.alignment import Alignment, least_squares, velocity_weights, with_crossings
-from structlearn.segmentation.crossings import Crossing, Crossings, find_crossings
-from structlearn.segmentation.dtw import correspondences
+from structlearn.segmentation.crossings import Crossings, find_crossings
+from structlearn.segmentation.doubts import doubts
 from structlearn.segmentation.motion_runs import path
-from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
+from structlearn.segmentation.refinement import Movement, Refined, refine
 from structlearn.segmentation.result import METHODS, RESULT, Segmentation
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """Filtered signals of one primitive's axis in one demonstration, and its crossing."""
-
-    dt: float
-    position: np.ndarray  # (T, D) m, of an orientation rad
-    velocity: np.ndarray  # (T, D)
-    crossing: Crossing
 
 
 def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
@@ -55,23 +44,25 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
                 f"{demonstration.name}: sampling interval {demonstration.dt:g} s differs from "
                 f"{first.dt:g} s of {first.name}"
             )
-    reference, crossings = find_crossings(demonstrations, parameters)
-    reference_motions = _motions(reference, crossings[demonstrations.index(reference)], parameters)
-    cuts, pairs, left_out = [], [], {}
+    place, crossings = find_crossings(demonstrations, parameters)
+    reference = demonstrations[place]
+    reference_movements = _movements(reference, crossings[place], parameters)
+    cuts, pairs, doubted, left_out = [], [], [], {}
     for demonstration, found in zip(demonstrations, crossings, strict=True):
         try:
-            motions = (
-                reference_motions
+            movements = (
+                reference_movements
                 if demonstration is reference
-                else _motions(demonstration, found, parameters)
+                else _movements(demonstration, found, parameters)
             )
-            aligned = {
-                name: _align(demonstration.name, name, reference_motions[name], motion, parameters)
-                for name, motion in motions.items()
+            refined = {
+                name: _refined(demonstration.name, name, reference_movements[name], movement, parameters)
+                for name, movement in movements.items()
             }
-            cuts.append(_cut_rows(demonstration, aligned, parameters))
+            cuts.append(_cut_rows(demonstration, refined, parameters))
+            doubted.append(doubts(demonstration.name, refined, demonstration is reference))
             if demonstration is not reference:
-                pairs.append(_pair_rows(demonstration, aligned))
+                pairs.append(_pair_rows(demonstration, refined))
         except InputError as error:
             if demonstration is reference or not parameters.skip_failures:
                 raise
@@ -80,6 +71,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(left_out.items(), columns=["demonstration", "reason"]),
+        doubts=pd.concat(doubted, ignore_index=True),
         reference=reference.name,
     )
 
@@ -87,90 +79,41 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
 PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
 
 
-@dataclass(frozen=True)
-class _Aligned:
-    """How one primitive of one demonstration lies relative to the reference; times in samples."""
-
-    reference: _Motion
-    motion: _Motion
-    pairs: np.ndarray  # (K, 2) reference, guess
-    weights: np.ndarray  # (K,)
-    alignments: dict[str, Alignment]  # by method
-
-    def ends(self, method: str) -> np.ndarray:
-        """(2,) start and end by a method."""
-        reference, own = self.reference.crossing, self.motion.crossing
-        reference_ends = np.array([reference.start, reference.end], dtype=float)
-        crossings = np.array([own.start, own.end], dtype=float)
-        if method == "zvc":
-            return crossings
-        if method == "dtw":
-            ends = np.interp(reference_ends, self.pairs[:, 0], self.pairs[:, 1])
-        else:
-            ends = self.alignments[method].guess_time(reference_ends)
-        return np.where([own.start_known, own.end_known], crossings, ends)
-
-
-def _motions(
+def _movements(
     demonstration: Demonstration, found: Crossings | InputError, parameters: SegmentParameters
-) -> dict[str, _Motion]:
+) -> dict[str, Movement]:
     """What is aligned of every primitive with an axis; raises what stands in place of the crossings."""
     if isinstance(found, InputError):
         raise found
-    dt, motions = demonstration.dt, {}
+    dt, movements = demonstration.dt, {}
     axes = {primitive.name: primitive.axis for primitive in parameters.primitives}
     for name, crossing in found.items():
         smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
-        motions[name] = _Motion(dt, smooth, signals.derivative(smooth, dt), crossing)
-    return motions
+        movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
+    return movements
 
 
-def _align(
-    demonstration: str, primitive: str, reference: _Motion, guess: _Motion, parameters: SegmentParameters
-) -> _Aligned:
-    """Lines 11 to 24 of algorithm IV.1 for one primitive."""
-    extension = round(parameters.extension_s / reference.dt)
-    g = parameters.downsampling
-    # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.
-    own = [motion.crossing for motion in (reference, guess)]
-    firsts = [max(one.earliest, one.start - extension) for one in own]
-    parts = [
-        motion.position[first : min(one.latest, one.end + extension) + 1 : g]
-        for motion, one, first in zip((reference, guess), own, firsts, strict=True)
-    ]
-    pairs = g * correspondences(*parts, one_scale=parameters.assigns_runs) + np.array(firsts)
-    weights = velocity_weights(
-        reference.velocity[pairs[:, 0]],
-        guess.velocity[pairs[:, 1]],
-        parameters.near_zero,
-        parameters.decay,
-    )
-    crossings = np.array([[one.start for one in own], [one.end for one in own]])
-    tolerance = parameters.crossing_tolerance_s / reference.dt
+def _refined(
+    demonstration: str, primitive: str, reference: Movement, own: Movement, parameters: SegmentParameters
+) -> Refined:
     try:
-        text = least_squares(pairs, weights)
-        alignments = {
-            "ls": least_squares(pairs),
-            "wls_text": text,
-            "wls": with_crossings(text, pairs, weights, crossings, parameters.crossing_weight, tolerance),
-        }
+        return refine(reference, own, parameters)
     except InputError as error:
         raise InputError(f"{demonstration}: primitive '{primitive}': {error}") from error
-    return _Aligned(reference, guess, pairs, weights, alignments)
 
 
 def _cut_rows(
     demonstration: Demonstration,
-    aligned: dict[str, _Aligned],
+    refined: dict[str, Refined],
     parameters: SegmentParameters,
 ) -> pd.DataFrame:
     """Rows of `Segmentation.cuts`, with the primitives in between filled in, clipped to the recording."""
     dt, duration = demonstration.dt, demonstration.time[-1]
     rows = []
     for method in METHODS:
-        found = {name: one.ends(method) for name, one in aligned.items()}
+        found = {name: one.ends(method) for name, one in refined.items()}
         for index, primitive in enumerate(parameters.primitives):
-            if primitive.axis == "between":
+            if primitive.axis == BETWEEN:
                 before, after = parameters.primitives[index - 1], parameters.primitives[index + 1]
                 start, end = found[before.name][1], found[after.name][0]
             else:
@@ -185,7 +128,7 @@ def _cut_rows(
     return pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
 
 
-def _pair_rows(demonstration: Demonstration, aligned: dict[str, _Aligned]) -> pd.DataFrame:
+def _pair_rows(demonstration: Demonstration, refined: dict[str, Refined]) -> pd.DataFrame:
     """Rows of `Segmentation.pairs`."""
     tables = [
         pd.DataFrame(
@@ -193,10 +136,10 @@ def _pair_rows(demonstration: Demonstration, aligned: dict[str, _Aligned]) -> pd
                 "demonstration": demonstration.name,
                 "primitive": primitive,
                 "reference_s": one.reference.dt * one.pairs[:, 0],
-                "guess_s": one.motion.dt * one.pairs[:, 1],
+                "guess_s": one.own.dt * one.pairs[:, 1],
                 "weight": one.weights,
             }
         )
-        for primitive, one in aligned.items()
+        for primitive, one in refined.items()
     ]
     return pd.concat(tables, ignore_index=True)
