@@ -8,9 +8,10 @@ import yaml
 
 from structlearn.recordings.joint_series import FIELDS
 from structlearn.recordings.survey import TopicClocks, stamps_of
+from structlearn.testbeds.own.protocol.findings import Findings
 from structlearn.testbeds.own.protocol.fitness import Answer
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
-from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen
+from structlearn.testbeds.own.protocol.inspection import FileSeen
 from structlearn.testbeds.own.protocol.motion_survey import BRIDGE_S, MotionRun, MotionSurvey
 from structlearn.testbeds.own.protocol.proposal import Proposal
 
@@ -26,36 +27,24 @@ RIGHT = (2, 3, 4, 5, 7, 8)
 """Columns of numbers."""
 
 
-def report(
-    seen: SourceSeen,
-    sources: Sequence[Candidate],
-    motion: MotionSurvey | None,
-    answers: Sequence[Answer],
-    proposal: Proposal | None,
-) -> str:
-    """All of it as text.
-
-    Args:
-        seen: the files.
-        sources: of poses, the one that is taken for the hand's first.
-        motion: its runs; None where it does not move.
-        answers: of fitness.
-        proposal: the entry; None where there can be none.
-    """
+def report(found: Findings) -> str:
+    """All of it as text."""
+    seen = found.seen
     lines = [f"{seen.source}: {len(seen.files)} recordings", ""]
     for file in seen.files:
         lines += [*_file(file), ""]
-    lines += [*(f"{name}: left out: {reason}" for name, reason in seen.damaged.items())]
-    lines += [""] if seen.damaged else []
-    if sources:
-        lines += [*_sources(sources), ""]
-    if motion is not None:
-        lines += [*_motion(sources[0], motion), ""]
-    lines += ["Fit to be learned from?", *_indented(_answers(answers)), ""]
-    if proposal is None:
+    if seen.damaged:
+        lines += [*(f"{name}: left out: {reason}" for name, reason in seen.damaged.items()), ""]
+    if found.sources:
+        lines += [*_sources(found.sources), ""]
+    if found.motion is not None:
+        lines += [*_motion(found.sources[0], found.motion), ""]
+    lines += ["Fit to be learned from?", *_indented(_answers(found.answers)), ""]
+    if found.proposal is None:
         lines += ["No entry can be proposed: nothing here could be the pose of a hand."]
     else:
-        lines += ["To paste into stages/own/params.yaml, below its key `tasks`:", "", as_yaml(proposal)]
+        lines += ["To paste into stages/own/params.yaml, below its key `tasks`:", ""]
+        lines += [as_yaml(found.proposal)]
     return "\n".join(line.rstrip() for line in lines).rstrip() + "\n"
 
 

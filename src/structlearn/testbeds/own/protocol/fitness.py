@@ -287,13 +287,13 @@ def _excitation(seen: SourceSeen) -> Iterator[Answer]:
 
 def _condition(urdf: Path, names: Sequence[str], motion: Motion) -> float:
     """Condition number of the base regressor of a robot whose other joints are locked."""
-    from structlearn.rigid_body.excitation import base_condition  # with torch and Pinocchio
+    from structlearn.rigid_body.base_parameters import condition_number  # with torch and Pinocchio
     from structlearn.rigid_body.tree import joint_order, read_urdf
 
     tree = read_urdf(urdf, [joint for joint in moving_joints(urdf) if joint not in names]).tree
     order = joint_order(tree, names, "the log of joint states")
     columns = (values[:, order] for values in (motion.q, motion.qd, motion.qdd, motion.torque))
-    return base_condition(tree, Motion(*columns))
+    return condition_number(tree, Motion(*columns))
 
 
 def _motion(name: str, joints: JointSeries, names: Sequence[str]) -> Motion:

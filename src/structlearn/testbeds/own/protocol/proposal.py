@@ -47,9 +47,9 @@ class Proposal:
 
 
 def propose(
-    seen: SourceSeen, hand: Candidate | None, others: Sequence[Candidate], motion: MotionSurvey | None
-) -> Proposal | None:
-    """The entry for what was seen; None where nothing could be the hand's pose.
+    seen: SourceSeen, hand: Candidate, others: Sequence[Candidate], motion: MotionSurvey | None
+) -> Proposal:
+    """The entry for what was seen.
 
     Args:
         seen: all files.
@@ -57,8 +57,6 @@ def propose(
         others: the other ones, the likelier first.
         motion: runs of motion; None where the hand does not move.
     """
-    if hand is None:
-        return None
     topics, doubts = _topics(seen, hand, others)
     entry: dict[str, Any] = {"source": seen.source, "topics": topics}
     read = _read(hand, topics)
@@ -183,7 +181,7 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     doubts = ["or their names, e.g. [" + ", ".join(f"move_{n + 1}" for n in range(motion.number)) + "]"]
     others = [f"{name} ({len(motion.counted(name))})" for name in motion.runs if name not in motion.agreeing]
     if others:
-        doubts.append(f"another number of runs: {_listed(others)}")
+        doubts.append(f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`")
     idle = [(name, run) for name in motion.runs for run in motion.idle(name)]
     if idle:
         name, run = max(idle, key=lambda item: item[1].way)
