@@ -80,13 +80,14 @@ STARTS = {
 }
 """By kind of stage: slow libraries that its start may load, and the scripts."""
 
-PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml")
+PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml")
 STAGES = {
     stage["cmd"].split()[1]: stage
     for pipeline in PIPELINES
-    for stage in yaml.safe_load((ROOT / pipeline).read_text())["stages"].values()
+    for listed in yaml.safe_load((ROOT / pipeline).read_text())["stages"].values()
+    for stage in [listed.get("do", listed)]
 }
-"""Of both pipelines by their scripts: some names stand in both."""
+"""Of all pipelines by their scripts: some names stand in several. Those of your own tasks are one for all."""
 
 
 @cache

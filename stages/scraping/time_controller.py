@@ -7,7 +7,6 @@ from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground.artefacts import write_metrics
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings.source import SourceParameters
 from structlearn.testbeds.scraping.files import read_expected
 from structlearn.testbeds.scraping.protocol.latency import TimingParameters, controller_latency, run_cost
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
@@ -22,9 +21,7 @@ def main() -> None:
     networks = read_networks(f"{DATA}/models/{POINTWISE}.safetensors")
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
     skill = ReactiveSkill(primitives, read_expected(f"{DATA}/expected"), networks, axis)
-    times = controller_latency(skill, parameters) if networks else {}
-    if networks and stage_parameters("record", SourceParameters).simulated:
-        times |= run_cost(skill, testbed, parameters)
+    times = controller_latency(skill, parameters) | run_cost(skill, testbed, parameters)
     write_metrics(times, "reports/scraping/timings.json")
 
 

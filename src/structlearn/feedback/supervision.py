@@ -26,21 +26,22 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, differentiated_orientation
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.source import RunSourceParameters
 
 Cuts = Mapping[str, pd.DataFrame]
 """Segments by the primitive's name: index demonstration, columns `start_s` and `end_s`."""
 
 
-class ExpectedTracesParameters(RunSourceParameters):
+class ExpectedTracesParameters(Parameters):
     """Nominal executions in the default setting, and the expected traces learned from them.
 
     Attributes:
-        level_runs: further simulated ones; nothing is expected from them, but feedback may learn from them
-            that on the level board nothing is to be corrected.
+        runs: number of executions.
+        level_runs: further ones; nothing is expected from them, but feedback may learn from them that on the
+            level board nothing is to be corrected.
         smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
     """
 
+    runs: int = Field(ge=1, le=1000)
     level_runs: int = Field(ge=0, le=1000)
     smoothing_hz: float = Field(gt=0)
 
@@ -195,9 +196,7 @@ def require_parts(
                 f"coupling_dataset.primitives: there is no primitive '{name}' among {', '.join(known)}"
             )
         if name not in expected:
-            raise InputError(
-                f"no expected traces of '{name}': name your executions in expected_traces.source"
-            )
+            raise InputError(f"no expected traces of '{name}', which feedback is learned from")
 
 
 def coupling_dataset(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_files import as_recording_file, open_bag
+from structlearn.recordings.bag_files import as_recording_file, open_bag, recording_files
 from structlearn.recordings.bag_reader import own_provenance
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
@@ -105,6 +105,15 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
     values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
     topic = joint_topic(f"{log.name}: {JOINT_STATES}", JOINT_STATES, log.joints, log.stamps, values)
     write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
+
+
+def read_joint_logs(source: str | Path, topic: str = JOINT_STATES) -> list[JointLog]:
+    """Read all logs of a source (see `bag_files.recording_files`), in natural order of their names.
+
+    Raises:
+        InputError: there are none, or as `read_joint_log`.
+    """
+    return [read_joint_log(file.paths[0], topic) for file in recording_files(source)]
 
 
 def read_joint_log(

@@ -1,1 +1,1 @@
-"""A task of your own: from bags to a checked skill."""
+"""Your own tasks: from your recordings to a skill, and to sections on your arm, touch and obstacles."""

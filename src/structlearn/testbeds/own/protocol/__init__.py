@@ -1,1 +1,1 @@
-"""What is asked of somebody's own recordings."""
+"""What is run and scored on recordings of your own."""

@@ -20,7 +20,7 @@ def read_board(
     supervision: SupervisionParameters,
     testbed: TestbedParameters,
     clock: ClockParameters,
-) -> tuple[Board, dict[str, CouplingDataset]] | None:
+) -> tuple[Board, dict[str, CouplingDataset]]:
     """The board of the first primitive with feedback, and the demonstrations.
 
     Args:
@@ -32,15 +32,13 @@ def read_board(
         clock: on which executions are read and judged.
 
     Returns:
-        The board and the demonstrations by primitive; None where nobody corrected.
+        The board and the demonstrations by primitive.
 
     Raises:
         InputError: a file is missing or not readable, or a setting was not recorded.
     """
     files = ScrapingFiles(clock, Path(data))
     datasets = files.datasets(settings_deg)
-    if not datasets:
-        return None
     board = Board(
         primitives=files.primitives(),
         expected=files.expected(),

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from pydantic import Field
 
 from structlearn.feedback.runtime import Controller, Limits
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.ground import quaternion
 from structlearn.ground.parallel import parallel_map
+from structlearn.ground.params import Parameters
 from structlearn.primitives.sequence import default_start
 from structlearn.recordings.recording import Recording
 from structlearn.simulation.fingers import FingerPair
@@ -25,6 +27,18 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finge
 
 HOLD_S = 0.3
 """s that the robot waits at the end of an execution, so that all streams cover its last sample."""
+
+
+class CorrectedRunsParameters(Parameters):
+    """Executions that a person corrects.
+
+    Attributes:
+        settings_deg: degrees, rolls of the board.
+        runs: executions per setting.
+    """
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+    runs: int = Field(ge=1, le=1000)
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import Drawing, Raster, styled
+from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import shown_map
-from structlearn.testbeds.recorded.page.drawing import legend, panel
 from structlearn.testbeds.recorded.page.parts.skin_evidence import ARROW
 from structlearn.testbeds.recorded.page.parts.skin_results import SkinResults
 
