@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 import yaml
 from mcap_ros2.writer import Writer
-from recordings_bags import header, pose_messages, pose_rows, ros_quaternion, vector, write_bag
+from recordings_bags import header, pose_messages, ros_quaternion, vector, write_bag
 
 from structlearn import inspect
-from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import bag_writer
 from structlearn.recordings.bag_reader import read_bag
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.protocol.findings import find_out
-from structlearn.testbeds.own.protocol.proposal import task_name
+from structlearn.testbeds.own.protocol.proposal import from_home, task_name
 from structlearn.testbeds.own.task import PARAMETER_FILE, read_task
 from structlearn.testbeds.own.world.pick_and_place import TIP, URDF, takes, write_takes
 
 MS = 10**6
+PRIMITIVES = "segment.primitives"
 PANDA = str(urdf_path(URDF))
 
 
@@ -105,8 +105,8 @@ def test_every_file_is_described(example, monkeypatch, capsys):
 
 
 def test_runs_of_motion_are_the_moves(example):
-    found = find_out(example)
-    assert answer(found, "Do runs of found.motion agree in number?").verdict == "yes"
+    found = find_out(str(example))
+    assert answer(found, "Do runs of motion agree in number?").verdict == "yes"
     for take in takes(2, 3, 3):
         runs = [(run.start_s, run.end_s) for run in found.motion.counted(take.name)]
         np.testing.assert_allclose(runs, take.segments, atol=0.15)
@@ -114,21 +114,21 @@ def test_runs_of_motion_are_the_moves(example):
 
 def test_a_hesitation_is_no_further_run(tmp_path):
     write_takes(takes(3, 3, 4, hesitation=True), tmp_path)
-    assert find_out(tmp_path).proposal.entry["segment"]["primitives"] == 3
+    assert find_out(str(tmp_path)).proposal.entry["segment"]["primitives"] == 3
 
 
 def test_an_idle_twitch_is_no_further_run_and_a_missing_one_is_named(tmp_path):
     write_takes(takes(4, 3, 6, twitch=True, without={"04": "carry"}), tmp_path)
-    found = find_out(tmp_path)
+    found = find_out(str(tmp_path))
     assert found.proposal.entry["segment"]["primitives"] == 3
     assert "04" not in found.motion.agreeing
-    assert answer(found, "Do runs of found.motion agree in number?").verdict == "doubtful"
-    assert any("04 (2)" in doubt for doubt in found.proposal.doubts["segment.primitives"])
+    assert answer(found, "Do runs of motion agree in number?").verdict == "doubtful"
+    assert any("04 (2)" in doubt for doubt in found.proposal.doubts[PRIMITIVES])
 
 
 def test_joint_states_alone_ask_for_the_robot(example, tmp_path):
     source = rewritten(example, tmp_path / "joints", ["/joint_states"])
-    found = find_out(source)
+    found = find_out(str(source))
     assert found.sources[0].unit == "rad"
     assert found.motion.number == found.proposal.entry["segment"]["primitives"] == 3
     assert found.proposal.entry["topics"]["pose"]["urdf"] == "~/robot.urdf"
@@ -137,11 +137,11 @@ def test_joint_states_alone_ask_for_the_robot(example, tmp_path):
 
 def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
     source = rewritten(example, tmp_path / "joints", ["/joint_states"])
-    found = find_out(source, PANDA)
+    found = find_out(str(source), PANDA)
     assert found.sources[0].unit == "m"
     assert found.motion.number == 3
     assert found.proposal.entry["topics"]["pose"] == {"urdf": PANDA, "tip": TIP, "topic": "/joint_states"}
-    captured = find_out(example).sources[0]
+    captured = find_out(str(example)).sources[0]
     for name, path in found.sources[0].paths.items():
         assert path.extent_m == pytest.approx(captured.paths[name].extent_m, rel=0.01)
 
@@ -206,7 +206,7 @@ def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, monke
     text = capsys.readouterr().out
     assert "frames in /tf: base_link -> arm, base_link -> lamp (at rest)" in text
     assert "frames in /tf_static: arm -> tool0 (static), world -> base_link (static)" in text
-    found = find_out(tmp_path)
+    found = find_out(str(tmp_path))
     assert found.proposal.entry["topics"]["pose"] == {"parent": "base_link", "child": "tool0", "topic": "/tf"}
     assert found.motion.number == 1
 
@@ -217,9 +217,36 @@ def test_of_several_poses_the_one_that_moves_most_is_taken(tmp_path):
     rows += pose_messages(stamps, moving_rows(far=0.0), "/camera")
     rows += pose_messages(stamps, moving_rows(far=0.4), "/tool")
     write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
-    found = find_out(tmp_path)
+    found = find_out(str(tmp_path))
     assert [one.source for one in found.sources] == ["/tool", "/a_part", "/camera"]
     assert "also there: /a_part" in found.proposal.doubts["topics.pose"][0]
+
+
+def test_a_turn_between_two_moves_is_a_doubt(tmp_path):
+    rows = np.vstack([moving_rows(), moving_rows()])
+    rows[400:, 0] = rows[399, 0] - rows[400:, 0]
+    angle = np.radians(5.0) * np.clip(np.linspace(-10.0, 10.0, 800), 0.0, 1.0)  # half way, in half a second
+    rows[:, 3], rows[:, 4] = np.cos(angle / 2), np.sin(angle / 2)
+    stamps = (10**9 + 10 * MS * np.arange(800)).tolist()
+    write_bag(tmp_path / "1.mcap", pose_messages(stamps, rows))
+    found = find_out(str(tmp_path))
+    assert found.motion.turns_deg == pytest.approx([5.0], abs=0.1)
+    assert any(
+        "turns by 5 degrees between moves 1 and 2" in doubt for doubt in found.proposal.doubts[PRIMITIVES]
+    )
+
+
+def test_topics_that_share_the_kinds_of_joint_states_are_proposed_together(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = pose_messages(stamps, moving_rows())
+    rows += [joint_message(stamp, ("a", "b"), (0.0, 1.0)) for stamp in stamps]
+    speeds = [joint_message(stamp, ("a", "b"), (), (), (0.0, 1.0)) for stamp in stamps]
+    rows += [("/joint_speeds", *row[1:]) for row in speeds]
+    write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
+    assert find_out(str(tmp_path)).proposal.entry["topics"]["joint_states"] == [
+        "/joint_states",
+        "/joint_speeds",
+    ]
 
 
 def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
@@ -230,7 +257,7 @@ def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
         return replace(topic, stamps=topic.stamps + 400 * MS)
 
     source = rewritten(example, tmp_path / "late", ["/gripper/pose", "/joint_states"], late)
-    found = find_out(source)
+    found = find_out(str(source))
     step = answer(found, "Are the clocks in step?")
     assert step.verdict == "no"
     assert "400 ms" in step.number
@@ -249,7 +276,7 @@ def test_disorder_of_stamps_is_counted_and_a_policy_is_proposed(tmp_path, fault,
     rows = pose_messages(stamps.tolist(), moving_rows())
     rows = [(*row[:3], int(log)) for row, log in zip(rows, logs, strict=True)]
     write_bag(tmp_path / "1.mcap", rows)
-    found = find_out(tmp_path)
+    found = find_out(str(tmp_path))
     assert answer(found, "Do stamps increase?").verdict == "doubtful"
     assert found.proposal.entry["stamps"] == {"clock": "header", "disorder": policy}
     assert "of 400 stamps" in found.proposal.doubts["stamps"][0]
@@ -269,8 +296,9 @@ def test_two_publishers_of_joint_states_are_no_disorder(tmp_path):
     late = [joint_message(stamp - 15 * MS, ("finger",), (0.0,)) for stamp in stamps[::3].tolist()]
     rows += [(*row[:3], row[3] + 15 * MS) for row in late]
     write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
-    found = find_out(tmp_path)
-    assert {one.names for one in found.seen.files[0].topics["/joint_states"].joints} == {("a", "b"), ("finger",)}
+    found = find_out(str(tmp_path))
+    joints = found.seen.files[0].topics["/joint_states"].joints
+    assert {one.names for one in joints} == {("a", "b"), ("finger",)}
     assert answer(found, "Do stamps increase?").verdict == "yes"
     assert "stamps" not in found.proposal.entry
     assert "taken is a, b, not finger" in found.proposal.doubts["topics.joint_states"][0]
@@ -286,7 +314,7 @@ def test_messages_without_headers_are_stamped_by_the_log(tmp_path, monkeypatch, 
     run(monkeypatch, tmp_path)
     (line,) = {line for line in capsys.readouterr().out.splitlines() if "geometry_msgs/Pose" in line}
     assert line.split() == ["/hand", "geometry_msgs/Pose", "400", "50", "Hz", "0", "ms", "0.02", "s", "log"]
-    found = find_out(tmp_path)
+    found = find_out(str(tmp_path))
     assert answer(found, "Do messages say when they were taken?").verdict == "doubtful"
     assert found.motion.number == 1
 
@@ -294,10 +322,10 @@ def test_messages_without_headers_are_stamped_by_the_log(tmp_path, monkeypatch, 
 def test_a_hand_that_does_not_move_has_no_runs(tmp_path, monkeypatch, capsys):
     stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
     write_bag(tmp_path / "1.mcap", pose_messages(stamps, moving_rows(far=0.0)))
-    found = find_out(tmp_path)
+    found = find_out(str(tmp_path))
     assert found.motion is None
     assert answer(found, "Does the hand move in all?").verdict == "no"
-    assert "no motion" in found.proposal.doubts["segment.primitives"][0]
+    assert "no motion" in found.proposal.doubts[PRIMITIVES][0]
     run(monkeypatch, tmp_path)
     assert "it does not move" in capsys.readouterr().out
 
@@ -308,7 +336,7 @@ def test_bad_poses_are_said(tmp_path):
     rows[200, 1] += 2.0
     rows[:, 3] = 1.1
     write_bag(tmp_path / "1.mcap", pose_messages(stamps, rows))
-    found = find_out(tmp_path)
+    found = find_out(str(tmp_path))
     assert answer(found, "Are quaternions of unit norm?").verdict == "no"
     assert "0.1" in answer(found, "Are quaternions of unit norm?").number
     assert "row 200" in answer(found, "Are poses free of jumps?").advice
@@ -351,7 +379,7 @@ def test_excitation_is_judged_joint_by_joint_and_with_a_robot_as_a_whole(tmp_pat
     stamps = (10**9 + 1e9 * time).astype(np.int64).tolist()
     rows = [joint_message(s, names, a, a, v) for s, a, v in zip(stamps, q, qd, strict=True)]
     write_bag(tmp_path / "1.mcap", rows)
-    found = find_out(tmp_path, PANDA)
+    found = find_out(str(tmp_path), PANDA)
     assert answer(found, "Is the arm excited as a whole?").verdict == verdict
     for name in names:
         assert answer(found, f"Is {name} moved enough to learn its dynamics?").verdict == verdict
@@ -361,3 +389,9 @@ def test_a_name_for_the_task_is_one_for_folders(tmp_path):
     assert task_name("~/my bags (new)") == "my_bags_new"
     (tmp_path / "a-b.mcap").write_bytes(b"")
     assert task_name(str(tmp_path / "a-b.mcap")) == "a_b"
+
+
+def test_the_home_folder_is_not_written_out(monkeypatch):
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert from_home("/home/somebody/bags") == "~/bags"
+    assert [from_home(path) for path in ("~/bags", "bags", "/data")] == ["~/bags", "bags", "/data"]

@@ -69,7 +69,8 @@ def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
 def condition_number(tree: KinematicTree, motion: Motion) -> float:
     """Condition number of the regressor of the base parameters over a motion, columns scaled to unit length.
 
-    By so much errors of the torques may grow on their way to the parameters; below 100 counts as well excited.
+    By so much errors of the torques may grow on their way to the parameters; below 100 counts as well
+    excited.
 
     Args:
         tree: n joints.

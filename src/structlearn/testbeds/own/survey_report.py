@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import groupby
 from typing import Any
 
 import yaml
@@ -110,7 +111,7 @@ def _clock(clocks: TopicClocks) -> tuple[str, ...]:
 
 
 def _ms(seconds: float) -> str:
-    return f"{1e3 * seconds:.3g} ms" if abs(seconds) < 1 else f"{seconds:.3g} s"
+    return f"{round(1e3 * seconds, 3):.3g} ms" if abs(seconds) < 1 else f"{seconds:.3g} s"
 
 
 def _sources(sources: Sequence[Candidate]) -> Iterator[str]:
@@ -138,16 +139,24 @@ def _motion(hand: Candidate, motion: MotionSurvey) -> Iterator[str]:
         f"Runs of motion of {hand.words}, s since its first sample; dips up to {BRIDGE_S:g} s are joined, "
         "short runs stand in brackets"
     )
-    rows = [("", "above", "runs", "")]
+    rows = [("", f"above, {motion.unit}/s", "runs", "")]
     for name, tried in motion.runs.items():
-        for place, (threshold, runs) in enumerate(zip(motion.thresholds, tried, strict=True)):
-            mark = " *" if place == motion.chosen else ""
-            times = ", ".join(_run(run) for run in runs)
+        alike = groupby(range(len(tried)), key=lambda place: [run.short for run in tried[place]])
+        for number, (_, group) in enumerate(alike):
+            places = list(group)
+            chosen = motion.chosen in places
+            low, high = (f"{motion.thresholds[place]:.2g}" for place in (places[0], places[-1]))
             rows.append(
-                ("" if place else name, f"{threshold:.2g} {motion.unit}/s", f"{len(runs)}{mark:2}", times)
+                (
+                    "" if number else name,
+                    low if low == high else f"{low} - {high}",
+                    f"{len(tried[places[0]])} {'*' if chosen else ' '}",
+                    ", ".join(_run(run) for run in tried[motion.chosen if chosen else places[0]]),
+                )
             )
-    yield from _indented(_aligned(rows, (1, 2)))
-    yield "  * where most demonstrations agree"
+    yield from _indented(_aligned(rows, (2,)))
+    threshold = f"{motion.thresholds[motion.chosen]:.2g} {motion.unit}/s"
+    yield f"  * with times at {threshold}, where most demonstrations agree"
 
 
 def _run(run: MotionRun) -> str:

@@ -22,6 +22,7 @@ from structlearn.rigid_body.urdf_links import moving_joints
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
 from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen, arm_of, clocks_of, series_of
 from structlearn.testbeds.own.protocol.motion_survey import MotionSurvey
+from structlearn.testbeds.own.task import local_path
 
 Verdict = Literal["yes", "doubtful", "no"]
 
@@ -276,7 +277,7 @@ def _excitation(seen: SourceSeen) -> Iterator[Answer]:
         )
     if seen.urdf is not None:
         try:
-            number = _condition(Path(seen.urdf).expanduser(), names, motion)
+            number = _condition(local_path(seen.urdf), names, motion)
         except InputError as error:
             yield Answer("Is the arm excited as a whole?", "no", "the URDF does not serve", str(error))
             return

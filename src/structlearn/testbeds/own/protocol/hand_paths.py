@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from structlearn.ground import signals
+from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import check_speed
 from structlearn.recordings.recording import Stream
@@ -33,6 +33,7 @@ class HandPath:
         start_s: s, of the first tick on the recording's clock.
         position: (T, D) m, without what is above `SPEED_HZ`.
         speed: (T,) m/s of it.
+        orientation: (T, 4) w, x, y, z of norm 1; None where there is none.
         noise_m: m, root mean square per axis of what was taken away while the hand rests.
         norm_error: largest difference of a quaternion's norm from 1.
         fault: what no hand does, e.g. a jump, or values that are no numbers; empty where there is nothing.
@@ -43,6 +44,7 @@ class HandPath:
     start_s: float
     position: np.ndarray
     speed: np.ndarray
+    orientation: np.ndarray | None
     noise_m: float
     norm_error: float
     fault: str
@@ -72,11 +74,20 @@ def hand_path(stream: Stream) -> HandPath:
     finite = np.isfinite(stream.values).all(axis=1)
     stamps, values = _in_order(stream.stamps[finite], stream.values[finite])
     path = _path("m", stream.topic, stamps, values[:, :3])
+    norms = np.linalg.norm(values[:, 3:], axis=1)
+    turns = values[:, 3:] / norms[:, None] if (norms > 0.0).all() else None
     return replace(
         path,
-        norm_error=float(np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0).max()),
+        orientation=None if turns is None else _turned(path, stamps, turns),
+        norm_error=float(np.abs(norms - 1.0).max()),
         fault=_fault(finite, Stream(stream.topic, "pose", stamps, values)),
     )
+
+
+def _turned(path: HandPath, stamps: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Orientations (T, 4) at a path's ticks."""
+    ticks, times = np.arange(len(path.speed)) * path.dt, 1e-9 * (stamps - stamps[0])
+    return quaternion.interpolate(np.minimum(ticks, times[-1]), times, turns)
 
 
 def joint_path(topic: str, stamps: np.ndarray, positions: np.ndarray) -> HandPath:
@@ -105,7 +116,8 @@ def _path(unit: Literal["m", "rad"], topic: str, stamps: np.ndarray, values: np.
     resting = speed <= REST_SHARE * speed.max()
     noise = raw[resting] - position[resting] if resting.any() else raw - position
     noise_m = float(np.sqrt(np.mean(noise**2)))
-    return HandPath(unit, dt, 1e-9 * int(stamps[0]), position, speed, noise_m, norm_error=0.0, fault="")
+    start_s = 1e-9 * int(stamps[0])
+    return HandPath(unit, dt, start_s, position, speed, None, noise_m, norm_error=0.0, fault="")
 
 
 def _fault(finite: np.ndarray, ordered: Stream) -> str:

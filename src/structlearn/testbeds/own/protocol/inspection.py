@@ -6,7 +6,6 @@ Camera images are looked at topic by topic, since those of one file may be large
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_files
@@ -22,6 +21,7 @@ from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
 from structlearn.recordings.transforms import TransformSeries, transform_series
 from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
 from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path, joint_path
+from structlearn.testbeds.own.task import local_path
 
 PoseSource = str | TransformPose | JointPose
 
@@ -115,7 +115,7 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
         InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
     """
     if urdf:
-        moving_joints(_local(urdf))  # a wrong file is told of before any bag is opened
+        moving_joints(local_path(urdf))  # a wrong file is told of before any bag is opened
     files, damaged = [], {}
     for file in recording_files(source):
         try:
@@ -203,7 +203,9 @@ def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[Pose
             ]
     if urdf and (arm := arm_of(topics)):
         topic, joints = arm
-        found += [JointPose(urdf=urdf, tip=tip, topic=topic) for tip in tips(_local(urdf), joints.names)[:1]]
+        found += [
+            JointPose(urdf=urdf, tip=tip, topic=topic) for tip in tips(local_path(urdf), joints.names)[:1]
+        ]
     return found
 
 
@@ -250,10 +252,6 @@ def series_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[st
         if topic in file.topics
         for stamps in file.topics[topic].series
     ]
-
-
-def _local(path: str) -> Path:
-    return Path(path).expanduser()
 
 
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:

@@ -7,10 +7,11 @@ runs count as long as they, too, stand at the same places.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from structlearn.ground import quaternion
 from structlearn.segmentation.motion_runs import FRACTIONS, Motion, pace, runs_of_motion
 from structlearn.testbeds.own.protocol.hand_paths import HandPath
 
@@ -53,6 +54,8 @@ class MotionSurvey:
         with_short: whether short runs are counted.
         number: of runs in most demonstrations.
         agreeing: names of these demonstrations.
+        turns_deg: degrees by which the hand turns between one of these runs and the next, median over these
+            demonstrations; none where orientations are not known.
     """
 
     unit: str
@@ -62,6 +65,7 @@ class MotionSurvey:
     with_short: bool
     number: int
     agreeing: tuple[str, ...]
+    turns_deg: tuple[float, ...] = ()
 
     def counted(self, name: str) -> list[MotionRun]:
         """Runs of a demonstration at the chosen threshold, without short ones where they do not count."""
@@ -98,7 +102,19 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
             choices.append(
                 (rank, MotionSurvey(unit, thresholds, runs, place, with_short, len(row), agreeing))
             )
-    return max(choices, key=lambda choice: choice[0])[1]
+    best = max(choices, key=lambda choice: choice[0])[1]
+    turns = [turns_between(paths[name], best.counted(name)) for name in best.agreeing]
+    return replace(best, turns_deg=tuple(np.median(turns, axis=0).tolist()))
+
+
+def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:
+    """Degrees by which the hand turns from the end of each run to the start of the next."""
+    if path.orientation is None:
+        return []
+    ends = np.array([run.end_s for run in runs[:-1]]) / path.dt
+    starts = np.array([run.start_s for run in runs[1:]]) / path.dt
+    before, after = (path.orientation[np.round(at).astype(int)] for at in (ends, starts))
+    return np.degrees(quaternion.angle_between(before, after)).tolist()
 
 
 def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:

@@ -13,20 +13,28 @@ from typing import Any
 from structlearn.recordings.clock import MAX_GAP_S
 from structlearn.recordings.messages import READERS
 from structlearn.recordings.topics import JointPose
+from structlearn.rigid_body.urdf_links import moving_joints
 from structlearn.testbeds.own.protocol.fitness import IN_STEP_S, out_of_step
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
 from structlearn.testbeds.own.protocol.inspection import (
     UNKNOWN_URDF,
     FileSeen,
     SourceSeen,
+    TopicSeen,
     arm_of,
     clocks_of,
     series_of,
 )
 from structlearn.testbeds.own.protocol.motion_survey import MotionSurvey
+from structlearn.testbeds.own.task import local_path
 
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
 """What topics of tactile arrays are mostly called; other arrays are commands and the like."""
+
+
+TURN_DEG = 3.0
+"""Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
+times as good."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,7 @@ def propose(
         motion: runs of motion; None where the hand does not move.
     """
     topics, doubts = _topics(seen, hand, others)
-    entry: dict[str, Any] = {"source": seen.source, "topics": topics}
+    entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
     read = _read(hand, topics)
     stamps, doubts["stamps"] = _stamps(seen.files, read)
     if stamps:
@@ -66,7 +74,9 @@ def propose(
     number, doubts["segment.primitives"] = _primitives(motion)
     entry["segment"] = {"primitives": number}
     if seen.urdf is not None and isinstance(hand.source, JointPose):
-        entry["robot"] = {"urdf": seen.urdf, "tip": hand.source.tip}
+        known = [name for file in seen.files if (arm := arm_of(file.topics)) for name in arm[1].names]
+        locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
+        entry["robot"] = {"urdf": from_home(seen.urdf), "tip": hand.source.tip, "locked_joints": locked}
     damaged = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"] if seen.damaged else []
     doubts["source"] = damaged + _gaps(seen.files, read)
     doubts = {key: said for key, said in doubts.items() if said}
@@ -80,10 +90,21 @@ def task_name(source: str) -> str:
     return "_".join(words) or "task"
 
 
+def from_home(path: str) -> str:
+    """A path as it can be kept in a file that others read: with `~` for the home folder, else as it is."""
+    home = Path.home()
+    return f"~/{Path(path).relative_to(home)}" if Path(path).is_relative_to(home) else path
+
+
 def _read(hand: Candidate, topics: Mapping[str, Any]) -> list[str]:
     """Topics that are named, but those of transforms at rest, whose stamps say nothing."""
     pose = hand.source if isinstance(hand.source, str) else hand.source.topic
-    rest = [topics.get("joint_states"), topics.get("wrench"), *topics.get("tactile", [])]
+    joints = topics.get("joint_states", [])
+    rest = [
+        *([joints] if isinstance(joints, str) else joints),
+        topics.get("wrench"),
+        *topics.get("tactile", []),
+    ]
     return list(dict.fromkeys([pose, *(topic for topic in rest if topic)]))
 
 
@@ -97,8 +118,9 @@ def _topics(
     if arms:
         arm = max(sorted(set(arms)), key=arms.count)
         if arm in _of_types(seen.files, READERS["joint_states"]):
-            topics["joint_states"] = arm
-            doubts["topics.joint_states"] = list(_joint_doubts(seen.files, arm))
+            parts = [arm, *_other_kinds(seen.files, arm)]
+            topics["joint_states"] = parts if parts[1:] else arm
+            doubts["topics.joint_states"] = list(_joint_doubts(seen.files, parts))
     wrenches = _of_types(seen.files, READERS["wrench"])
     if wrenches:
         topics["wrench"] = wrenches[0]
@@ -128,13 +150,31 @@ def _pose_doubts(hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
         yield f"and {len(others) - 3} more"
 
 
-def _joint_doubts(files: Sequence[FileSeen], arm: str) -> Iterator[str]:
+def _other_kinds(files: Sequence[FileSeen], arm: str) -> list[str]:
+    """Topics on which velocities or torques of the same joints are by themselves."""
+    first = files[0].topics
+    names = {name for joints in first[arm].joints for name in joints.names}
+    kinds, found = _kinds(first[arm]), []
+    for topic in _of_types(files, READERS["joint_states"]):
+        same = {name for joints in first[topic].joints for name in joints.names} == names
+        if topic != arm and same and not kinds & _kinds(first[topic]):
+            kinds |= _kinds(first[topic])
+            found.append(topic)
+    return found
+
+
+def _kinds(seen: TopicSeen) -> set[str]:
+    return {kind for joints in seen.joints for kind in joints.values}
+
+
+def _joint_doubts(files: Sequence[FileSeen], parts: Sequence[str]) -> Iterator[str]:
+    arm = parts[0]
     sets = {joints.names for file in files if arm in file.topics for joints in file.topics[arm].joints}
     if len(sets) > 1:
         most = max(sorted(sets), key=len)
         others = "; ".join(", ".join(names) for names in sorted(sets - {most}))
         yield f"several publish on it; taken is {', '.join(most)}, not {others} (`joints` names others)"
-    elsewhere = [topic for topic in _of_types(files, READERS["joint_states"]) if topic != arm]
+    elsewhere = [topic for topic in _of_types(files, READERS["joint_states"]) if topic not in parts]
     if elsewhere:
         yield f"also there: {', '.join(elsewhere)}"
 
@@ -182,6 +222,12 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     others = [f"{name} ({len(motion.counted(name))})" for name in motion.runs if name not in motion.agreeing]
     if others:
         doubts.append(f"another number of runs: {_listed(others)}; take them out, or `skip_failures: true`")
+    doubts += [
+        f"the hand turns by {turn:.0f} degrees between moves {place + 1} and {place + 2}: a primitive of its "
+        "own, with `axis: between`?"
+        for place, turn in enumerate(motion.turns_deg)
+        if turn > TURN_DEG
+    ]
     idle = [(name, run) for name in motion.runs for run in motion.idle(name)]
     if idle:
         name, run = max(idle, key=lambda item: item[1].way)
