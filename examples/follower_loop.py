@@ -12,10 +12,10 @@ import sys
 import time
 
 import numpy as np
+from structlearn.feedback.skill_file import read_skill
 
 from structlearn.feedback.runtime import Controller, Status
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.skill_file import read_skill
 from structlearn.primitives.sequence import default_start
 from structlearn.rigid_body.inverse_kinematics import Follower, read_arm
 from structlearn.simulation.arm import urdf_path

@@ -10,10 +10,10 @@ import time
 
 import numpy as np
 import pybullet
+from structlearn.feedback.skill_file import read_skill
 
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.skill_file import read_skill
 from structlearn.primitives.sequence import default_start
 from structlearn.rigid_body.inverse_kinematics import Follower, read_arm
 from structlearn.simulation.arm import urdf_path

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from structlearn.ground.artefacts import publish
 from structlearn.recordings import read_recordings, write_recordings
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
-from structlearn.testbeds.own.task import local_path, read_task, write_task
+from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
+from structlearn.testbeds.own.task import read_task, write_task
 
 
 def main(files: TaskFiles) -> None:

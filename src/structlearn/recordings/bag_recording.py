@@ -132,10 +132,10 @@ class _Reading:
     def _joints(self, topic: str) -> list[JointSeries]:
         """Joint states of a topic; of several publishers those of the largest, unless joints are named.
 
-        A file of ours has what was wanted when it was written.
+        Files of ours have what was wanted when they were written.
         """
         series = self._series(topic)
-        if self._bag.metadata is not None or self._topics.joints is not None or not series[0].names:
+        if not self._topics.must_exist or self._topics.joints is not None or not series[0].names:
             return series
         series, others = chosen(self._where(topic), series, None)
         if others:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_files import as_recording_file, open_bag, recording_files
+from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
 from structlearn.recordings.bag_reader import own_provenance
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
@@ -107,17 +107,22 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
     write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
 
 
-def read_joint_logs(source: str | Path, topic: str = JOINT_STATES) -> list[JointLog]:
-    """Read all logs of a source (see `bag_files.recording_files`), in natural order of their names.
+def read_joint_logs(
+    source: str | Path,
+    topic: str = JOINT_STATES,
+    joints: Sequence[str] | None = None,
+    stamps: StampPolicy = AS_WRITTEN,
+) -> list[JointLog]:
+    """Read the logs of a source of any format (`bag_files`), in natural order of their names.
 
     Raises:
-        InputError: there are none, or as `read_joint_log`.
+        InputError: the source fails `bag_files.recording_files`, or a log `read_joint_log`.
     """
-    return [read_joint_log(file.paths[0], topic) for file in recording_files(source)]
+    return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
 
 
 def read_joint_log(
-    path: str | Path,
+    path: str | Path | RecordingFile,
     topic: str = JOINT_STATES,
     joints: Sequence[str] | None = None,
     stamps: StampPolicy = AS_WRITTEN,
@@ -125,7 +130,8 @@ def read_joint_log(
     """Read a log from a file of any format (`bag_files`), ours or a robot's.
 
     Args:
-        path: the file, e.g. as `ros2 bag record -s mcap` or `write_joint_log` leaves it.
+        path: the file, e.g. as `ros2 bag record -s mcap` or `write_joint_log` leaves it, or one of
+            `bag_files.recording_files`.
         topic: has joint states with names, positions, velocities and efforts.
         joints: names of those that are taken; None: those of the publisher that has the most.
         stamps: how stamps are taken.
@@ -138,11 +144,11 @@ def read_joint_log(
             another type; joints have no names, one is missing, or they come at different times; positions,
             velocities or efforts are not filled, or not finite.
     """
-    file = as_recording_file(Path(path))
-    where = f"{path}: topic '{topic}'"
+    file = path if isinstance(path, RecordingFile) else as_recording_file(Path(path))
+    where = f"{file.path}: topic '{topic}'"
     bag = open_bag(file, [topic])
     if topic not in bag.messages:
-        raise InputError(f"{path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}")
+        raise InputError(f"{file.path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}")
     check_readable(where, "joint_states", bag.topics[topic])
     series, note = joint_series(where, topic, bag.messages[topic], stamps)
     if not series[0].names:

@@ -31,7 +31,7 @@ class Crossing:
         unlike: how unlike the reference's primitive it is (`run_assignment`); 0 where nothing was chosen.
         left_out: way of the motion before it, and after it where it is the last, that belongs to no
             primitive, in ways of a mean one.
-        rested: longest dip within it that was taken for a hesitation.
+        rested: s of dips within it that were taken for hesitations.
     """
 
     start: int
@@ -42,7 +42,7 @@ class Crossing:
     end_known: bool = False
     unlike: float = 0.0
     left_out: tuple[float, float] = (0.0, 0.0)
-    rested: int = 0
+    rested: float = 0.0
 
 
 Crossings = Mapping[str, Crossing]
@@ -200,7 +200,7 @@ def _placed(
     left_out = choice.assignment.left_out[index].tolist()
     for place, primitive in enumerate(primitives):
         one, chosen = choice.candidates[index][place], choice.assignment.chosen[index][place]
-        first, last = int(one.first[chosen]), int(one.last[chosen])
+        first, last = max(before, int(one.first[chosen])), int(one.last[chosen])
         speed = motions[primitive.axis].speed
         after = one.runs[one.runs[:, 0] > last, 0]
         limits = before, int(after[0]) if len(after) else len(speed) - 1
@@ -217,7 +217,7 @@ def _placed(
             end_known,
             float(choice.assignment.costs[index][place]),
             (left_out[place], left_out[-1] if place == len(primitives) - 1 else 0.0),
-            int(one.rested[chosen]),
+            float(one.rested[chosen]),
         )
         event, before = last if end_known else None, end
     return found
@@ -234,6 +234,10 @@ def _missing(
     chosen = None if choice.assignment is None else choice.assignment.chosen[index]
     place = 0 if chosen is None else int(np.argmax(choice.assignment.costs[index]))
     primitive, one = primitives[place], choice.candidates[index][place]
+    for bounded, its in zip(primitives, choice.candidates[index], strict=True):
+        if chosen is None and bounded.until is not None and len(its.runs) and len(its.first) == 0:
+            what = f"{bounded.until.signal} never comes to {bounded.until}"
+            return InputError(f"{demonstration.name}: primitive '{bounded.name}': {what} after its motion")
     unit = "rad/s" if primitive.axis == "rot" else "m/s"
     dt = demonstration.dt
     runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs)
@@ -245,6 +249,6 @@ def _missing(
         else f"none is like '{primitive.name}' in the other demonstrations"
     )
     return InputError(
-        f"{demonstration.name}: has {len(one.runs)} runs of motion above {choice.thresholds[place]:.3g} {unit}"
-        f"{f' ({runs} s)' if runs else ''}, and {what}; tried {thresholds} {unit}"
+        f"{demonstration.name}: has {len(one.runs)} runs of motion above {choice.thresholds[place]:.3g} "
+        f"{unit}{f' ({runs} s)' if runs else ''}, and {what}; tried {thresholds} {unit}"
     )

@@ -8,12 +8,11 @@ above all that good cuts of the invented task show, and below what goes with a w
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-import pandas as pd
 
 from structlearn.segmentation.refinement import Refined
 from structlearn.segmentation.result import RESULT
 
-COLUMNS = {"demonstration": object, "primitive": object, "reason": object, "number": float}
+COLUMNS = ["demonstration", "primitive", "reason", "number"]
 """Of the table: demonstration, primitive, reason in words, and the number that is beyond its bound."""
 
 APART = 0.2
@@ -30,10 +29,13 @@ LEFT_OUT = 0.25
 """Longest way of motion that belongs to no primitive, in ways of a mean primitive; a twitch is shorter."""
 
 RESTED_S = 0.35
-"""Longest rest within a primitive that is taken for a hesitation; pauses between primitives are longer."""
+"""Longest time in rests within a primitive that are taken for hesitations; a pause between primitives is
+longer."""
 
 
-def doubts(demonstration: str, refined: Mapping[str, Refined], reference: bool) -> pd.DataFrame:
+def doubts(
+    demonstration: str, refined: Mapping[str, Refined], reference: bool
+) -> list[tuple[str, str, str, float]]:
     """What speaks against the cuts of one demonstration.
 
     Args:
@@ -44,13 +46,12 @@ def doubts(demonstration: str, refined: Mapping[str, Refined], reference: bool) 
     Returns:
         Rows of `COLUMNS`; most demonstrations have none.
     """
-    rows = [
+    return [
         (demonstration, primitive, reason, number)
         for primitive, one in refined.items()
         for reason, number, bound in (*_of_motion(one), *(() if reference else _of_alignment(one)))
         if number > bound
     ]
-    return pd.DataFrame(rows, columns=list(COLUMNS)).astype(COLUMNS)
 
 
 def _of_motion(one: Refined) -> Iterator[tuple[str, float, float]]:
@@ -59,7 +60,7 @@ def _of_motion(one: Refined) -> Iterator[tuple[str, float, float]]:
     yield "its duration, way or direction is unlike the reference's (cost)", crossing.unlike, UNLIKE
     yield "motion before it belongs to no primitive (ways of a primitive)", crossing.left_out[0], LEFT_OUT
     yield "motion after it belongs to no primitive (ways of a primitive)", crossing.left_out[1], LEFT_OUT
-    yield "a rest within it was taken for a hesitation (s)", one.own.dt * crossing.rested, RESTED_S
+    yield "a rest within it was taken for a hesitation (s)", crossing.rested, RESTED_S
 
 
 def _of_alignment(one: Refined) -> Iterator[tuple[str, float, float]]:

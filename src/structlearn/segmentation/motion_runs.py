@@ -46,8 +46,7 @@ class Candidates:
 
     Attributes:
         first, last: (G,) samples.
-        joined: (G,) dips that were taken for hesitations.
-        rested: (G,) samples of the longest of them.
+        rested: (G,) s of dips that are taken for hesitations.
         duration: (G,) s.
         way: (G,) m or rad, along the path.
         displacement: (G, D) m or rad, from first to last sample.
@@ -58,7 +57,6 @@ class Candidates:
 
     first: np.ndarray
     last: np.ndarray
-    joined: np.ndarray
     rested: np.ndarray
     duration: np.ndarray
     way: np.ndarray
@@ -113,17 +111,23 @@ def events(demonstration: Demonstration, until: BoundParameters) -> np.ndarray:
     Raises:
         InputError: the signal was not recorded.
     """
-    kind = {"force": "wrench", "tactile": "tactile"}[until.signal]
-    values = getattr(demonstration, kind)
-    if values is None:
-        raise InputError(f"{demonstration.name}: has no {kind} to find the end of a primitive by")
-    size = (
-        np.linalg.norm(values[:, :3], axis=1)
-        if until.signal == "force"
-        else np.abs(values - values[0]).max(axis=1)
-    )
-    passed = size > until.above if until.above is not None else size < until.below
+    values = _signal(demonstration, until.signal)
+    passed = values > until.above if until.above is not None else values < until.below
     return np.flatnonzero(passed[1:] & ~passed[:-1]) + 1
+
+
+def _signal(demonstration: Demonstration, name: str) -> np.ndarray:
+    """(T,) of one of `parameters.BoundParameters`."""
+    if name == "force" and demonstration.wrench is not None:
+        return np.linalg.norm(demonstration.wrench[:, :3], axis=1)
+    if name == "tactile" and demonstration.tactile is not None:
+        return np.abs(demonstration.tactile - demonstration.tactile[0]).max(axis=1)
+    if name in demonstration.joint_names:
+        return demonstration.joint_positions[:, demonstration.joint_names.index(name)]
+    joints = ", ".join(demonstration.joint_names) or "none"
+    raise InputError(
+        f"{demonstration.name}: no '{name}' was recorded to find the end of a primitive by; joints: {joints}"
+    )
 
 
 def runs_of_motion(
@@ -178,7 +182,7 @@ def candidates(
             dip = runs[j, 0] - runs[j - 1, 1] - 1 if j > i else 0
             if dip > bridge:
                 break
-            rested = max(rested, dip)
+            rested += dip
             last = runs[j, 1]
             if ends is not None:
                 limit = runs[j + 1, 0] if j + 1 < len(runs) else len(step) - 1
@@ -186,15 +190,14 @@ def candidates(
                 if len(passed) == 0:
                     continue
                 last = passed[0]
-            rows.append((runs[i, 0], last, j - i, rested))
-    first, last, joined, rested = np.array(rows, dtype=int).reshape(-1, 4).T
+            rows.append((runs[i, 0], last, rested))
+    first, last, rested = np.array(rows, dtype=int).reshape(-1, 3).T
     return Candidates(
         first,
         last,
-        joined,
-        rested,
+        dt * rested,
         dt * (last - first + 1),
-        np.maximum(travelled[last] - travelled[first], np.finfo(float).tiny),
+        np.maximum(travelled[last] - travelled[first], dt * moved.smooth_speed[first]),  # of one sample: > 0
         moved.path[last] - moved.path[first],
         travelled,
         runs,

@@ -20,12 +20,12 @@ class BoundParameters(Parameters):
     """An event at which a primitive ends.
 
     Attributes:
-        signal: what is looked at: `force`, the size of the wrist's force in N, or `tactile`, the largest
-            change of a sensor's counts since the start.
+        signal: what is looked at: `force`, the size of the wrist's force in N, `tactile`, the largest change
+            of a sensor's counts since the start, or the name of a joint, e.g. a gripper's, in rad or m.
         above, below: value that it passes; one of them.
     """
 
-    signal: Literal["force", "tactile"]
+    signal: str = Field(min_length=1)
     above: float | None = None
     below: float | None = None
 
@@ -34,6 +34,9 @@ class BoundParameters(Parameters):
         if (self.above is None) == (self.below is None):
             raise ValueError("needs either `above` or `below`")
         return self
+
+    def __str__(self) -> str:
+        return f"above {self.above:g}" if self.below is None else f"below {self.below:g}"
 
 
 class PrimitiveParameters(Parameters):

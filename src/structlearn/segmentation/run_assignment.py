@@ -20,13 +20,16 @@ LEFT_OUT = 2.0
 """Price of motion that belongs to no primitive, per mean way of a primitive. Half a move that is left out is
 as bad as a primitive of 2.7 times the duration."""
 
-JOINED = 0.3
-"""Price of a dip that is taken for a hesitation: pauses are more frequent. A candidate that is 35 % longer or
-shorter than the pattern's primitive costs as much."""
+RESTED = 1.0
+"""Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
 
 MISSING = 2.0
 """Cost of a candidate that is not the pattern's primitive, whatever else it is, e.g. one of opposite
 direction."""
+
+OVERLAP = 0.3
+"""Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns
+the hand seldom waits until it has arrived. Motion along one axis belongs to one primitive."""
 
 PATTERNS = 200
 """Ways to cut one demonstration that are tried as the pattern, the cheapest ones by the prices above."""
@@ -144,7 +147,10 @@ def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.
     for before, after, moves in zip(primitives, primitives[1:], between[1:], strict=False):
         way = after.travelled[after.first][None] - after.travelled[before.last][:, None]
         way = np.zeros_like(way) if moves else way
-        in_order = (before.last[:, None] <= after.first[None]) & (before.first[:, None] < after.first[None])
+        overlap = before.last[:, None] - after.first[None]
+        shorter = np.minimum((before.last - before.first)[:, None], (after.last - after.first)[None])
+        other_axis = not np.array_equal(before.runs, after.runs)
+        in_order = (overlap <= OVERLAP * shorter * other_axis) & (before.first[:, None] < after.first[None])
         tables.append(np.where(in_order, np.maximum(way, 0.0), np.inf))
     last = primitives[-1]
     return [*tables, (last.travelled[-1] - last.travelled[last.last])[:, None]]
@@ -160,7 +166,7 @@ def _chains(
     chains, prices = np.zeros((1, 0), dtype=int), np.zeros(1)
     for place, one in enumerate(primitives):
         before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
-        grown = prices[:, None] + price[place] * before + JOINED * one.joined
+        grown = prices[:, None] + price[place] * before + RESTED * one.rested
         order = np.argsort(grown, axis=None, kind="stable")[:PATTERNS]
         order = order[np.isfinite(grown.ravel()[order])]
         rows, columns = np.unravel_index(order, grown.shape)
@@ -196,7 +202,7 @@ def _cheapest(
             return np.full(len(price), np.inf), None
         so_far = best[:, :, None] + price[:, place, None, None] * gaps[place][None]  # (K, G before, G)
         ways_back.append(np.argmin(so_far[0], axis=0))
-        best = so_far.min(axis=1) + _unlike(one, pattern, place) + JOINED * one.joined
+        best = so_far.min(axis=1) + _unlike(one, pattern, place) + RESTED * one.rested
     ends = best + price[:, -1:] * gaps[-1][None, :, 0]
     if not np.isfinite(ends[0]).any():
         return ends.min(axis=1), None

@@ -16,6 +16,7 @@ from structlearn.ground import signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.crossings import Crossings, find_crossings
+from structlearn.segmentation.doubts import COLUMNS as DOUBT_COLUMNS
 from structlearn.segmentation.doubts import doubts
 from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
@@ -60,7 +61,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
                 for name, movement in movements.items()
             }
             cuts.append(_cut_rows(demonstration, refined, parameters))
-            doubted.append(doubts(demonstration.name, refined, demonstration is reference))
+            doubted += doubts(demonstration.name, refined, demonstration is reference)
             if demonstration is not reference:
                 pairs.append(_pair_rows(demonstration, refined))
         except InputError as error:
@@ -71,7 +72,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(left_out.items(), columns=["demonstration", "reason"]),
-        doubts=pd.concat(doubted, ignore_index=True),
+        doubts=pd.DataFrame(doubted, columns=DOUBT_COLUMNS).astype({"number": float}),
         reference=reference.name,
     )
 

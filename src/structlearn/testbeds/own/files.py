@@ -17,7 +17,6 @@ from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.result import Segmentation, read_segmentation
-from structlearn.testbeds.own.task import TaskParameters
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
 
@@ -55,11 +54,6 @@ class TaskFiles:
         """Whether the task has a part, by its key."""
         return read_values(self.parameters)[key] is not None
 
-    def task(self) -> TaskParameters:
-        """All parameters of the task."""
-        values = {key: value for key, value in read_values(self.parameters).items() if key != "files"}
-        return checked(values, TaskParameters, self.parameters, self.name)
-
     @property
     def clock(self) -> ClockParameters:
         """On which everything is read."""
@@ -94,6 +88,11 @@ class TaskFiles:
     def table(self, name: str) -> pd.DataFrame:
         """A table by its path below the task's folder, without its ending."""
         return read_table(self.folder / f"{name}.parquet")
+
+
+def local_path(path: str) -> Path:
+    """A path as a parameter file may have it: from the project's folder, or with `~` for the home folder."""
+    return Path(path).expanduser()
 
 
 def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "") -> None:

@@ -28,8 +28,10 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.testbeds.own.files import local_path
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
+from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
@@ -37,7 +39,7 @@ PARAMETER_FILE = Path("stages/own/params.yaml")
 TASK_NAME = r"[A-Za-z0-9][A-Za-z0-9_-]*"
 """A task's name is a folder's and part of the names of its stages, in which DVC has signs of its own."""
 
-PARTS = ("feedback", "robot", "motion", "obstacles")
+PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
 """Keys of what a task may have or not, besides demonstrations."""
 
 OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise")
@@ -88,6 +90,7 @@ class TaskParameters(Parameters):
         feedback: what is learned from corrections.
         robot: that the skill is checked on.
         motion: logs of an arm that is identified.
+        touch: touches of a skin.
         obstacles: reaches past obstacles.
     """
 
@@ -101,6 +104,7 @@ class TaskParameters(Parameters):
     feedback: CorrectionParameters | None
     robot: RobotParameters | None
     motion: MotionParameters | None
+    touch: TouchParameters | None
     obstacles: ObstacleParameters | None
 
     @model_validator(mode="after")
@@ -109,8 +113,10 @@ class TaskParameters(Parameters):
             for part in ("feedback", "robot"):
                 if getattr(self, part) is not None:
                     raise ValueError(f"{part} needs demonstrations: name their source")
-            if self.motion is None and self.obstacles is None:
-                raise ValueError("names no recordings: a source of demonstrations, motion or obstacles")
+            if self.motion is None and self.touch is None and self.obstacles is None:
+                raise ValueError(
+                    "names no recordings: a source of demonstrations, motion, touch or obstacles"
+                )
         if self.feedback is not None:
             known = [primitive.name for primitive in self.segment.primitives]
             for name in self.feedback.primitives:
@@ -130,18 +136,15 @@ class TaskParameters(Parameters):
             found["robot"] = (self.robot.urdf,)
         if self.motion is not None:
             found["motion"] = (self.motion.source, self.motion.urdf)
+        if self.touch is not None:
+            found["touch"] = (self.touch.source,)
         if self.obstacles is not None:
             found["obstacles"] = (self.obstacles.source,)
         return found
 
 
-SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "obstacles")
+SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "touch", "obstacles")
 """What files may be for."""
-
-
-def local_path(path: str) -> Path:
-    """A path as a parameter file may have it: from the project's folder, or with `~` for the home folder."""
-    return Path(path).expanduser()
 
 
 def read_task(name: str, path: Path = PARAMETER_FILE) -> TaskParameters:
@@ -172,6 +175,12 @@ def _with_defaults(defaults: dict[str, Any], entry: dict[str, Any]) -> dict[str,
     absent = [part for part in PARTS if entry.get(part) is None]
     absent += OF_DEMONSTRATIONS if values.get("source") is None else ()
     return values | dict.fromkeys(absent)
+
+
+def read_checked(path: Path) -> TaskParameters:
+    """What `write_task` published."""
+    values = {key: value for key, value in read_values(path).items() if key != "files"}
+    return checked(values, TaskParameters, path, "")
 
 
 def write_task(task: TaskParameters, path: Path) -> None:
