@@ -342,6 +342,16 @@ def test_bad_poses_are_said(tmp_path):
     assert "row 200" in answer(found, "Are poses free of jumps?").advice
 
 
+def test_a_stamp_of_another_age_is_named(tmp_path, monkeypatch, capsys):
+    """A uniform clock over it would have more ticks than the memory."""
+    stamps = (1_600_000_000 * 10**9 + 10 * MS * np.arange(400)).tolist()
+    write_bag(tmp_path / "1.mcap", pose_messages([10**9, *stamps[1:]], moving_rows()))
+    run(monkeypatch, tmp_path)
+    text = capsys.readouterr().out
+    assert "no path of /tool: /tool has stamps that lie 1.6e+09 s apart" in text
+    assert "No entry can be proposed" in text
+
+
 def test_damaged_files_are_left_out_and_named(example, tmp_path, monkeypatch, capsys):
     for path in sorted(example.iterdir()):
         content = path.read_bytes()

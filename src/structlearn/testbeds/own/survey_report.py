@@ -11,7 +11,7 @@ from structlearn.recordings.joint_series import FIELDS
 from structlearn.recordings.survey import TopicClocks, stamps_of
 from structlearn.testbeds.own.protocol.findings import Findings
 from structlearn.testbeds.own.protocol.fitness import Answer
-from structlearn.testbeds.own.protocol.hand_choice import Candidate
+from structlearn.testbeds.own.protocol.hand_choice import Candidate, pose_words
 from structlearn.testbeds.own.protocol.inspection import FileSeen
 from structlearn.testbeds.own.protocol.motion_survey import BRIDGE_S, MotionRun, MotionSurvey
 from structlearn.testbeds.own.protocol.proposal import Proposal
@@ -24,6 +24,8 @@ FORMATS = {
 }
 
 HEADINGS = ("topic", "type", "messages", "rate", "jitter", "largest gap", "clock", "log - header", "drift")
+SECONDS_OF_A_YEAR = 3.2e7
+
 RIGHT = (2, 3, 4, 5, 7, 8)
 """Columns of numbers."""
 
@@ -31,7 +33,7 @@ RIGHT = (2, 3, 4, 5, 7, 8)
 def report(found: Findings) -> str:
     """All of it as text."""
     seen = found.seen
-    lines = [f"{seen.source}: {len(seen.files)} recordings", ""]
+    lines = [f"{seen.source}: {len(seen.files)} recording{'s' if seen.files[1:] else ''}", ""]
     for file in seen.files:
         lines += [*_file(file), ""]
     if seen.damaged:
@@ -77,7 +79,8 @@ def _flow(value: Any) -> str:
 def _file(file: FileSeen) -> Iterator[str]:
     start, end = file.span_s
     count = sum(seen.clocks.log.count for seen in file.topics.values() if seen.clocks)
-    when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+    known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
+    when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
     yield f"{file.name}: {FORMATS[file.file.format]}, {end - start:.2f} s from {when}, {count} messages"
     rows = [HEADINGS]
     for topic, seen in file.topics.items():
@@ -98,7 +101,7 @@ def _file(file: FileSeen) -> Iterator[str]:
             ]
             yield f"  frames in {topic}: {', '.join(links)}"
     for source, reason in file.no_hands.items():
-        yield f"  no path of {source}: {reason}"
+        yield f"  no path of {pose_words(source)}: {reason}"
 
 
 def _clock(clocks: TopicClocks) -> tuple[str, ...]:
@@ -111,7 +114,7 @@ def _clock(clocks: TopicClocks) -> tuple[str, ...]:
 
 
 def _ms(seconds: float) -> str:
-    return f"{round(1e3 * seconds, 3):.3g} ms" if abs(seconds) < 1 else f"{seconds:.3g} s"
+    return f"{round(1e3 * seconds, 3) + 0.0:.3g} ms" if abs(seconds) < 1 else f"{seconds:.3g} s"
 
 
 def _sources(sources: Sequence[Candidate]) -> Iterator[str]:

@@ -148,11 +148,8 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
     )
     if hand.moves:
         ratio = hand.extent / noise if noise > 0.0 else float("inf")
-        yield Answer(
-            "Is the motion well above the noise?",
-            at_least(ratio, OVER_NOISE),
-            f"{ratio:.3g} times ({scale * noise:.2g} {unit} at rest)",
-        )
+        times = f"{ratio:.3g} times ({scale * noise:.2g} {unit} at rest)" if noise > 0.0 else "there is none"
+        yield Answer("Is the motion well above the noise?", at_least(ratio, OVER_NOISE), times)
     if hand.unit == "m":
         worst = max(paths, key=lambda name: paths[name].norm_error)
         off = paths[worst].norm_error

@@ -44,12 +44,17 @@ class Candidate:
 
     @property
     def words(self) -> str:
-        """What it is."""
-        if isinstance(self.source, str):
-            return self.source
-        if isinstance(self.source, TransformPose):
-            return f"{self.source.parent} -> {self.source.child} in {self.source.topic}"
-        return f"{self.source.tip} by the joints in {self.source.topic}"
+        """What it is; while the robot is not known, its joints."""
+        return pose_words(self.source) if self.unit == "m" else f"joints in {self.source.topic}"
+
+
+def pose_words(source: PoseSource) -> str:
+    """A source of poses in words."""
+    if isinstance(source, str):
+        return source
+    if isinstance(source, TransformPose):
+        return f"{source.parent} -> {source.child} in {source.topic}"
+    return f"{source.tip} by the joints in {source.topic}"
 
 
 def candidates(files: Sequence[FileSeen]) -> list[Candidate]:
