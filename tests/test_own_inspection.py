@@ -204,6 +204,9 @@ def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, monke
             writer.finish()
     run(monkeypatch, tmp_path)
     text = capsys.readouterr().out
+    (line,) = {line for line in text.splitlines() if line.startswith("  /tf ")}
+    assert line.split()[1:6] == ["tf2_msgs/TFMessage", "400", "100", "Hz", "0"]
+    assert "header" in line
     assert "frames in /tf: base_link -> arm, base_link -> lamp (at rest)" in text
     assert "frames in /tf_static: arm -> tool0 (static), world -> base_link (static)" in text
     found = find_out(str(tmp_path))
@@ -247,6 +250,16 @@ def test_topics_that_share_the_kinds_of_joint_states_are_proposed_together(tmp_p
         "/joint_states",
         "/joint_speeds",
     ]
+
+
+def test_poses_of_several_frames_are_a_doubt(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = pose_messages(stamps, moving_rows())
+    for row in rows[::2]:
+        row[2]["header"]["frame_id"] = "camera"
+    write_bag(tmp_path / "1.mcap", rows)
+    (doubt,) = find_out(str(tmp_path)).proposal.doubts["topics.pose"]
+    assert doubt == "its messages are of several frames: base_link, camera"
 
 
 def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
@@ -317,6 +330,16 @@ def test_messages_without_headers_are_stamped_by_the_log(tmp_path, monkeypatch, 
     found = find_out(str(tmp_path))
     assert answer(found, "Do messages say when they were taken?").verdict == "doubtful"
     assert found.motion.number == 1
+
+
+def test_a_file_without_the_pose_of_the_others_is_named(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    for name in "123":
+        topic = "/other" if name == "2" else "/tool"
+        write_bag(tmp_path / f"{name}.mcap", pose_messages(stamps, moving_rows(), topic))
+    found = find_out(str(tmp_path))
+    assert answer(found, "Does every file have the hand's pose?").number == "/tool: 2 of 3"
+    assert found.proposal.doubts["topics.pose"][0].startswith("not in 2,")
 
 
 def test_a_hand_that_does_not_move_has_no_runs(tmp_path, monkeypatch, capsys):
