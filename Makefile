@@ -69,6 +69,13 @@ N ?= 10000
 faults: $(INSTALLED)
 	PYTHONPATH=tests $(BIN)/python -m faults.many --count $(N)
 
+# Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
+.PHONY: check
+check: $(INSTALLED)
+	$(if $(TASK),,$(error which task? make check TASK=pick))
+	$(IN_ENVIRONMENT) dvc repro stages/own/dvc.yaml:check@$(TASK)
+	$(BIN)/python -m structlearn.testbeds.own.check_verdict $(TASK)
+
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
 RECORDINGS = reports/recordings/$(TESTBED)/*.rrd

@@ -56,7 +56,7 @@ STARTS = {
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
         "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py "
-        "recorded/skin.py",
+        "recorded/skin.py own/touch.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),
