@@ -16,6 +16,7 @@ from structlearn.recordings.bag_reader import read_bag
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.protocol.findings import find_out
 from structlearn.testbeds.own.protocol.proposal import from_home, task_name
+from structlearn.testbeds.own.survey_report import as_yaml
 from structlearn.testbeds.own.task import PARAMETER_FILE, read_task
 from structlearn.testbeds.own.world.pick_and_place import TIP, URDF, takes, write_takes
 
@@ -141,6 +142,9 @@ def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
     assert found.sources[0].unit == "m"
     assert found.motion.number == 3
     assert found.proposal.entry["topics"]["pose"] == {"urdf": PANDA, "tip": TIP, "topic": "/joint_states"}
+    task = as_task(as_yaml(found.proposal), tmp_path)
+    assert (task.robot.urdf, task.robot.tip) == (PANDA, TIP)
+    assert task.robot.locked_joints == ("panda_finger_joint1", "panda_finger_joint2")
     captured = find_out(str(example)).sources[0]
     for name, path in found.sources[0].paths.items():
         assert path.extent_m == pytest.approx(captured.paths[name].extent_m, rel=0.01)
