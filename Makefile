@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded own-example bench profile study studies other-processor faults view plot-page clean
+.PHONY: repro test lint recorded own-example inspect bench profile study studies other-processor faults view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -30,6 +30,12 @@ recorded: $(INSTALLED)
 # Six bags of an invented pick-and-place task, to try the pipeline for a task of your own on.
 own-example: $(INSTALLED)
 	$(BIN)/python stages/own/make_example.py
+
+# What recordings hold, whether they are fit to be learned from, and an entry for stages/own/params.yaml, e.g.
+# `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
+SOURCE ?= data/example/pick
+inspect: $(INSTALLED)
+	$(BIN)/python -m structlearn.inspect "$(SOURCE)" $(if $(URDF),--urdf "$(URDF)") $(if $(OUTPUT),--output "$(OUTPUT)")
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks

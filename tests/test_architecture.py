@@ -19,6 +19,7 @@ FLOORS = (
     ("simulation",),
     ("reporting", "viewer"),
     ("testbeds",),
+    ("inspect", "verify"),  # commands, run as modules
 )
 ROOMS = {
     "rerun": ("viewer", "recordings"),
@@ -55,7 +56,7 @@ STARTS = {
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "
         "servoing/servo.py servoing/other_skins.py recorded/avoidance.py recorded/latent_touch.py "
-        "recorded/skin.py",
+        "recorded/skin.py own/touch.py",
     ),
     "dynamics": (
         ("torch", "pinocchio"),
@@ -142,7 +143,7 @@ def floor(room: str) -> int:
 
 def test_imports_run_downwards():
     for path, names in modules().items():
-        room = path.parts[0] if len(path.parts) > 1 else ""
+        room = path.parts[0].removesuffix(".py")
         for name in names:
             parts = name.split(".")
             if parts[0] == "structlearn" and len(parts) > 1 and floor(parts[1]) > 0:

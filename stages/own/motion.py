@@ -5,6 +5,7 @@ from structlearn.recordings.joint_log import read_joint_logs
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.rigid_body.tree import read_urdf
+from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
 from structlearn.testbeds.own.protocol.own_motion import identify_own_arm
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
@@ -12,7 +13,7 @@ from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParame
 
 def main(files: TaskFiles) -> None:
     parameters = files.part("motion", MotionParameters)
-    urdf = local_path(parameters.urdf)
+    urdf = urdf_path(str(local_path(parameters.urdf)))
     robot = read_urdf(urdf, parameters.locked_joints)
     stamps = files.part("stamps", StampPolicy)
     logs = read_joint_logs(local_path(parameters.source), parameters.topic, robot.tree.names, stamps)
