@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rigid_body_arms import planar_arm
 from rigid_body_robots import FINGERS
 
@@ -26,6 +28,11 @@ def planar(tmp_path, *lengths, **options):
     return read_arm(path, "tip")
 
 
+@pytest.fixture(scope="module")
+def planar_elbow(tmp_path_factory):
+    return planar(tmp_path_factory.mktemp("planar"), 0.5, 0.4)
+
+
 def there_and_back(arm, start, end, samples=201):
     """Poses of the tip while joints go from one configuration to another and back."""
     part = np.concatenate([progress(np.linspace(0, 1, samples)), progress(np.linspace(1, 0, samples))[1:]])
@@ -44,6 +51,18 @@ def test_a_planar_elbow_has_the_angles_of_the_law_of_cosines(tmp_path):
     area = np.abs(0.5 * 0.4 * np.sin(elbow))  # the determinant of the Jacobian, the product of both values
     values = np.linalg.svd(path.jacobian, compute_uv=False)
     np.testing.assert_allclose(values.prod(axis=1), area, rtol=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(shoulder=st.floats(-2.0, 2.0), elbow=st.floats(0.4, 2.6), ahead=st.floats(0.0, 0.1))
+def test_any_point_in_reach_is_reached_from_nearby(planar_elbow, shoulder, elbow, ahead):
+    """By the closed form of the tip's place, not by the kinematics that solves for it."""
+    elbows = np.array([elbow, elbow - ahead])
+    turned = shoulder + ahead + np.stack([np.zeros(2), elbows])
+    reach = 0.5 * np.exp(1j * turned[0]) + 0.4 * np.exp(1j * turned[1])
+    points = np.stack([reach.real, reach.imag, np.zeros(2)], axis=1)
+    path = follow(planar_elbow, points, None, DT, rest=np.array([shoulder, elbow]))
+    np.testing.assert_allclose(path.joints, np.stack([np.full(2, shoulder + ahead), elbows], 1), atol=1e-7)
 
 
 def test_tip_poses_are_products_of_the_joints_frames(panda):
@@ -98,7 +117,8 @@ def test_a_pose_out_of_reach_is_missed_by_what_is_lacking_and_left_without_a_fli
     beyond = away > 0.91
     np.testing.assert_allclose(path.missed_m[beyond], away[beyond] - 0.9, atol=5e-3)
     assert path.missed_m[away < 0.89].max() < 1e-8
-    assert np.abs(np.diff(path.joints, axis=0)).max() < 0.1
+    # the elbow closes with the root of the distance: 4 mm of a sample are 0.2 rad
+    assert np.abs(np.diff(path.joints, axis=0)).max() < 0.3
     assert path.least_singular_value.min() < 0.05
 
 

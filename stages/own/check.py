@@ -8,7 +8,7 @@ from structlearn.testbeds.own.protocol.skill_check import check_skill
 
 
 def main(files: TaskFiles) -> None:
-    skill = read_skill(files.folder / "skill.safetensors")
+    skill = read_skill(files.skill)
     write_check(check_skill(skill, files.part("robot", RobotParameters)), files.folder / "check")
 
 
