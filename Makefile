@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench profile study studies other-processor faults kills upsets view plot-page clean
+.PHONY: repro test lint recorded own-example bench profile study studies other-processor faults kills upsets view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -26,6 +26,10 @@ recorded: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro --force --single-item report
 	$(BIN)/python -m structlearn.reporting.stage_times
 	@echo "reports/recorded/index.html is up to date"
+
+# Six bags of an invented pick-and-place task, to try the pipeline for a task of your own on.
+own-example: $(INSTALLED)
+	$(BIN)/python stages/own/make_example.py
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks

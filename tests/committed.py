@@ -8,13 +8,20 @@ from typing import Any, TypeVar
 
 import yaml
 
-from structlearn.ground.params import Parameters
+from structlearn.ground.params import Parameters, merged
 from structlearn.recordings.topics import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
-NO_TOPICS = {"twist": None, "joint_states": [], "wrench": None, "tactile": [], "tool_to_board": None}
+NO_TOPICS = {
+    "twist": None,
+    "joint_states": [],
+    "joints": None,
+    "wrench": None,
+    "tactile": [],
+    "tool_to_board": None,
+}
 
 ParametersType = TypeVar("ParametersType", bound=Parameters)
 
@@ -27,16 +34,6 @@ def _tree() -> dict[str, Any]:
 def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
     """All of `params.yaml` with some changes, e.g. to write it for stages in a folder of their own."""
     return merged(deepcopy(_tree()), changes)
-
-
-def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping with some values changed, those of nested mappings one by one."""
-    result = dict(values)
-    for name, change in changes.items():
-        before = result.get(name)
-        nested = isinstance(before, Mapping) and isinstance(change, Mapping)
-        result[name] = merged(before, change) if nested else change
-    return result
 
 
 def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:

@@ -1,0 +1,30 @@
+"""Check a task's entry and take over its recordings; it always runs, and what it writes decides the rest."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from structlearn.ground.artefacts import publish
+from structlearn.recordings import read_recordings, write_recordings
+from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
+from structlearn.testbeds.own.task import read_task, write_task
+
+
+def main(files: TaskFiles) -> None:
+    task = read_task(files.name)
+    sets: dict[str, Mapping[str, Path]] = {"demonstrations": {}, "executions": {}, "corrections": {}}
+    if task.source is not None:
+        sets["demonstrations"] = {"": local_path(task.source)}
+    if task.feedback is not None:
+        sets["executions"] = {"": local_path(task.feedback.executions)}
+        corrections = local_path(task.feedback.corrections)
+        sets["corrections"] = {f"{one:g}": corrections / f"{one:g}" for one in task.feedback.settings}
+    write_task(task, files.parameters)
+    for kind, folders in sets.items():
+        with publish(files.folder / kind) as target:
+            target.mkdir()
+            for name, source in folders.items():
+                write_recordings(read_recordings(source, task.topics, task.stamps), target / name)
+
+
+if __name__ == "__main__":
+    run_for_task(main)
