@@ -35,7 +35,13 @@ PARAMETERS = {
     "track": TrackingParameters,
     "online": OnlineParameters,
 }
-COMPARED = ("kuka_iiwa/model.urdf", "franka_panda/panda.urdf", "xarm/xarm6_robot.urdf")
+COMPARED = {
+    "kuka_iiwa/model.urdf": (),
+    "franka_panda/panda.urdf": ("panda_finger_joint1", "panda_finger_joint2"),  # the second follows the first
+    "xarm/xarm6_robot.urdf": (),
+}
+"""URDFs of pybullet_data with the joints that are locked."""
+
 FRICTION_MODELS = ("cov", f"cov{COULOMB}")
 
 
@@ -52,8 +58,10 @@ def main() -> None:
         if not residuals:
             residuals.append(residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, 1.0 / dt))
     study = read_study("dynamics/optimiser")
-    urdfs = dict.fromkeys([*COMPARED, arm.urdf])
-    agreement = [{"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name))) for name in urdfs]
+    robots = {name: read_urdf(urdf_path(name), locked) for name, locked in COMPARED.items()} | {
+        arm.urdf: robot
+    }
+    agreement = [{"robot": name} | agreement_with_pinocchio(one) for name, one in robots.items()]
     results = DynamicsResults(
         **files.read_tables(),
         agreement=pd.DataFrame(agreement),
