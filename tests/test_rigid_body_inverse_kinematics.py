@@ -131,20 +131,23 @@ def test_turns_of_an_endless_joint_are_counted(tmp_path):
     assert arm.tree.upper[0] == np.inf
 
 
-def test_a_rest_configuration_is_within_limits_and_away_from_singularities(panda):
-    position, orientation = tip_poses(panda, BENT[None])
-    rest = rest_for(panda, position[0], orientation[0], seed=1)
-    assert (rest > panda.tree.lower).all()
-    assert (rest < panda.tree.upper).all()
-    path = follow(panda, position, orientation, DT, rest)
-    assert path.missed_m[0] < 1e-6
-    assert path.least_singular_value[0] > 0.1
-    np.testing.assert_array_equal(rest, rest_for(panda, position[0], orientation[0], seed=1))
+def test_a_rest_configuration_keeps_a_path_within_limits_and_away_from_singularities(panda):
+    position, orientation = there_and_back(panda, BENT, BENT + 0.3, 5)
+    rest = rest_for(panda, position, orientation, 0.1, seed=1)
+    path = follow(panda, position, orientation, 0.1, rest)
+    assert (path.joints > panda.tree.lower).all()
+    assert (path.joints < panda.tree.upper).all()
+    assert path.missed_m.max() < 1e-6
+    assert path.least_singular_value.min() > 0.1
+    np.testing.assert_allclose(path.joints[0], rest, atol=1e-8)
+    np.testing.assert_array_equal(rest, rest_for(panda, position, orientation, 0.1, seed=1))
 
 
-def test_what_cannot_be_is_said(tmp_path, panda):
+def test_what_cannot_be_is_said(tmp_path):
     arm = planar(tmp_path, 0.5, 0.4)
-    with pytest.raises(InputError, match=r"no configuration within the joints' limits .*\[1. 0. 0.\] m"):
-        rest_for(arm, np.array([1.0, 0.0, 0.0]), None, seed=1)
+    with pytest.raises(
+        InputError, match=r"no configuration .* takes the tip from \[1. 0. 0.\] m along the path"
+    ):
+        rest_for(arm, np.array([[1.0, 0.0, 0.0]]), None, DT, seed=1)
     with pytest.raises(InputError, match="there is no link 'hand'; there are base, link_0, link_1, tip"):
         read_arm(arm.source, "hand")
