@@ -13,8 +13,10 @@ from structlearn import inspect
 from structlearn.ground.errors import InputError
 from structlearn.recordings import bag_writer
 from structlearn.recordings.bag_reader import read_bag
+from structlearn.recordings.recording import Stream
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.protocol.findings import find_out
+from structlearn.testbeds.own.protocol.hand_paths import hand_path
 from structlearn.testbeds.own.protocol.proposal import from_home, task_name
 from structlearn.testbeds.own.survey_report import as_yaml
 from structlearn.testbeds.own.task import PARAMETER_FILE, read_task
@@ -76,6 +78,17 @@ def moving_rows(count=400, seed=0, far=0.3):
     rows[:, 0] = far * (10 * phase**3 - 15 * phase**4 + 6 * phase**5)
     rows[:, :3] += np.random.default_rng(seed).normal(scale=2e-4, size=(count, 3))
     return rows
+
+
+@pytest.mark.parametrize("far", [0.0, 0.4])
+def test_noise_is_told_from_motion(far):
+    stamps = 10 * MS * np.arange(4000)
+    path = hand_path(Stream("/tool", "pose", stamps, moving_rows(4000, far=far)))
+    assert path.noise_m == pytest.approx(2e-4, rel=0.1)
+    if far:
+        assert path.extent_m == pytest.approx(far, rel=0.01)
+        assert path.travelled_m == pytest.approx(far, rel=0.05)
+        assert path.peak_m_s == pytest.approx(1.875 * far / (40 / 1.4), rel=0.05)  # of least jerk
 
 
 @pytest.mark.parametrize("moves", [2, 3, 5])
@@ -418,6 +431,7 @@ def test_excitation_is_judged_joint_by_joint_and_with_a_robot_as_a_whole(tmp_pat
     write_bag(tmp_path / "1.mcap", rows)
     found = find_out(str(tmp_path), PANDA)
     assert answer(found, "Is the arm excited as a whole?").verdict == verdict
+    assert "`motion: {source" in found.proposal.doubts["topics.joint_states"][0]
     for name in names:
         assert answer(found, f"Is {name} moved enough to learn its dynamics?").verdict == verdict
 

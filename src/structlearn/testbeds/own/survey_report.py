@@ -122,7 +122,7 @@ def _ms(seconds: float) -> str:
 
 def _sources(sources: Sequence[Candidate]) -> Iterator[str]:
     yield "What may be the pose of the hand (medians over the files); the first is taken"
-    rows = [("source", "files", "extent", "way", "largest speed", "noise at rest")]
+    rows = [("source", "files", "extent", "way", "largest speed", "noise")]
     for one in sources:
         path = max(one.paths.values(), key=lambda path: path.peak_m_s)
         scale, unit = (1e3, "mm") if one.unit == "m" else (1.0, "rad")

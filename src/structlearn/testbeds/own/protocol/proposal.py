@@ -180,6 +180,8 @@ def _joint_doubts(files: Sequence[FileSeen], parts: Sequence[str]) -> Iterator[s
         most = max(sorted(sets), key=len)
         others = "; ".join(", ".join(names) for names in sorted(sets - {most}))
         yield f"several publish on it; taken is {', '.join(most)}, not {others} (`joints` names others)"
+    if any("joint_torques" in _kinds(file.topics[arm]) for file in files if arm in file.topics):
+        yield f"it has efforts: `motion: {{source: ..., topic: {arm}, urdf: ...}}` identifies the arm"
     elsewhere = [topic for topic in _of_types(files, READERS["joint_states"]) if topic not in parts]
     if elsewhere:
         yield f"also there: {', '.join(elsewhere)}"
