@@ -270,8 +270,9 @@ def test_a_correction_is_the_same_whichever_way_the_reach_goes(primitive, expect
     for one in (primitive, turned):
         run, cut, exact = corrected_pose(one, expected, coupling)
         found = corrected_primitive(run, cut, one, expected, on_axes("z", smoothing_hz=30.0, target_hz=30.0))
-        np.testing.assert_allclose(found.target[:, :3] @ direction("z"), exact[:, 2], atol=0.05)
-        assert np.abs(found.target[:, :2]).max() < 0.05
+        inside = slice(0, -10)  # at its end the recording breaks off, which low-passes feel
+        np.testing.assert_allclose(found.target[inside, :3] @ direction("z"), exact[inside, 2], atol=0.05)
+        assert np.abs(found.target[inside, :2]).max() < 0.05
 
 
 @pytest.mark.parametrize(

@@ -213,7 +213,9 @@ def test_a_gripper_or_a_force_may_end_a_primitive(tmp_path):
     with pytest.raises(InputError, match="primitive 'reach': force never comes to above 99 after its motion"):
         cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": nothing}))
     unknown = [{"name": "reach", "until": {"signal": "thumb", "above": 99.0}}]
-    with pytest.raises(InputError, match=r"01: no 'thumb' was recorded .* joints: panda_joint1, panda_finger"):
+    with pytest.raises(
+        InputError, match=r"01: no 'thumb' was recorded .* joints: panda_joint1, panda_finger"
+    ):
         cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": unknown}))
 
 
