@@ -15,7 +15,7 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.parameters import AXES, Axis, BoundParameters, SegmentParameters
 
-FRACTIONS = (0.06, 0.09, 0.13, 0.18, 0.25)
+FRACTIONS = (0.05, 0.08, 0.13, 0.18, 0.25)
 """Of the pace, tried as thresholds where none is given. Below the first, a hand at rest moves; the last is
 for pauses of a third of a second, in which the smoothed speed does not fall far."""
 
@@ -49,7 +49,7 @@ class Candidates:
         rested: (G,) s of dips that are taken for hesitations.
         duration: (G,) s.
         way: (G,) m or rad, along the path.
-        displacement: (G, D) m or rad, from first to last sample.
+        path: (T, D) m or rad, heavily smoothed.
         travelled: (T,) way of all runs up to a sample.
         runs: (R, 2) first and last samples of all runs.
         turns: whether it is a turn in rad.
@@ -60,7 +60,7 @@ class Candidates:
     rested: np.ndarray
     duration: np.ndarray
     way: np.ndarray
-    displacement: np.ndarray
+    path: np.ndarray
     travelled: np.ndarray
     runs: np.ndarray
     turns: bool
@@ -198,7 +198,7 @@ def candidates(
         dt * rested,
         dt * (last - first + 1),
         np.maximum(travelled[last] - travelled[first], dt * moved.smooth_speed[first]),  # of one sample: > 0
-        moved.path[last] - moved.path[first],
+        moved.path,
         travelled,
         runs,
         moved.turns,
