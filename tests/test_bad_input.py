@@ -296,13 +296,14 @@ def test_networks_of_another_sensor(root, feedback, capsys):
     write_networks([(name, three) for name in NAMES[1:]], NETWORKS)
     change_parameters(feedback, "evaluate_feedback", settings_deg=[0], runs=1)
     message = complaint(root, "scraping/evaluate_feedback.py", capsys)
-    assert "the network of 'scrape' takes 3 channels, but its expected traces have 38" in message
+    assert "the network of 'scrape' for ry takes 3 channels, but its expected traces have 38" in message
 
 
 @pytest.mark.parametrize(
     ("key", "values", "stage", "words"),
     [
-        ("coupling_dataset", {"axis": [0, 0, 0]}, "coupling_dataset", "axis must have a direction"),
+        ("coupling_dataset", {"axes": ["z"]}, "coupling_dataset", "the board tilts about one axis"),
+        ("coupling_dataset", {"sensors": ["eyes"]}, "coupling_dataset", "coupling_dataset.sensors"),
         ("coupling_dataset", {"rate_hz": 0}, "coupling_dataset", "coupling_dataset.rate_hz"),
         ("train_feedback", {"validation_share": 1.0}, "train_feedback", "train_feedback.validation_share"),
         ("train_feedback", {"pointwise": {"step": 3}}, "train_feedback", "pointwise.step: unknown parameter"),

@@ -12,7 +12,7 @@ from conftest import minimum_jerk
 from recordings_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import REDUCED
 
-from structlearn.feedback.skill import read_skill
+from structlearn.feedback.skill_file import read_skill
 from structlearn.recordings import read_recordings, write_recordings
 
 STAGES = (
@@ -24,6 +24,7 @@ STAGES = (
     "scraping/record_corrections.py",
     "scraping/coupling_dataset.py",
     "scraping/train_feedback.py",
+    "scraping/write_skill.py",
     "scraping/compare_models.py",
     "scraping/evaluate_feedback.py",
     "scraping/refine.py",
@@ -92,10 +93,7 @@ def test_own_executions_and_corrections_give_feedback_models(root, reduced_proje
     values = report_values(root, parameters)
     assert values["pmnn_prim2_generalization_nmse"] > 0.0
     assert not any(name.startswith("cost_ratio") for name in values)  # the board is the simulated one
-    axis = np.array(parameters["coupling_dataset"]["axis"])
-    model = "data/feedback/scraping/models/pointwise.safetensors"
-    learned = read_skill(
-        "data/primitives/scraping/primitives.safetensors", "data/feedback/scraping/expected", model, axis
-    )
+    learned = read_skill("data/feedback/scraping/skill.safetensors")
     assert set(learned.networks) == {"turn", "scrape"}
+    assert learned.axes == ("ry",)
     assert learned.channels == 38

@@ -2,7 +2,8 @@
 
 Without arguments every output that a `dvc.lock` names is read anew and its digest compared; DVC itself looks
 at times and sizes first, so that it does not see a bit that changed by itself. With arguments single files
-are read, and must be what they were written as: arrays, tables, bags. Ends with code 1 where one is not.
+are read, and must be what they were written as: arrays, skills, tables, bags. Ends with code 1 where one is
+not.
 """
 
 import argparse
@@ -14,14 +15,17 @@ from pathlib import Path
 
 import yaml
 
-from structlearn.ground.artefacts import read_metrics, read_table, read_tensors
+from structlearn.ground.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_reader import read_bag
+
+SKILL = '{"reactive_skill"'
+"""How the description of a skill file begins."""
 
 LOCKS = ("dvc.lock", "stages/*/dvc.lock")
 
 READERS = {
-    ".safetensors": read_tensors,
+    ".safetensors": lambda path: _read_arrays(path),
     ".parquet": read_table,
     ".json": read_metrics,
     ".mcap": lambda path: read_bag(path, ()),
@@ -69,6 +73,16 @@ def digest(path: Path) -> str:
     files = sorted((file.relative_to(path).as_posix(), file) for file in path.rglob("*") if file.is_file())
     listing = [{"md5": digest(file), "relpath": name} for name, file in files]
     return hashlib.md5(json.dumps(listing, sort_keys=True).encode()).hexdigest() + ".dir"
+
+
+def _read_arrays(path: Path) -> None:
+    """A skill must be whole; of other arrays the digest is all that can be told."""
+    if read_description(path).startswith(SKILL):
+        from structlearn.feedback.skill_file import read_skill  # takes compiled code along
+
+        read_skill(path)
+    else:
+        read_tensors(path)
 
 
 def _locks() -> list[Path]:

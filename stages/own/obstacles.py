@@ -4,10 +4,10 @@ from pathlib import Path
 
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.recordings import read_demonstrations
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.recordings.stamps import StampPolicy
+from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
 from structlearn.testbeds.own.protocol.own_obstacles import EVERYBODY, learn_past_obstacles
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
-from structlearn.testbeds.own.task import local_path
 
 
 def folders(source: Path) -> dict[str, Path]:
@@ -19,7 +19,7 @@ def folders(source: Path) -> dict[str, Path]:
 
 def main(files: TaskFiles) -> None:
     parameters = files.part("obstacles", ObstacleParameters)
-    clock = files.clock.model_dump()
+    clock = files.clock.model_dump() | {"stamps": files.part("stamps", StampPolicy)}
     recordings = {
         person: read_demonstrations(folder, parameters.topics, **clock)
         for person, folder in folders(local_path(parameters.source)).items()

@@ -30,8 +30,8 @@ def main() -> None:
         for name in parameters.primitives:
             primitive = primitives[names.index(name)]
             own = {setting: parts[name] for setting, parts in cuts.items()}
-            dataset, checks = coupling_dataset(corrections, own, primitive, expected[name], parameters)
-            write_table(to_table(dataset), folder / f"{name}.parquet")
+            datasets, checks = coupling_dataset(corrections, own, primitive, expected[name], parameters)
+            write_table(to_table(datasets[parameters.axis]), folder / f"{name}.parquet")
             write_table(checks, folder / f"checks_{name}.parquet")
 
     with publish("data/feedback/scraping/level") as folder:
@@ -39,7 +39,7 @@ def main() -> None:
         level = ScrapingFiles(clock).level_runs()
         level_cuts = commanded_cuts(level, names)
         for name in parameters.primitives:
-            dataset = level_dataset(level, level_cuts[name], expected[name], parameters.rate_hz)
+            dataset = level_dataset(level, level_cuts[name], expected[name], parameters)
             write_table(to_table(dataset), folder / f"{name}.parquet")
 
 

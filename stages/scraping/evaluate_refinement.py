@@ -1,7 +1,7 @@
 """Execute the primitives without feedback, and with it before and after refinement (IV.9.4.2)."""
 
 from structlearn.feedback.pmnn import read_networks
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
@@ -34,8 +34,9 @@ def main() -> None:
     with publish("data/raw/scraping/refined") as folder:
         folder.mkdir()
         for model, own in networks.items():
-            skill = ReactiveSkill(board.primitives, board.expected, own, supervision.unit_axis)
-            recordings, executed = executed_set(model, skill, parameters, testbed, board.limits, clock)
+            by_axis = on_axis(own, supervision.axis)
+            skill = ReactiveSkill(board.primitives, board.expected, by_axis, board.limits)
+            recordings, executed = executed_set(model, skill, parameters, testbed, clock)
             for setting, runs in recordings.items():
                 write_recordings(runs, folder / model / f"{setting:g}")
             sets.append(executed)
@@ -43,7 +44,7 @@ def main() -> None:
         folder.mkdir()
         scores = executed_sets.scores(sets, board.nominal, supervision)
         write_table(scores, folder / "scores.parquet")
-        write_metrics(compared_engines(skill, parameters, testbed, board.limits), folder / "engines.json")
+        write_metrics(compared_engines(skill, parameters, testbed), folder / "engines.json")
         write_table(executed_sets.traces(sets, board.expected, supervision), folder / "traces.parquet")
 
 

@@ -3,7 +3,11 @@
 from functools import partial
 
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.supervision import ExpectedTracesParameters, learn_expected
+from structlearn.feedback.supervision import (
+    ExpectedTracesParameters,
+    SupervisionParameters,
+    learn_expected,
+)
 from structlearn.ground.artefacts import publish, write_metrics
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
@@ -17,6 +21,7 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 def main() -> None:
     parameters = stage_parameters("expected_traces", ExpectedTracesParameters)
+    sensors = stage_parameters("coupling_dataset", SupervisionParameters).sensors
     clock = stage_parameters("clock", ClockParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
@@ -34,7 +39,7 @@ def main() -> None:
         write_metrics(differences, folder / "engines.json")
         unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
         cuts = commanded_cuts(unrolls, [primitive.name for primitive in primitives])
-        for name, traces in learn_expected(unrolls, cuts, parameters.smoothing_hz).items():
+        for name, traces in learn_expected(unrolls, cuts, parameters.smoothing_hz, sensors).items():
             note = "electrode counts without offset"
             write_vector_primitive(traces, folder / f"{name}.safetensors", note)
 

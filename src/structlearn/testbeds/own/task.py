@@ -13,24 +13,26 @@ A task has the parts that its entry names (`PARTS`); the others are null, whatev
 import hashlib
 import re
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import yaml
 from pydantic import Field, model_validator
 
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.skill_file import SkillParameters
 from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Name, Parameters, checked, merged, read_values
+from structlearn.ground.params import Parameters, checked, merged, read_values
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.own.files import local_path
+from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
+from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
@@ -38,41 +40,11 @@ PARAMETER_FILE = Path("stages/own/params.yaml")
 TASK_NAME = r"[A-Za-z0-9][A-Za-z0-9_-]*"
 """A task's name is a folder's and part of the names of its stages, in which DVC has signs of its own."""
 
-PARTS = ("feedback", "robot", "motion", "obstacles")
+PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
 """Keys of what a task may have or not, besides demonstrations."""
 
-OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise")
+OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise", "skill")
 """Keys that a task without demonstrations does not have either."""
-
-
-class CorrectionParameters(Parameters):
-    """Executions and corrected ones, and the feedback that is learned from them.
-
-    Attributes:
-        executions: folder of nominal executions in the default setting, read with the task's topics.
-        corrections: folder with a sub-folder of corrected demonstrations per setting, named by its label.
-        settings: labels of those that are learned from.
-        primitives: which of the task's primitives get feedback.
-        axes: along and about which they are corrected, base frame.
-        expected_hz: low-pass of the expected traces; about 12 / duration is what 25 kernels resolve.
-        smoothing_hz: low-pass of poses before they are differentiated twice.
-        target_hz: low-pass of the coupling targets.
-        rate_hz: samples per second that are kept.
-        hidden: nodes of the network's regular hidden layers.
-        training: of the networks.
-    """
-
-    executions: str = Field(min_length=1)
-    corrections: str = Field(min_length=1)
-    settings: tuple[float, ...] = Field(min_length=1)
-    primitives: tuple[Name, ...] = Field(min_length=1)
-    axes: tuple[Literal["rx", "ry", "rz"], ...] = Field(min_length=1, max_length=1)
-    expected_hz: float = Field(gt=0)
-    smoothing_hz: float = Field(gt=0)
-    target_hz: float = Field(gt=0)
-    rate_hz: float = Field(gt=0)
-    hidden: tuple[int, ...]
-    training: TrainingParameters
 
 
 class TaskParameters(Parameters):
@@ -86,9 +58,11 @@ class TaskParameters(Parameters):
         segment: how demonstrations are cut into primitives.
         fit: how primitives are learned.
         generalise: a new situation in which they are unrolled.
+        skill: bounds that go into the skill's file.
         feedback: what is learned from corrections.
         robot: that the skill is checked on.
         motion: logs of an arm that is identified.
+        touch: touches of a skin.
         obstacles: reaches past obstacles.
     """
 
@@ -99,9 +73,11 @@ class TaskParameters(Parameters):
     segment: SegmentParameters | None
     fit: FitParameters | None
     generalise: GeneraliseParameters | None
-    feedback: CorrectionParameters | None
+    skill: SkillParameters | None
+    feedback: OwnFeedbackParameters | None
     robot: RobotParameters | None
     motion: MotionParameters | None
+    touch: TouchParameters | None
     obstacles: ObstacleParameters | None
 
     @model_validator(mode="after")
@@ -110,8 +86,10 @@ class TaskParameters(Parameters):
             for part in ("feedback", "robot"):
                 if getattr(self, part) is not None:
                     raise ValueError(f"{part} needs demonstrations: name their source")
-            if self.motion is None and self.obstacles is None:
-                raise ValueError("names no recordings: a source of demonstrations, motion or obstacles")
+            if self.motion is None and self.touch is None and self.obstacles is None:
+                raise ValueError(
+                    "names no recordings: a source of demonstrations, motion, touch or obstacles"
+                )
         if self.feedback is not None:
             known = [primitive.name for primitive in self.segment.primitives]
             for name in self.feedback.primitives:
@@ -131,18 +109,15 @@ class TaskParameters(Parameters):
             found["robot"] = (self.robot.urdf,)
         if self.motion is not None:
             found["motion"] = (self.motion.source, self.motion.urdf)
+        if self.touch is not None:
+            found["touch"] = (self.touch.source,)
         if self.obstacles is not None:
             found["obstacles"] = (self.obstacles.source,)
         return found
 
 
-SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "obstacles")
+SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "touch", "obstacles")
 """What files may be for."""
-
-
-def local_path(path: str) -> Path:
-    """A path as a parameter file may have it: from the project's folder, or with `~` for the home folder."""
-    return Path(path).expanduser()
 
 
 def read_task(name: str, path: Path = PARAMETER_FILE) -> TaskParameters:
@@ -175,6 +150,12 @@ def _with_defaults(defaults: dict[str, Any], entry: dict[str, Any]) -> dict[str,
     return values | dict.fromkeys(absent)
 
 
+def read_checked(path: Path) -> TaskParameters:
+    """What `write_task` published."""
+    values = {key: value for key, value in read_values(path).items() if key != "files"}
+    return checked(values, TaskParameters, path, "")
+
+
 def write_task(task: TaskParameters, path: Path) -> None:
     """Publish a task's parameters with digests of the files in its sources, on which its stages depend."""
     files = {
@@ -194,6 +175,8 @@ def file_digests(source: str) -> dict[str, str]:
     """
     path = local_path(source)
     if path.suffix == ".urdf":
+        from structlearn.simulation.arm import urdf_path
+
         path = urdf_path(str(path))
     if not path.exists():
         raise InputError(f"{source}: no such file or folder")

@@ -24,7 +24,8 @@ def section(files: TaskFiles) -> Section:
     demonstrations, segmentation = files.runs("demonstrations"), files.segmentation()
     by_name = {one.name: one for one in demonstrations}
     cut = [name for name in by_name if name in segmentation.result(segmentation.primitives[0]).index]
-    shown = cut[:DRAWN]
+    doubted = set(segmentation.doubts["demonstration"])
+    shown = sorted(cut, key=lambda name: name not in doubted)[:DRAWN]
     lengths = primitive_lengths(by_name, segmentation)
     headings = {"duration_s": "mean (s)", "shortest_s": "shortest (s)", "longest_s": "longest (s)"}
     formats = {"duration_s": ".2f", "shortest_s": ".2f", "longest_s": ".2f", "way_mm": ".0f"}
@@ -38,15 +39,18 @@ def section(files: TaskFiles) -> Section:
             "drawn": len(shown),
             "reference": segmentation.reference,
             "left_out": len(segmentation.left_out),
+            "doubts": len(segmentation.doubts),
             "true": any(one.true_segments is not None for one in demonstrations),
         },
         metrics={
             "cuts_demonstrations": len(cut),
             "cuts_left_out": len(segmentation.left_out),
+            "cuts_doubtful": len(segmentation.doubts),
         },
         tables={
             "lengths": Table(lengths, formats, headings | {"way_mm": "mean way from start to end (mm)"}),
             "left_out": Table(segmentation.left_out),
+            "doubts": Table(segmentation.doubts, {"number": ".2f"}),
             "cut_points": Table(
                 points[["demonstration", "primitive", "start_s", "end_s"]].sort_values(
                     ["demonstration", "start_s"]

@@ -6,8 +6,19 @@ from dataclasses import dataclass
 from structlearn.reporting.document import Document, Source
 from structlearn.reporting.publishing import HEADLINES, publish_report
 from structlearn.testbeds.own.files import TaskFiles
-from structlearn.testbeds.own.page import came_in_section, cuts_section, primitives_section
+from structlearn.testbeds.own.page import (
+    came_in_section,
+    check_section,
+    cuts_section,
+    feedback_section,
+    motion_section,
+    obstacles_section,
+    primitives_section,
+    skill_section,
+    touch_section,
+)
 from structlearn.testbeds.own.page.section import Section
+from structlearn.testbeds.own.task import read_checked
 
 PACKAGE = "structlearn.testbeds.own.page"
 PIPELINE = "stages/own/dvc.yaml"
@@ -26,7 +37,15 @@ class _Part:
     sections: tuple[Callable[[TaskFiles], Section], ...]
 
 
-PARTS = (_Part("segment", (came_in_section.section, cuts_section.section, primitives_section.section)),)
+PARTS = (
+    _Part("segment", (came_in_section.section, cuts_section.section, primitives_section.section)),
+    _Part("feedback", (feedback_section.section,)),
+    _Part("skill", (skill_section.section,)),
+    _Part("robot", (check_section.section,)),
+    _Part("motion", (motion_section.section,)),
+    _Part("touch", (touch_section.section,)),
+    _Part("obstacles", (obstacles_section.section,)),
+)
 """In the order of the page."""
 
 STAGES = {
@@ -34,6 +53,12 @@ STAGES = {
     "demonstrations": ("demonstrations", "import"),
     "segments": ("segments", "segment"),
     "primitives": ("primitives", "primitives"),
+    "feedback": ("feedback", "feedback"),
+    "skill": ("skill", "skill"),
+    "check": ("check", "check"),
+    "motion": ("motion", "motion"),
+    "touch": ("touch", "touch"),
+    "obstacles": ("obstacles", "obstacles"),
 }
 """By the name of a source: folder of the task's data, and the stage that writes it."""
 
@@ -56,7 +81,7 @@ def publish_page(files: TaskFiles) -> None:
             name: Source(f"{files.folder}/{folder}", f"{PIPELINE}:{stage}@{files.name}")
             for name, (folder, stage) in STAGES.items()
         },
-        parameters={f"tasks.{files.name}": files.task()},
+        parameters={f"tasks.{files.name}": read_checked(files.parameters)},
         recordings="recordings",
         simulated=any(one.simulated for one in files.runs("demonstrations")) if "cuts" in shown else False,
     )

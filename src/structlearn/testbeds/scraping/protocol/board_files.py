@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.runtime import Limits, largest_coupling
+from structlearn.feedback.limits import Limits, largest_coupling
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
@@ -39,6 +39,7 @@ def read_board(
     """
     files = ScrapingFiles(clock, Path(data))
     datasets = files.datasets(settings_deg)
+    largest = largest_coupling([one.target for one in datasets.values()])
     board = Board(
         primitives=files.primitives(),
         expected=files.expected(),
@@ -48,7 +49,7 @@ def read_board(
         nominal=nominal_orientation(files.unrolls()),
         supervision=supervision,
         testbed=testbed,
-        limits=Limits(largest_coupling=largest_coupling([one.target for one in datasets.values()])),
+        limits=Limits(largest_coupling={supervision.axis: largest}),
         clock=clock,
     )
     return board, datasets
