@@ -38,7 +38,7 @@ def test_runs_are_where_the_speed_is_above_the_threshold():
 
 def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     moved = along_a_line(SPEED)
-    found = candidates(moved, runs_of_motion(SPEED, 0.5, 9), 1.0, bridge=1)
+    found = candidates(moved, runs_of_motion(SPEED, 0.5, 9), 1.0, 1, 0.5)
     assert list(zip(found.first, found.last, found.rested, strict=True)) == [
         (2, 4, 0),
         (8, 9, 0),
@@ -50,7 +50,7 @@ def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
 
 def test_a_bounded_primitive_reaches_on_to_its_event():
     moved, runs = along_a_line(SPEED), runs_of_motion(SPEED, 0.5, 9)
-    found = candidates(moved, runs, 1.0, bridge=0, ends=np.array([1, 6, 13]))
+    found = candidates(moved, runs, 1.0, 0, 0.5, ends=np.array([1, 6, 13]))
     assert list(zip(found.first, found.last, strict=True)) == [(2, 6), (11, 13)]  # 8-9 is followed by a run
 
 
@@ -116,7 +116,7 @@ def test_the_assignment_is_the_cheapest_of_all(moves, primitives, bridge):
         )
         moved = along_a_line(np.append(0.0, speed))
         runs = runs_of_motion(moved.smooth_speed, 0.1, 9)
-        demonstrations.append([candidates(moved, runs, 1.0, bridge)] * primitives)
+        demonstrations.append([candidates(moved, runs, 1.0, bridge, 0.1)] * primitives)
     found = assign(demonstrations, range(len(demonstrations)), [False] * primitives)
     assert (np.inf if found is None else found.total) == pytest.approx(by_hand(demonstrations))
 
