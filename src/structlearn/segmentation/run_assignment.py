@@ -16,9 +16,15 @@ import numpy as np
 
 from structlearn.segmentation.motion_runs import Candidates
 
-LEFT_OUT = 2.0
-"""Price of motion that belongs to no primitive, per mean way of a primitive. Half a move that is left out is
-as bad as a primitive of 2.7 times the duration."""
+LEFT_OUT = 1.5
+"""Price of motion that belongs to no primitive, per mean way of a primitive."""
+
+DISPLACED = 2.0
+"""How much more that motion counts which leads elsewhere: who twitches comes back, and what leads on to where
+the next primitive starts is probably part of one."""
+
+HASTE = 0.5
+"""Weight of the duration: people repeat where they go more exactly than how fast."""
 
 RESTED = 1.0
 """Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
@@ -43,8 +49,8 @@ class Assignment:
         reference: index of the demonstration that is the pattern.
         chosen: of each demonstration (P,) the candidates, or None where it has no such chain.
         costs: of each demonstration (P,) how unlike the pattern they are.
-        left_out: of each demonstration (P + 1,) way of the motion before each primitive and after the last
-            one that belongs to none, in ways of a mean primitive of the pattern.
+        left_out: of each demonstration (P + 1,) motion before each primitive and after the last one that
+            belongs to none (`LEFT_OUT`), in ways of a mean primitive of the pattern.
         total: of the choice; to compare choices among other candidates.
     """
 
@@ -130,30 +136,35 @@ def _pattern(
     return _Pattern(
         np.array([[one.duration[g] for one, g in picked[p]] for p in places]).T,
         np.array([[one.way[g] for one, g in picked[p]] for p in places]).T,
-        [np.array([one.displacement[g] for one, g in picked[p]]) for p in places],
+        [np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in picked[p]]) for p in places],
         np.array([picked[p][0][0].turns for p in places]),
     )
 
 
 def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.ndarray]:
-    """Way of the motion before each primitive, along its own axis, and after the last one.
+    """Motion before each primitive along its own axis, and after the last one: `_left_out`.
 
     Returns:
         P + 1 tables: (1, G) before the first, (G of the one before, G) between, inf where the order is wrong,
         (G, 1) after the last.
     """
-    first = primitives[0]
-    tables = [(first.travelled[first.first] - first.travelled[0])[None]]
+    first, last = primitives[0], primitives[-1]
+    tables = [_left_out(first, np.zeros(1, dtype=int), first.first)]
     for before, after, moves in zip(primitives, primitives[1:], between[1:], strict=False):
-        way = after.travelled[after.first][None] - after.travelled[before.last][:, None]
-        way = np.zeros_like(way) if moves else way
         overlap = before.last[:, None] - after.first[None]
         shorter = np.minimum((before.last - before.first)[:, None], (after.last - after.first)[None])
         other_axis = not np.array_equal(before.runs, after.runs)
         in_order = (overlap <= OVERLAP * shorter * other_axis) & (before.first[:, None] < after.first[None])
-        tables.append(np.where(in_order, np.maximum(way, 0.0), np.inf))
-    last = primitives[-1]
-    return [*tables, (last.travelled[-1] - last.travelled[last.last])[:, None]]
+        price = np.zeros(in_order.shape) if moves else _left_out(after, before.last, after.first)
+        tables.append(np.where(in_order, price, np.inf))
+    return [*tables, _left_out(last, last.last, np.array([len(last.path) - 1]))]
+
+
+def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
+    """(S, U) way along one axis from samples (S,) to samples (U,), and `DISPLACED` times its displacement."""
+    way = np.maximum(one.travelled[until][None] - one.travelled[since][:, None], 0.0)
+    apart = np.linalg.norm(one.path[until][None] - one.path[since][:, None], axis=2)
+    return way + DISPLACED * np.minimum(apart, way)
 
 
 def _chains(
@@ -181,10 +192,11 @@ def _unlike(one: Candidates, pattern: _Pattern, place: int) -> np.ndarray:
     The logarithms of the ratios of duration and way, and the distance of the displacements in ways.
     """
     way = pattern.way[:, place, None]
-    apart = np.linalg.norm(one.displacement[None] - pattern.displacement[place][:, None], axis=2)
+    displacement = one.path[one.last] - one.path[one.first]
+    apart = np.linalg.norm(displacement[None] - pattern.displacement[place][:, None], axis=2)
     longer = np.abs(np.log(one.duration[None] / pattern.duration[:, place, None]))
     farther = np.abs(np.log(one.way[None] / way))
-    return longer + farther + 2.0 * apart / (one.way[None] + way)
+    return HASTE * longer + farther + 2.0 * apart / (one.way[None] + way)
 
 
 def _cheapest(
