@@ -19,6 +19,7 @@ FLOORS = (
     ("simulation",),
     ("reporting", "viewer"),
     ("testbeds",),
+    ("inspect", "verify"),  # commands, run as modules
 )
 ROOMS = {
     "rerun": ("viewer", "recordings"),
@@ -43,7 +44,8 @@ STARTS = {
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
         "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
-        "recorded/boxes.py own/import_task.py own/segment.py own/primitives.py own/obstacles.py",
+        "recorded/boxes.py own/import_task.py own/segment.py own/primitives.py own/feedback.py own/skill.py "
+        "own/motion.py own/touch.py own/obstacles.py",
     ),
     "robot": (
         ("pinocchio",),
@@ -60,7 +62,7 @@ STARTS = {
     "dynamics": (
         ("torch", "pinocchio"),
         "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py "
-        "recorded/ur10e.py own/motion.py",
+        "recorded/ur10e.py",
     ),
     "recordings": (
         ("rerun",),
@@ -142,7 +144,7 @@ def floor(room: str) -> int:
 
 def test_imports_run_downwards():
     for path, names in modules().items():
-        room = path.parts[0] if len(path.parts) > 1 else ""
+        room = path.parts[0].removesuffix(".py")
         for name in names:
             parts = name.split(".")
             if parts[0] == "structlearn" and len(parts) > 1 and floor(parts[1]) > 0:

@@ -19,7 +19,7 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.result import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
-SKILL = "skill.safetensors"
+SKILL, ABSENT = "skill.safetensors", "absent.txt"
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,12 @@ class TaskFiles:
         return read_table(self.folder / f"{name}.parquet")
 
 
+def leave_out(folder: Path, part: str) -> None:
+    """Make a folder that says that the task has no such part; about empty ones DVC warns."""
+    folder.mkdir()
+    (folder / ABSENT).write_text(f"The task has no {part}.\n", encoding="utf-8")
+
+
 def local_path(path: str) -> Path:
     """A path as a parameter file may have it: from the project's folder, or with `~` for the home folder."""
     return Path(path).expanduser()
@@ -109,7 +115,7 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
     Args:
         main: the stage.
         part: key of the part that it is for.
-        out: name of the folder that it writes, which stays empty where the task has no such part.
+        out: name of the folder that it writes; where the task has no such part, it says so there.
     """
 
     def of_task() -> None:
@@ -118,6 +124,6 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
             main(files)
         elif out:
             with publish(files.folder / out) as folder:
-                folder.mkdir()
+                leave_out(folder, part)
 
     run(of_task, in_times=False)

@@ -21,6 +21,7 @@ from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.testbeds.own.files import ABSENT
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
 
 NETWORKS = "networks.safetensors"
@@ -153,13 +154,13 @@ def write_own_feedback(feedback: OwnFeedback, target: str | Path) -> None:
 
 
 def read_own_feedback(source: str | Path) -> OwnFeedback | None:
-    """What `write_own_feedback` left; None of an empty folder.
+    """What `write_own_feedback` left; None where the task has no feedback.
 
     Raises:
         InputError: a file is missing or damaged.
     """
     folder = Path(source)
-    if folder.is_dir() and not any(folder.iterdir()):
+    if (folder / ABSENT).exists():
         return None
     networks: dict[str, dict[Axis, PhaseModulatedNetwork]] = {}
     for key, network in read_networks(folder / NETWORKS).items():
