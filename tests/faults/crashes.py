@@ -103,8 +103,9 @@ def _ended_before(step: int, write: Callable[[Path], None], root: Path, seed: in
     child = os.fork()
     if not child:
         try:
-            _end_before(step, root, np.random.default_rng((seed, step)))
+            take_step = _end_before(step, root, np.random.default_rng((seed, step)))
             write(root)
+            take_step()  # the power may fail as soon as it says that it is done
             os._exit(0)
         finally:
             os._exit(1)
@@ -114,17 +115,17 @@ def _ended_before(step: int, write: Callable[[Path], None], root: Path, seed: in
     return code == ENDED
 
 
-def _end_before(step: int, root: Path, rng: np.random.Generator) -> None:
-    """In a process of its own: let it end before a step."""
+def _end_before(step: int, root: Path, rng: np.random.Generator) -> Callable[[], None]:
+    """In a process of its own: let it end before a step; what is returned is one more."""
     on_disk = {_state(path) for path in root.rglob("*") if path.is_file()}
     fsync, done = os.fsync, 0
 
     def take_step(_: str = "") -> None:
         nonlocal done
-        if done == step:
+        done += 1  # first: losing takes steps too
+        if done == step + 1:
             _lose(root, on_disk, rng)
             os._exit(ENDED)
-        done += 1
 
     def bring(file: int) -> None:
         take_step()
@@ -140,6 +141,7 @@ def _end_before(step: int, root: Path, rng: np.random.Generator) -> None:
 
     os.fsync = bring
     sys.addaudithook(watch)
+    return take_step
 
 
 def _state(file: Path | int) -> tuple[int, int, int]:
