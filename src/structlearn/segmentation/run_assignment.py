@@ -37,8 +37,9 @@ OVERLAP = 0.3
 """Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns
 the hand seldom waits until it has arrived. Motion along one axis belongs to one primitive."""
 
-PATTERNS = 200
-"""Ways to cut one demonstration that are tried as the pattern, the cheapest ones by the prices above."""
+PATTERNS, FEWEST = 1200, 10
+"""Ways to cut that are tried as the pattern in all, and at least of each demonstration: the cheapest ones by
+the prices above. The work grows with their number times that of the demonstrations."""
 
 
 @dataclass(frozen=True)
@@ -75,37 +76,33 @@ def assign(
         The assignment; None where no demonstration that may be the reference has a chain of candidates.
     """
     gaps = [_gaps(primitives, between) for primitives in demonstrations]
+    most = max(PATTERNS // len(references), FEWEST)
     owners, chains, own = [], [], []
     for index in references:
-        found, prices = _chains(demonstrations[index], gaps[index])
+        found, prices = _chains(demonstrations[index], gaps[index], most)
         owners += [index] * len(found)
         chains += found
         own += prices
     if not chains:
         return None
     pattern = _pattern(demonstrations, owners, chains)
-    most = MISSING * len(demonstrations[0])
+    missing = MISSING * len(demonstrations[0])
     total = np.array(own)
     for index, primitives in enumerate(demonstrations):
         costs, _ = _cheapest(primitives, gaps[index], pattern)
-        total += np.where(np.array(owners) == index, 0.0, np.minimum(costs, most))
+        total += np.where(np.array(owners) == index, 0.0, np.minimum(costs, missing))
     best = int(np.argmin(total))
     pattern = _pattern(demonstrations, owners[best : best + 1], chains[best : best + 1])
     chosen, costs, left_out = [], [], []
     for index, primitives in enumerate(demonstrations):
-        _, chain = (
-            (None, chains[best]) if index == owners[best] else _cheapest(primitives, gaps[index], pattern)
-        )
+        own_chain = index == owners[best]
+        chain = chains[best] if own_chain else _cheapest(primitives, gaps[index], pattern)[1]
+        places = range(0 if chain is None else len(chain))
+        before = [gaps[index][p][chain[p - 1] if p else 0, chain[p]] for p in places]
+        after = [gaps[index][-1][chain[-1], 0]] if places else []
         chosen.append(chain)
-        if chain is None:
-            costs.append(np.empty(0))
-            left_out.append(np.empty(0))
-        else:
-            places = range(len(chain))
-            costs.append(np.array([_unlike(primitives[p], pattern, p)[0, chain[p]] for p in places]))
-            before = [gaps[index][p][chain[p - 1] if p else 0, chain[p]] for p in places]
-            way = np.array([*before, gaps[index][-1][chain[-1], 0]])
-            left_out.append(way / pattern.mean_way[0, [*places, -1]])
+        costs.append(np.array([_unlike(primitives[p], pattern, p)[0, chain[p]] for p in places]))
+        left_out.append(np.array(before + after) / pattern.mean_way[0, [*places, *([-1] if places else [])]])
     return Assignment(owners[best], chosen, costs, left_out, float(total[best]))
 
 
@@ -168,9 +165,9 @@ def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarr
 
 
 def _chains(
-    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray]
+    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
 ) -> tuple[list[np.ndarray], list[float]]:
-    """The cheapest ways to cut a demonstration, and their prices, by what is left out and joined alone."""
+    """The cheapest ways to cut a demonstration, and their prices, by what is left out and rested alone."""
     ways = np.array([one.travelled[-1] for one in primitives])
     alike = [sum(one.turns == other.turns for other in primitives) for one in primitives]
     price = LEFT_OUT * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
@@ -178,7 +175,7 @@ def _chains(
     for place, one in enumerate(primitives):
         before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
         grown = prices[:, None] + price[place] * before + RESTED * one.rested
-        order = np.argsort(grown, axis=None, kind="stable")[:PATTERNS]
+        order = np.argsort(grown, axis=None, kind="stable")[:most]
         order = order[np.isfinite(grown.ravel()[order])]
         rows, columns = np.unravel_index(order, grown.shape)
         chains, prices = np.hstack([chains[rows], columns[:, None]]), grown[rows, columns]
