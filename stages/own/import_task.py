@@ -18,13 +18,17 @@ def main(files: TaskFiles) -> None:
     if task.feedback is not None:
         sets["executions"] = {"": local_path(task.feedback.executions)}
         sets["corrections"] = setting_folders(task.feedback.corrections, task.feedback.settings)
+    read = {
+        kind: {name: read_recordings(source, task.topics, task.stamps) for name, source in folders.items()}
+        for kind, folders in sets.items()
+    }
     write_task(task, files.parameters)
-    for kind, folders in sets.items():
+    for kind, by_name in read.items():
         with publish(files.folder / kind) as target:
-            if not folders:
+            if not by_name:
                 leave_out(target, kind)
-            for name, source in folders.items():
-                write_recordings(read_recordings(source, task.topics, task.stamps), target / name)
+            for name, recordings in by_name.items():
+                write_recordings(recordings, target / name)
 
 
 if __name__ == "__main__":
