@@ -1,11 +1,9 @@
 """The loop that makes a robot follow a skill, each millisecond, with its deadlines accounted for.
 
-    python examples/follower_loop.py data/own/pick/skill.safetensors
+    python examples/follower_loop.py data/own/pick/skill.safetensors       # after `make check`
 
-`FakeArm` has the shape of robots' own libraries: a read that waits for the robot and so sets the pace, and a
-write. In pylibfranka they are `readOnce` and `writeOnce(JointPositions(...))` of what
-`start_joint_position_control` gives; a client of lbr_fri has `setJointPosition` in its `command`. (franky plans
-motions by itself: give it waypoints.) Run `make check` first, and bring the arm to the first joints beforehand.
+`FakeArm` has the shape of robots' own libraries, such as `readOnce` and `writeOnce` of pylibfranka and
+`setJointPosition` of lbr_fri; franky plans by itself, from waypoints. A true arm has to be where it starts.
 """
 
 import sys
@@ -13,8 +11,7 @@ import time
 
 import numpy as np
 
-from structlearn.feedback.runtime import Controller, Status
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill_file import read_skill
 from structlearn.primitives.sequence import default_start
 from structlearn.rigid_body.inverse_kinematics import Follower, read_arm
@@ -33,33 +30,31 @@ class FakeArm:
         self.joints, self.next = joints, time.perf_counter()
 
     def read(self) -> np.ndarray:
-        """Wait for the next millisecond; joints in rad."""
-        self.next += DT
+        """Joints in rad, at the next millisecond."""
         time.sleep(max(self.next - time.perf_counter(), 0.0))
+        self.next += DT
         return self.joints
 
     def write(self, joints: np.ndarray) -> None:
-        """Take joints in rad for this millisecond."""
+        """Joints in rad, from now on."""
         self.joints = joints
 
 
-def main(skill: ReactiveSkill) -> dict[str, float]:
-    """Run it once; how long the work of a tick takes, and how many deadlines it misses."""
-    controller, start = Controller(skill, rate_hz=1.0 / DT), default_start(skill.primitives)
+def main(file: str) -> dict[str, float]:
+    """Run a skill once; how long after its beginning a tick is done, and how many are so too late."""
+    skill, done = read_skill(file), []
+    controller, start = Controller(skill, 1.0 / DT), default_start(skill.primitives)
     controller.start(start.position, start.orientation)
     follower = Follower(read_arm(urdf_path(URDF), TIP, FINGERS), REST, DT, start.orientation is not None)
-    arm, work, stale = FakeArm(follower.start(start.position, start.orientation)), [], 0
+    arm = FakeArm(follower.start(start.position, start.orientation))
     while not controller.finished:
         arm.read()
-        began = time.perf_counter()
-        stale += bool(controller.tick(None) & Status.STALE)  # None: or the sensors' newest counts
+        controller.tick(None)  # or the newest counts of the sensors
         arm.write(follower.step(controller.position, controller.orientation))
-        work.append(1e3 * (time.perf_counter() - began))
-    median, most = np.percentile(work, [50, 99])
-    missed = np.count_nonzero(np.array(work) > 1e3 * DT)
-    return {"ticks": len(work), "median (ms)": median, "99 % (ms)": most, "missed": missed, "stale": stale}
+        done.append(1e3 * (time.perf_counter() - arm.next + DT))
+    (median, most), missed = np.percentile(done, [50, 99]), np.count_nonzero(np.array(done) > 1e3 * DT)
+    return {"ticks": len(done), "median (ms)": median, "99 % (ms)": most, "missed": missed}
 
 
 if __name__ == "__main__":
-    for name, value in main(read_skill(sys.argv[1])).items():
-        print(f"{name}: {value:.3g}")
+    print(*main(sys.argv[1]).items(), sep="\n")

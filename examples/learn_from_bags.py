@@ -21,8 +21,8 @@ RATE_HZ = 1000.0
 def main(name: str) -> sequence.SequencePath:
     """Read, cut, learn, and unroll with all goals shifted; the path."""
     task = read_task(name)
-    folder = task.sources()["demonstrations"]
-    demonstrations = read_demonstrations(folder, task.topics, **task.clock.model_dump())
+    clock = task.clock.model_dump()
+    demonstrations = read_demonstrations(task.source, task.topics, **clock, stamps=task.stamps)
     segmentation = cut(demonstrations, task.segment)
     primitives = learn_sequence(demonstrations, segmentation.results, task.fit)
     errors = cross_validation(demonstrations, segmentation.results, task.fit)

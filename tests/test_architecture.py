@@ -19,10 +19,8 @@ FLOORS = (
     ("simulation",),
     ("reporting", "viewer"),
     ("testbeds",),
+    ("inspect", "verify"),  # commands, run as modules
 )
-PROGRAMS = {path.stem for path in PACKAGE.glob("*.py") if "__main__" in path.read_text()}
-"""That a user calls, e.g. `python -m structlearn.verify`."""
-
 ROOMS = {
     "rerun": ("viewer", "recordings"),
     "matplotlib": ("reporting", "page"),
@@ -46,7 +44,8 @@ STARTS = {
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
         "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
-        "recorded/boxes.py own/import_task.py own/segment.py own/primitives.py own/obstacles.py",
+        "recorded/boxes.py own/import_task.py own/segment.py own/primitives.py own/feedback.py own/skill.py "
+        "own/motion.py own/touch.py own/obstacles.py",
     ),
     "robot": (
         ("pinocchio",),
@@ -63,7 +62,7 @@ STARTS = {
     "dynamics": (
         ("torch", "pinocchio"),
         "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py "
-        "recorded/ur10e.py own/motion.py",
+        "recorded/ur10e.py",
     ),
     "recordings": (
         ("rerun",),
@@ -139,14 +138,13 @@ def everything_run(script: Path, imports: Callable[[Path], frozenset[str]] = imp
 
 
 def floor(room: str) -> int:
-    """Height of a package; of the modules beside the packages, programs stand above all, others below."""
-    beside = len(FLOORS) if room in PROGRAMS else 0
-    return next((height for height, rooms in enumerate(FLOORS) if room in rooms), beside)
+    """Height of a package; modules beside the packages belong to the ground."""
+    return next((height for height, rooms in enumerate(FLOORS) if room in rooms), 0)
 
 
 def test_imports_run_downwards():
     for path, names in modules().items():
-        room = path.parts[0] if len(path.parts) > 1 else path.stem.strip("_")
+        room = path.parts[0].removesuffix(".py")
         for name in names:
             parts = name.split(".")
             if parts[0] == "structlearn" and len(parts) > 1 and floor(parts[1]) > 0:

@@ -27,8 +27,8 @@ def chosen(**changes) -> ObstacleParameters:
     }
     quick = {
         "folds": 2,
-        "network": {"members": 1, "training": {"iterations": 4}},
-        "text_network": {"training": {"iterations": 4}},
+        "network": {"members": 1, "training": {"iterations": 2}},
+        "text_network": {"training": {"iterations": 2}},
     }
     return ObstacleParameters.model_validate(merged(values | own, quick | changes))
 

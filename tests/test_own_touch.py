@@ -67,7 +67,7 @@ def results():
 
 def test_the_map_is_the_skin_where_it_was_not_learned():
     errors = results().errors.groupby("model").mean(numeric_only=True)
-    assert errors.loc[STRUCTURED, "distances"] < 0.05
+    assert errors.loc[STRUCTURED, "distances"] < 0.1
     assert errors.loc[STRUCTURED, "laid_mm"] < 2.0
     assert errors.loc[STRUCTURED, "reconstruction"] < errors.loc[COMPONENTS, "reconstruction"]
     assert errors.loc[PLAIN, "distances"] > 2.0 * errors.loc[STRUCTURED, "distances"]

@@ -22,7 +22,8 @@ TWO_LINKS = f"""<robot name="two">
     <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
   <joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/>
     <origin xyz="{UPPER_M} 0 0"/><axis xyz="0 0 1"/></joint>
-  <joint name="wrist" type="fixed"><parent link="fore"/><child link="tool"/><origin xyz="{FORE_M} 0 0"/></joint>
+  <joint name="wrist" type="fixed"><parent link="fore"/><child link="tool"/>
+    <origin xyz="{FORE_M} 0 0"/></joint>
   <joint name="grip" type="prismatic"><parent link="tool"/><child link="finger"/><axis xyz="1 0 0"/>
     <limit lower="0" upper="1" velocity="1" effort="1"/></joint>
 </robot>"""

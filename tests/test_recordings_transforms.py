@@ -184,7 +184,7 @@ def test_transforms_published_twice_follow_the_policy(tmp_path):
     stamps = clock(SLOW, 10)
     rows = messages(stamps, stamps)
     rows += rows[10:11]
-    with pytest.raises(InputError, match="transform from 'carriage' to 'link': row 1 .* repeats"):
+    with pytest.raises(InputError, match=r"transform from 'carriage' to 'link': row 1 .* repeats"):
         pose_of(tmp_path / "bag.mcap", "rail", "tool", rows)
     drop = StampPolicy(clock="header", disorder="drop")
     recording = pose_of(tmp_path / "bag.mcap", "rail", "tool", rows, drop)

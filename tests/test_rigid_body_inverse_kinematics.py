@@ -1,4 +1,4 @@
-"""Joints along a path: what they bring the tip to, how they move, and what they do where a path leaves reach."""
+"""Joints along a path: where they bring the tip, how they move, and what they do out of reach."""
 
 import numpy as np
 import pytest

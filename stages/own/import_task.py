@@ -5,7 +5,8 @@ from pathlib import Path
 
 from structlearn.ground.artefacts import publish
 from structlearn.recordings import read_recordings, write_recordings
-from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
+from structlearn.recordings.settings import setting_folders
+from structlearn.testbeds.own.files import TaskFiles, leave_out, local_path, run_for_task
 from structlearn.testbeds.own.task import read_task, write_task
 
 
@@ -16,12 +17,12 @@ def main(files: TaskFiles) -> None:
         sets["demonstrations"] = {"": local_path(task.source)}
     if task.feedback is not None:
         sets["executions"] = {"": local_path(task.feedback.executions)}
-        corrections = local_path(task.feedback.corrections)
-        sets["corrections"] = {f"{one:g}": corrections / f"{one:g}" for one in task.feedback.settings}
+        sets["corrections"] = setting_folders(task.feedback.corrections, task.feedback.settings)
     write_task(task, files.parameters)
     for kind, folders in sets.items():
         with publish(files.folder / kind) as target:
-            target.mkdir()
+            if not folders:
+                leave_out(target, kind)
             for name, source in folders.items():
                 write_recordings(read_recordings(source, task.topics, task.stamps), target / name)
 

@@ -212,14 +212,14 @@ class _Damage(Exception):  # noqa: N818 - it is what is found
 
 
 @contextmanager
-def damage_named(where: str | Path) -> Iterator[None]:
+def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
     """Turn whatever is raised on damaged bytes into an InputError; only what reads them goes inside."""
     try:
         yield
     except _Damage as error:
-        raise InputError(f"{where}: damaged MCAP file: {error}") from error
+        raise InputError(f"{where}: damaged {what}: {error}") from error
     except Exception as error:
-        raise InputError(f"{where}: damaged MCAP file: {type(error).__name__}: {error}") from error
+        raise InputError(f"{where}: damaged {what}: {type(error).__name__}: {error}") from error
 
 
 def _check_complete(path: Path, file: BinaryIO) -> None:

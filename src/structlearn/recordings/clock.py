@@ -134,8 +134,8 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 def shared_stamps(sources: Sequence[np.ndarray]) -> np.ndarray:
     """The clock on which several sources are put together: that of the slowest one.
 
-    It leaves out times at which another source has a hole, more than two steps of the slowest one: what is
-    put together has that hole too, and whoever samples it finds it.
+    It leaves out times at which another source has a hole, more than two mean steps of the slowest one: what
+    is put together has that hole too, and whoever samples it finds it.
 
     Args:
         sources: (T,) int64 ns of each, increasing.
@@ -149,7 +149,7 @@ def shared_stamps(sources: Sequence[np.ndarray]) -> np.ndarray:
     ticks = min(inside, key=len)
     if len(ticks) < 2:
         return ticks
-    longest = 2.0 * float(np.median(np.diff(ticks)))
+    longest = 2.0 * float(np.mean(np.diff(ticks)))  # in bursts most steps are short
     bridged = np.ones(len(ticks), dtype=bool)
     for stamps in sources:
         after = np.searchsorted(stamps, ticks)  # the first stamp that is not before the tick
@@ -214,7 +214,8 @@ def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
     if end <= start:
         raise InputError(
             f"{name}: {late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
-            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
+            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin, which "
+            "`clock: log` under `stamps` gives them"
         )
     return start, end
 

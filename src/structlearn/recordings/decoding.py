@@ -1,7 +1,7 @@
 """Raw messages of one topic, decoded: columns over as many messages as have one layout, the others singly.
 
 Publishers that share a topic, and messages whose sequences grow, have layouts of their own: messages are put
-together by channel and length before their columns are looked for (`cdr.columns`).
+together by channel, length and layout before their columns are looked for (`cdr.columns`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from mcap.records import Schema
 from mcap.well_known import MessageEncoding
 
 from structlearn.ground.errors import InputError
@@ -17,6 +18,9 @@ from structlearn.recordings import cdr
 from structlearn.recordings.bag_reader import RawMessages
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.stamps import StampPolicy
+
+MOST_LAYOUTS = 50
+"""Layouts of one length that are looked for: frames of a robot have some, texts that change have no end."""
 
 
 @dataclass(frozen=True)
@@ -45,23 +49,28 @@ def decoded(messages: RawMessages) -> list[Decoded]:
     groups: list[Decoded] = []
     for number, (channel, length) in enumerate(layouts.T.tolist()):
         rows = np.flatnonzero(owners.ravel() == number)
-        schema = messages.schemas[channel]
-        data = [messages.data[row] for row in rows.tolist()]
-        raw = np.frombuffer(b"".join(data), dtype=np.uint8).reshape(len(data), length)
-        columns = cdr.columns(schema.name, schema.data.decode(), raw)
-        if columns is not None:
-            groups.append(Decoded(rows, columns))
-        else:
-            groups += _singly(schema, rows, data)
+        raw = np.frombuffer(b"".join(messages.data[row] for row in rows.tolist()), dtype=np.uint8)
+        groups += _of_one_length(messages.schemas[channel], rows, raw.reshape(len(rows), length))
     return sorted(groups, key=lambda group: int(group.rows[0]))
 
 
-def _singly(schema: Any, rows: np.ndarray, data: Sequence[bytes]) -> Iterator[Decoded]:
+def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterator[Decoded]:
+    """Messages of one channel, (M, L) bytes: those of a layout together while there are few layouts."""
+    text = schema.data.decode()
+    for _ in range(MOST_LAYOUTS):
+        alike = cdr.like_the_first(schema.name, text, raw)
+        if alike is None:
+            break
+        whole = alike.all()  # then nothing is copied
+        yield Decoded(rows[alike], cdr.columns(schema.name, text, raw if whole else raw[alike]))
+        rows, raw = rows[~alike], raw[~alike]
+        if not len(rows):
+            return
     from mcap_ros2.decoder import DecoderFactory  # seldom needed
 
     decode = DecoderFactory().decoder_for(MessageEncoding.CDR, schema)
-    for row, message in zip(rows, data, strict=True):
-        yield Decoded(np.array([row]), decode(message))
+    for row, message in zip(rows, raw, strict=True):
+        yield Decoded(np.array([row]), decode(message.tobytes()))
 
 
 @contextmanager

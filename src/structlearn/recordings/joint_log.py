@@ -148,9 +148,8 @@ def read_joint_log(
     where = f"{file.path}: topic '{topic}'"
     bag = open_bag(file, [topic])
     if topic not in bag.messages:
-        raise InputError(
-            f"{file.path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}"
-        )
+        present = sorted(bag.topics)
+        raise InputError(f"{file.path}: has no joint states on '{topic}'; its topics are {present}")
     check_readable(where, "joint_states", bag.topics[topic])
     series, note = joint_series(where, topic, bag.messages[topic], stamps)
     if not series[0].names:

@@ -82,7 +82,7 @@ def joint_series(
             number of values, or have another number than of names; a joint is named twice in a message, or
             some messages name joints and some do not; nothing is filled; stamps of a series do not increase.
     """
-    with damage_named(where):
+    with damage_named(where, "message"):
         groups = decoded(messages)
     with fields_named(where):
         stamps = sample_stamps(messages.log_times, header_stamps(groups), policy)

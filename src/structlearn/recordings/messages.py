@@ -85,7 +85,7 @@ def to_stream(
         InputError: a message cannot be decoded, lacks a field of its type or has another length than the
             first one, or stamps do not increase; the error names the row.
     """
-    with damage_named(where):
+    with damage_named(where, "message"):
         groups = decoded(messages)
     short = cdr.short_name(next(iter(messages.schemas.values())).name)
     read = READERS[role][short]
@@ -176,7 +176,7 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
         InputError: a message cannot be decoded or lacks a field of its type, or a shape is not finite, has no
             extent, or no orientation.
     """
-    with damage_named(where):
+    with damage_named(where, "message"):
         (first,) = decoded(replace(messages, channels=messages.channels[:1], data=messages.data[:1]))
     short = cdr.short_name(next(iter(messages.schemas.values())).name)
     with fields_named(where):

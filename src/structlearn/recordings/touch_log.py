@@ -14,8 +14,8 @@ import pandas as pd
 import pyarrow
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.folders import natural_order
 
 PLACE, HEIGHT, TIME = ("x_m", "y_m"), "z_m", "time_s"
 READERS = {".csv": pd.read_csv, ".parquet": pd.read_parquet}

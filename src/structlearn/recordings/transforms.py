@@ -60,7 +60,7 @@ def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> 
             norm; frames are named.
     """
     pieces: dict[Edge, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
-    with damage_named(where):
+    with damage_named(where, "message"):
         groups = decoded(messages)
     with fields_named(where):
         for group in groups:

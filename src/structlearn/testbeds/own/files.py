@@ -4,21 +4,22 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, read_table
 from structlearn.ground.params import ParametersType, checked, read_values
 from structlearn.ground.stage import run
-from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
+from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.result import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
+SKILL, ABSENT = "skill.safetensors", "absent.txt"
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,11 @@ class TaskFiles:
         """Whether the task has a part, by its key."""
         return read_values(self.parameters)[key] is not None
 
+    def values(self) -> tuple[dict[str, Any], dict[str, dict[str, str]]]:
+        """All parameters, and the digests of all files, by what they are for."""
+        values = dict(read_values(self.parameters))
+        return values, values.pop("files")
+
     @property
     def clock(self) -> ClockParameters:
         """On which everything is read."""
@@ -80,14 +86,20 @@ class TaskFiles:
         """In order of time."""
         return read_primitives(self.folder / "primitives/primitives.safetensors")
 
-    def expected(self) -> dict[str, VectorPrimitive]:
-        """Expected traces by primitive."""
-        files = sorted((self.folder / "feedback/expected").glob("*.safetensors"))
-        return {path.stem: read_vector_primitive(path) for path in files}
+    @property
+    def skill(self) -> Path:
+        """All that a robot needs."""
+        return self.folder / SKILL
 
     def table(self, name: str) -> pd.DataFrame:
         """A table by its path below the task's folder, without its ending."""
         return read_table(self.folder / f"{name}.parquet")
+
+
+def leave_out(folder: Path, part: str) -> None:
+    """Make a folder that says that the task has no such part; about empty ones DVC warns."""
+    folder.mkdir()
+    (folder / ABSENT).write_text(f"The task has no {part}.\n", encoding="utf-8")
 
 
 def local_path(path: str) -> Path:
@@ -103,7 +115,7 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
     Args:
         main: the stage.
         part: key of the part that it is for.
-        out: name of the folder that it writes, which stays empty where the task has no such part.
+        out: name of the folder that it writes; where the task has no such part, it says so there.
     """
 
     def of_task() -> None:
@@ -112,6 +124,6 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
             main(files)
         elif out:
             with publish(files.folder / out) as folder:
-                folder.mkdir()
+                leave_out(folder, part)
 
     run(of_task, in_times=False)

@@ -13,15 +13,15 @@ A task has the parts that its entry names (`PARTS`); the others are null, whatev
 import hashlib
 import re
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import yaml
 from pydantic import Field, model_validator
 
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.skill_file import SkillParameters
 from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Name, Parameters, checked, merged, read_values
+from structlearn.ground.params import Parameters, checked, merged, read_values
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters
@@ -29,6 +29,7 @@ from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.own.files import local_path
+from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
@@ -42,38 +43,8 @@ TASK_NAME = r"[A-Za-z0-9][A-Za-z0-9_-]*"
 PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
 """Keys of what a task may have or not, besides demonstrations."""
 
-OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise")
+OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise", "skill")
 """Keys that a task without demonstrations does not have either."""
-
-
-class CorrectionParameters(Parameters):
-    """Executions and corrected ones, and the feedback that is learned from them.
-
-    Attributes:
-        executions: folder of nominal executions in the default setting, read with the task's topics.
-        corrections: folder with a sub-folder of corrected demonstrations per setting, named by its label.
-        settings: labels of those that are learned from.
-        primitives: which of the task's primitives get feedback.
-        axes: along and about which they are corrected, base frame.
-        expected_hz: low-pass of the expected traces; about 12 / duration is what 25 kernels resolve.
-        smoothing_hz: low-pass of poses before they are differentiated twice.
-        target_hz: low-pass of the coupling targets.
-        rate_hz: samples per second that are kept.
-        hidden: nodes of the network's regular hidden layers.
-        training: of the networks.
-    """
-
-    executions: str = Field(min_length=1)
-    corrections: str = Field(min_length=1)
-    settings: tuple[float, ...] = Field(min_length=1)
-    primitives: tuple[Name, ...] = Field(min_length=1)
-    axes: tuple[Literal["rx", "ry", "rz"], ...] = Field(min_length=1, max_length=1)
-    expected_hz: float = Field(gt=0)
-    smoothing_hz: float = Field(gt=0)
-    target_hz: float = Field(gt=0)
-    rate_hz: float = Field(gt=0)
-    hidden: tuple[int, ...]
-    training: TrainingParameters
 
 
 class TaskParameters(Parameters):
@@ -87,6 +58,7 @@ class TaskParameters(Parameters):
         segment: how demonstrations are cut into primitives.
         fit: how primitives are learned.
         generalise: a new situation in which they are unrolled.
+        skill: bounds that go into the skill's file.
         feedback: what is learned from corrections.
         robot: that the skill is checked on.
         motion: logs of an arm that is identified.
@@ -101,7 +73,8 @@ class TaskParameters(Parameters):
     segment: SegmentParameters | None
     fit: FitParameters | None
     generalise: GeneraliseParameters | None
-    feedback: CorrectionParameters | None
+    skill: SkillParameters | None
+    feedback: OwnFeedbackParameters | None
     robot: RobotParameters | None
     motion: MotionParameters | None
     touch: TouchParameters | None

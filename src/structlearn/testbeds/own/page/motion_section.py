@@ -70,10 +70,10 @@ def of_model(errors: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:
 def motion_metrics(best: pd.DataFrame, facts: dict[str, object]) -> Metrics:
     """Errors of the model that is written, and how much the motion excites."""
     values: Metrics = {"motion_nmse_worst": facts["worst"]["nmse"], "motion_nmse_urdf": facts["urdf_worst"]}
-    for row in best.itertuples():
-        values |= {f"motion_nmse_{row.joint}{end}": getattr(row, f"{name}") for end, name in ENDS.items()}
     if facts["condition"] < float("inf"):
         values["motion_condition"] = facts["condition"]
+    for row in best.itertuples():
+        values |= {f"motion_nmse_{row.joint}{end}": getattr(row, f"{name}") for end, name in ENDS.items()}
     return values
 
 

@@ -25,6 +25,9 @@ WAYS = {
 }
 """Who or what moves the hand, in the order of tables."""
 
+FEWEST = 20
+"""People or recordings, below which the page says that they are few."""
+
 OURS, NONE, RECORDED = "scene", "none", "recorded"
 COLOURS = {
     RECORDED: DEMONSTRATION_COLOUR,
@@ -52,6 +55,7 @@ def section(files: TaskFiles) -> Section:
         "folds": own["fold"].nunique(),
         "blocked": int(own["blocked"].sum()),
         "left_out": len(left_out),
+        "fewest": FEWEST,
         "touches": {way: percent(its["hit"].count, its["hit"].n) for way, its in found.items()},
         "path_mm": {way: its["path_mm"].value for way, its in found.items()},
         "goal_mm": own["left_mm"].max(),
@@ -104,7 +108,7 @@ def ways_table(reaches: pd.DataFrame, errors: pd.DataFrame, found: dict[str, dic
                 "touches (%)": f"{100 * hit.value:.0f} {interval(100 * hit.low, 100 * hit.high, '.0f')}",
                 "of blocked ones (%)": 100 * blocked["hit"].mean() if len(blocked) else np.nan,
                 "goal (mm)": its["left_mm"].max(),
-                "path (mm)": f"{rounded(path.value, '.1f')} {interval(path.low, path.high)}",
+                "path (mm)": f"{rounded(path.value, '.1f')} {interval(max(path.low, 0.0), path.high)}",
                 "same gaps (%)": 100 * its["same_gaps"].mean(),
                 "coupling, NMSE": nmse.get(way, np.nan),
             }

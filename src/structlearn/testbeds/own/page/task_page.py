@@ -8,10 +8,13 @@ from structlearn.reporting.publishing import HEADLINES, publish_report
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page import (
     came_in_section,
+    check_section,
     cuts_section,
+    feedback_section,
     motion_section,
     obstacles_section,
     primitives_section,
+    skill_section,
     touch_section,
 )
 from structlearn.testbeds.own.page.section import Section
@@ -36,6 +39,9 @@ class _Part:
 
 PARTS = (
     _Part("segment", (came_in_section.section, cuts_section.section, primitives_section.section)),
+    _Part("feedback", (feedback_section.section,)),
+    _Part("skill", (skill_section.section,)),
+    _Part("robot", (check_section.section,)),
     _Part("motion", (motion_section.section,)),
     _Part("touch", (touch_section.section,)),
     _Part("obstacles", (obstacles_section.section,)),
@@ -47,6 +53,9 @@ STAGES = {
     "demonstrations": ("demonstrations", "import"),
     "segments": ("segments", "segment"),
     "primitives": ("primitives", "primitives"),
+    "feedback": ("feedback", "feedback"),
+    "skill": ("skill", "skill"),
+    "check": ("check", "check"),
     "motion": ("motion", "motion"),
     "touch": ("touch", "touch"),
     "obstacles": ("obstacles", "obstacles"),

@@ -86,7 +86,8 @@ def errors_table(errors: pd.DataFrame) -> Table:
         row = {"model": model}
         for name, measure in MEASURES.items():
             its = of_folds(errors, model, name)
-            text = f"{rounded(its.value, measure.number)} {interval(its.low, its.high, measure.number)}"
+            ends = interval(max(its.low, 0.0), its.high, measure.number)
+            text = f"{rounded(its.value, measure.number)} {ends}"
             row[measure.heading] = text if np.isfinite(its.value) else None
         rows.append(row)
     return Table(pd.DataFrame(rows), strong=frozenset({0}), words={"model": MODELS})

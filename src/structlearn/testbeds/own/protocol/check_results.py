@@ -3,13 +3,12 @@
 A margin is the part of a bound that is left: 0 at the bound, negative beyond, at most 1.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics, publish, read_metrics, read_table, write_table
+from structlearn.ground.artefacts import Metrics, publish, read_table, write_table
 
 NOMINAL, STARTS, GOALS, CORRECTIONS = KINDS = ("nominal", "starts", "goals", "corrections")
 """Kinds of runs."""
@@ -89,12 +88,13 @@ def overall(verdicts: pd.Series) -> str:
 
 
 def write_check(check: SkillCheck, folder: str | Path) -> None:
-    """Publish what was found as a folder."""
+    """Publish what was found as a folder of Parquet tables, one per attribute."""
+    rest = {"joint": list(check.rest), "rest": list(check.rest.values())}
     with publish(folder) as path:
         path.mkdir()
         write_table(check.margins, path / "margins.parquet")
-        about = {"rest": check.rest, "notes": check.notes}
-        (path / "about.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+        write_table(pd.DataFrame(rest), path / "rest.parquet")
+        write_table(pd.DataFrame({"note": pd.Series(check.notes, dtype=str)}), path / "notes.parquet")
 
 
 def read_check(folder: str | Path) -> SkillCheck:
@@ -103,5 +103,9 @@ def read_check(folder: str | Path) -> SkillCheck:
     Raises:
         InputError: a file is missing or damaged.
     """
-    about = read_metrics(Path(folder) / "about.json")
-    return SkillCheck(read_table(Path(folder) / "margins.parquet"), about["rest"], tuple(about["notes"]))
+    margins, rest, notes = (read_table(Path(folder) / f"{name}.parquet") for name in TABLES)
+    return SkillCheck(margins, dict(zip(rest["joint"], rest["rest"], strict=True)), tuple(notes["note"]))
+
+
+TABLES = ("margins", "rest", "notes")
+"""Files of a check."""
