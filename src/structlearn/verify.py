@@ -61,12 +61,14 @@ def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
     """
     for name, out, written in _outputs(lock):
         path = root / out
-        if not path.exists():
+        try:
+            same = digest(path) == written
+        except FileNotFoundError:
             yield f"{path}: is not there; stage '{name}' writes it"
-        elif digest(path) != written:
-            yield f"{path}: not as stage '{name}' left it"
+        except OSError as error:
+            yield f"{path}: cannot be read: {error.strerror}"
         else:
-            yield None
+            yield None if same else f"{path}: not as stage '{name}' left it"
 
 
 def _outputs(lock: Path) -> list[tuple[str, str, str]]:
