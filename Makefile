@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded bench profile study studies other-processor faults kills upsets view plot-page clean
+.PHONY: repro test lint recorded own own-example inspect check bench profile study studies other-processor faults kills upsets view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -26,6 +26,26 @@ recorded: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro --force --single-item report
 	$(BIN)/python -m structlearn.reporting.stage_times
 	@echo "reports/recorded/index.html is up to date"
+
+# Tasks of your own, as stages/own/params.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.
+EXAMPLE := data/example/pick
+OWN := stages/own/dvc.yaml
+own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))
+	$(IN_ENVIRONMENT) dvc repro --keep-going $(if $(TASK),$(OWN):report@$(TASK) $(OWN):view@$(TASK),$(OWN))
+	@echo "reports/own/$(or $(TASK),*)/index.html is up to date"
+
+$(EXAMPLE): | $(INSTALLED)
+	$(BIN)/python stages/own/make_example.py
+
+# Six bags of an invented pick-and-place task, to try the pipeline for a task of your own on.
+own-example: $(INSTALLED)
+	$(BIN)/python stages/own/make_example.py
+
+# What recordings hold, whether they are fit to be learned from, and an entry for stages/own/params.yaml, e.g.
+# `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
+SOURCE ?= data/example/pick
+inspect: $(INSTALLED)
+	$(BIN)/python -m structlearn.inspect "$(SOURCE)" $(if $(URDF),--urdf "$(URDF)") $(if $(OUTPUT),--output "$(OUTPUT)")
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks
@@ -69,9 +89,15 @@ upsets: N ?= 1000000
 upsets: $(INSTALLED)
 	PYTHONPATH=tests $(BIN)/python -m faults.upsets --ticks $(N)
 
-# Open the recordings of a testbed, e.g. `make view TESTBED=recorded`; WEB=1 serves them to a browser instead.
+# Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
+check: $(INSTALLED)
+	$(if $(TASK),,$(error which task? make check TASK=pick))
+	$(IN_ENVIRONMENT) dvc repro $(OWN):check@$(TASK)
+	$(BIN)/python -m structlearn.testbeds.own.check_verdict $(TASK)
+
+# Open the recordings of a testbed, e.g. `make view TESTBED=recorded`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
-RECORDINGS = reports/recordings/$(TESTBED)/*.rrd
+RECORDINGS = $(if $(TASK),reports/own/$(TASK)/recordings,reports/recordings/$(TESTBED))/*.rrd
 view: $(INSTALLED)
 ifdef WEB
 	@echo "http://localhost:9090/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9876%2Fproxy&theme=dark"

@@ -27,7 +27,7 @@ from timing import machine
 
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.tick_latency import TickLatency, tick_latency
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
@@ -135,7 +135,7 @@ def skill() -> ReactiveSkill:
     return ReactiveSkill(
         primitives=[PosePrimitive(name, point, turn) for name in names],
         expected={name: fit_expected_traces([_trace(rng)], DT, 25.0) for name in names},
-        networks={name: _network(rng) for name in names},
+        networks=on_axis({name: _network(rng) for name in names}, "ry"),
     )
 
 

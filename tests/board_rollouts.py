@@ -4,7 +4,7 @@ import numpy as np
 from committed import committed
 from scraping_motions import NAMES, scraping_skill
 
-from structlearn.feedback.runtime import Limits
+from structlearn.feedback.limits import Limits
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.source import ClockParameters
@@ -15,7 +15,7 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 RATE_HZ = 300.0
 TESTBED = committed(TestbedParameters, "testbed")
-LIMITS = Limits(largest_coupling=60.0)
+LIMITS = Limits(largest_coupling={"ry": 60.0})
 POLICY = np.linspace(-10.0, -5.0, 25)
 SEED = (1, 0, 2)
 

@@ -8,13 +8,21 @@ from typing import Any, TypeVar
 
 import yaml
 
-from structlearn.ground.params import Parameters
+from structlearn.ground.params import Parameters, merged
 from structlearn.recordings.topics import TopicMap
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
-NO_TOPICS = {"twist": None, "joint_states": [], "wrench": None, "tactile": [], "tool_to_board": None}
+OWN_FILE = Path(__file__).parents[1] / "stages/own/params.yaml"
+NO_TOPICS = {
+    "twist": None,
+    "joint_states": [],
+    "joints": None,
+    "wrench": None,
+    "tactile": [],
+    "tool_to_board": None,
+}
 
 ParametersType = TypeVar("ParametersType", bound=Parameters)
 
@@ -29,14 +37,13 @@ def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
     return merged(deepcopy(_tree()), changes)
 
 
-def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping with some values changed, those of nested mappings one by one."""
-    result = dict(values)
-    for name, change in changes.items():
-        before = result.get(name)
-        nested = isinstance(before, Mapping) and isinstance(change, Mapping)
-        result[name] = merged(before, change) if nested else change
-    return result
+def own_tasks(folder: Path, changes: Mapping[str, Any] | None = None, **tasks: Mapping[str, Any]) -> None:
+    """Write `stages/own/params.yaml` below a folder: its defaults with changes, and other tasks."""
+    defaults = yaml.load(OWN_FILE.read_text(), yaml.CSafeLoader)["defaults"]
+    content = {"defaults": merged(defaults, changes or {}), "tasks": tasks}
+    path = folder / "stages/own/params.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
 
 
 def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:

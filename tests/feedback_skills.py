@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 from primitives_movements import reach, wobbly_turn
 
+from structlearn.feedback.limits import Limits
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.orientation import fit_quaternion
@@ -16,6 +17,7 @@ NAMES = ("down", "tilt", "scrape")
 POINTS = np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.05], [0.3, 0.1, 0.05], [0.3, 0.3, 0.25]])
 TURNS = (0.6, -0.5, 0.7)
 TAUGHT_DT = 0.01
+CAUTIOUS = Limits()
 
 
 def random_network(rng, inputs=6, hidden=(10,), kernels=25, size=1.0):
@@ -35,8 +37,8 @@ def random_network(rng, inputs=6, hidden=(10,), kernels=25, size=1.0):
     )
 
 
-def random_skill(rng, networks=None, channels=6, turned=True):
-    """Three primitives with expected traces, without feedback but for the given networks by name."""
+def random_skill(rng, networks=None, channels=6, turned=True, limits=CAUTIOUS):
+    """Three primitives with expected traces, without feedback but for the given networks by name and axis."""
     primitives, expected, base = [], {}, np.array([1.0, 0.0, 0.0, 0.0])
     for name, start, goal, turn in zip(NAMES, POINTS, POINTS[1:], TURNS, strict=False):
         duration = rng.uniform(0.4, 0.7)
@@ -46,5 +48,4 @@ def random_skill(rng, networks=None, channels=6, turned=True):
         primitives.append(PosePrimitive(name, point, fit_quaternion([taught]) if turned else None))
         swing = np.sin(np.linspace(0.0, 3.0, 60)[:, None] * rng.uniform(0.5, 2.0, channels))
         expected[name] = fit_expected_traces([20.0 * swing], TAUGHT_DT, 25.0)
-    axis = rng.normal(size=3)
-    return ReactiveSkill(primitives, expected, networks or {}, axis / np.linalg.norm(axis))
+    return ReactiveSkill(primitives, expected, networks or {}, limits)

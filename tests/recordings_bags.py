@@ -21,6 +21,7 @@ _NESTED = {
     "geometry_msgs/Twist": "Vector3 linear\nVector3 angular",
     "geometry_msgs/Wrench": "Vector3 force\nVector3 torque",
     "geometry_msgs/Transform": "Vector3 translation\nQuaternion rotation",
+    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\nTransform transform",
     "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
     "geometry_msgs/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
     "std_msgs/MultiArrayLayout": "MultiArrayDimension[] dim\nuint32 data_offset",
@@ -41,6 +42,7 @@ _OWN = {
     "sensor_msgs/msg/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
     "float64[] velocity\nfloat64[] effort",
     "std_msgs/msg/String": "string data",
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
 } | {
     f"std_msgs/msg/{name}MultiArray": f"MultiArrayLayout layout\n{name.lower()}[] data"
     for name in ("Float32", "Float64", "Int16", "Int32", "UInt16")
@@ -95,6 +97,37 @@ def pose_messages(stamps, rows, topic="/tool"):
         (topic, "geometry_msgs/msg/PoseStamped", {"header": header(s), "pose": ros_pose(row)}, s)
         for s, row in zip(stamps, rows, strict=True)
     ]
+
+
+def joint_messages(stamps, names, positions, topic="/joint_states", **fields):
+    """Joint states; `positions` (T, J), and of the other fields what is given."""
+    rows = {"position": positions} | fields
+    return [
+        (
+            topic,
+            "sensor_msgs/msg/JointState",
+            {"header": header(s), "name": list(names)} | {f: list(map(float, rows[f][i])) for f in rows},
+            s,
+        )
+        for i, s in enumerate(stamps)
+    ]
+
+
+def transform_messages(stamps, parent, child, rows, topic="/tf"):
+    """Transforms with rows x, y, z, qw, qx, qy, qz, a message each."""
+    return [
+        (topic, "tf2_msgs/msg/TFMessage", {"transforms": [transform_stamped(s, parent, child, row)]}, s)
+        for s, row in zip(stamps, rows, strict=True)
+    ]
+
+
+def transform_stamped(stamp, parent, child, row):
+    transform = {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])}
+    return {
+        "header": header(stamp) | {"frame_id": parent},
+        "child_frame_id": child,
+        "transform": transform,
+    }
 
 
 def pose_rows(count, seed=0):

@@ -4,7 +4,7 @@ import numpy as np
 from committed import committed
 
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.ground import quaternion
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
@@ -87,7 +87,7 @@ def scraping_skill(networks=None, expected=True):
         primitives.append(PosePrimitive(name, position, orientation))
         wave = np.sin(np.linspace(0, 3, 120)[:, None] * rng.uniform(0.5, 2, CHANNELS))
         traces[name] = fit_expected_traces([20.0 * wave], duration / 119, 12.0 / duration)
-    return ReactiveSkill(primitives, traces if expected else {}, networks or {}, np.array([0.0, 1.0, 0.0]))
+    return ReactiveSkill(primitives, traces if expected else {}, on_axis(networks or {}, "ry"))
 
 
 def constant_network(size=20.0, kernels=25, channels=CHANNELS):

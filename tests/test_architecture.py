@@ -27,7 +27,7 @@ ROOMS = {
     "rerun": ("viewer", "recordings"),
     "matplotlib": ("reporting", "page"),
     "pybullet": ("simulation", "world"),
-    "pinocchio": ("simulation", "world", "rigid_body"),
+    "pinocchio": ("simulation", "world", "rigid_body", "recordings"),
     "torch": ("networks", "feedback", "rigid_body", "tactile"),
     "mcap": ("recordings",),
 }
@@ -41,17 +41,19 @@ STARTS = {
     "tables": (
         (),
         "report.py scraping/segment.py scraping/sweep.py scraping/fit_primitives.py "
-        "scraping/coupling_dataset.py obstacles/demonstrate.py obstacles/dataset.py obstacles/evaluate.py "
+        "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
+        "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
         "recorded/import_recordings.py recorded/reaches.py recorded/corrected_reaches.py "
         "recorded/unscrewing.py recorded/scraping.py recorded/slides.py recorded/calibrate.py "
-        "recorded/boxes.py",
+        "recorded/boxes.py own/import_task.py own/segment.py own/primitives.py own/feedback.py own/skill.py "
+        "own/motion.py own/touch.py own/obstacles.py",
     ),
     "robot": (
         ("pinocchio",),
         "scraping/record_nominal.py scraping/expected_traces.py scraping/record_corrections.py "
         "scraping/evaluate_feedback.py scraping/refine.py scraping/evaluate_refinement.py "
-        "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py",
+        "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py own/check.py",
     ),
     "training": (
         ("torch",),
@@ -66,12 +68,12 @@ STARTS = {
     ),
     "recordings": (
         ("rerun",),
-        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py",
+        "scraping/view.py obstacles/view.py servoing/view.py recorded/view.py own/view.py",
     ),
     "recordings of dynamics": (("rerun", "torch", "pinocchio"), "dynamics/view.py"),
     "pages": (
         ("matplotlib",),
-        "recorded/report.py recorded/calibration_report.py",
+        "recorded/report.py recorded/calibration_report.py own/report.py",
     ),
     "pages with stills": (
         ("matplotlib", "pybullet"),
@@ -82,13 +84,14 @@ STARTS = {
 }
 """By kind of stage: slow libraries that its start may load, and the scripts."""
 
-PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml")
+PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml")
 STAGES = {
     stage["cmd"].split()[1]: stage
     for pipeline in PIPELINES
-    for stage in yaml.safe_load((ROOT / pipeline).read_text())["stages"].values()
+    for listed in yaml.safe_load((ROOT / pipeline).read_text())["stages"].values()
+    for stage in [listed.get("do", listed)]
 }
-"""Of both pipelines by their scripts: some names stand in both."""
+"""Of all pipelines by their scripts: some names stand in several. Those of your own tasks are one for all."""
 
 
 @cache

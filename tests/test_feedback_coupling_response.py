@@ -41,12 +41,12 @@ def test_a_coupling_acts_later_only_and_alike_at_all_times(step):
     np.testing.assert_allclose(response[1:].sum(axis=1), expected, atol=1e-12)
 
 
-def roll_correction(nominal, amplitude, dt):
-    """A fading roll coupling of the given largest angle in rad, and that angle over time (T,)."""
+def roll_correction(nominal, amplitude, dt, swings=4.0):
+    """A fading coupling of the given largest angle in rad about an axis, and that angle over time (T,)."""
     tau = canonical.time_constant(nominal.duration)
     times = dt * np.arange(round(nominal.duration / dt) + 1)
     _, u = canonical.phase(times, tau)
-    coupling = u * np.sin(4 * times / nominal.duration + 1)
+    coupling = u * np.sin(swings * times / nominal.duration + 1)
     angle = coupling_response(len(times), dt / tau) @ coupling
     scale = amplitude / np.abs(angle).max()
     return scale * coupling, scale * angle
@@ -82,3 +82,18 @@ def test_with_other_rotations_the_roll_is_still_linear_to_a_fraction_of_a_degree
         coupling, angle = roll_correction(nominal, np.radians(10), dt)
         error = turned(nominal, coupling, dt)[:, 0] - angle
         assert np.degrees(np.abs(error).max()) < error_deg
+
+
+@pytest.mark.parametrize(("amplitude_deg", "error_deg"), [(2, 0.15), (5, 0.35), (10, 0.7)])
+def test_corrections_about_two_axes_at_once_nearly_add_up(amplitude_deg, error_deg):
+    dt = 0.01
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        base = quaternion.from_rotation_vector(rng.normal(size=3))
+        path = wobbly_turn(rng, np.radians(10), np.radians(3), 2.6, dt, base, axis=(0, 0.6, 0.8))
+        nominal, largest = fit_quaternion([path]), np.radians(amplitude_deg)
+        pairs = [roll_correction(nominal, largest, dt, swings) for swings in (4.0, 2.0)]
+        coupling, angles = (np.column_stack([*part, 0.0 * part[0]]) for part in zip(*pairs, strict=True))
+        corrected = nominal.unroll(dt, coupling=lambda k, q, w, c=coupling: c[k])
+        found = quaternion.difference(corrected.orientation, nominal.unroll(dt).orientation)
+        assert np.degrees(np.abs(found - angles).max()) < error_deg

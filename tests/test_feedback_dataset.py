@@ -1,4 +1,7 @@
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from feedback_toy import toy_dataset
 
 from structlearn.feedback import coupling_dataset
@@ -20,7 +23,8 @@ def test_a_mask_and_indices_choose_the_same_samples():
     mask = data.setting == 5.0
     by_mask, by_index = data.where(mask), data.where(np.flatnonzero(mask))
     assert len(by_mask.target) == mask.sum() > 0
-    for name, values in vars(by_mask).items():
+    for name in coupling_dataset.COLUMNS:
+        values = getattr(by_mask, name)
         np.testing.assert_array_equal(getattr(by_index, name), values)
         assert len(values) == mask.sum()
 
@@ -40,5 +44,24 @@ def test_datasets_are_put_one_after_the_other():
     parts = [whole.where(whole.demonstration == number) for number in np.unique(whole.demonstration)]
     together = coupling_dataset.concatenated(parts)
     order = np.argsort(whole.demonstration, kind="stable")
-    for name, values in vars(together).items():
-        np.testing.assert_array_equal(values, getattr(whole, name)[order])
+    for name in coupling_dataset.COLUMNS:
+        np.testing.assert_array_equal(getattr(together, name), getattr(whole, name)[order])
+
+
+def test_axes_of_one_primitive_share_a_table(tmp_path):
+    """Settings are labels there, and channels of another unit a group of their own."""
+    data = replace(toy_dataset(channels=10), groups=(4, 3, 3))
+    labels = np.array(["5", "tilt_left"])[(data.setting > 5.0).astype(int)]
+    shown = {"ry": replace(data, setting=labels), "z": replace(data, setting=labels, target=-data.target)}
+    table = coupling_dataset.to_axes_table(shown)
+    assert [name for name in table if name.startswith("target_")] == ["target_z", "target_ry"]
+    assert {"channel_03", "channel_1_00", "channel_2_02"} < set(table)
+    artefacts.write_table(table, tmp_path / "data.parquet")
+    found = coupling_dataset.from_axes_table(artefacts.read_table(tmp_path / "data.parquet"))
+    assert list(found) == ["z", "ry"]
+    for axis, dataset in found.items():
+        assert dataset.groups == (4, 3, 3)
+        for name in coupling_dataset.COLUMNS:
+            np.testing.assert_array_equal(getattr(dataset, name), getattr(shown[axis], name))
+    with pytest.raises(KeyError, match="target_<axis>"):
+        coupling_dataset.from_axes_table(coupling_dataset.to_table(data))

@@ -115,7 +115,7 @@ def test_traces_hold_what_the_model_made_of_the_deviations(expected):
     assert list(table.columns) == ["setting_deg", "run", "time_s", "coupling", *channels]
     for (setting, name), rows in table.groupby(["setting_deg", "run"]):
         run = next(run for run in runs[setting] if run.name == name)
-        _, deviation = executed_primitive(run, segments[setting].loc[name], expected)
+        _, deviation = executed_primitive(run, segments[setting].loc[name], expected, PARAMETERS.sensors)
         np.testing.assert_allclose(rows["time_s"], 0.02 * np.arange(101), atol=1e-9)
         np.testing.assert_allclose(rows[channels], deviation[::2])
         p, u = canonical.phase(rows["time_s"].to_numpy(), canonical.time_constant(2.0))

@@ -2,27 +2,37 @@ import subprocess
 import sys
 import tracemalloc
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from feedback_skills import NAMES, random_network, random_skill
+from feedback_skills import NAMES, POINTS, random_network, random_skill
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, random_orientations, random_vectors, rngs
+from scipy.integrate import solve_ivp
 
-from structlearn.feedback.runtime import Controller, Limits, Status, largest_coupling
-from structlearn.feedback.skill import ReactiveSkill, open_loop
+from structlearn.feedback.axes import AXES, direction
+from structlearn.feedback.limits import Limits, demonstrated_limits, largest_coupling
+from structlearn.feedback.runtime import Controller, Status
+from structlearn.feedback.skill import ReactiveSkill, on_axis, open_loop
 from structlearn.feedback.tick_latency import tick_latency
+from structlearn.feedback.workspace import Workspace
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
+from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, kernels, sequence
+from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
-from structlearn.primitives.sequence import PoseGoal
+from structlearn.primitives.sequence import PoseGoal, PosePrimitive
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA
+from structlearn.primitives.vector import VectorPrimitive
 
 POSITION = ("position", "velocity", "acceleration")
 ORIENTATION = ("orientation", "angular_velocity", "angular_acceleration")
-UNBOUNDED = Limits(largest_coupling=1e6, fade_s=1e-3, stale_after_s=1e3)
+UNBOUNDED = Limits(largest_coupling=dict.fromkeys(AXES, 1e6), fade_s=1e-3, stale_after_s=1e3)
+AXIS = "ry"
 BASE = np.array([300.0, 310.0, 290.0, 305.0, 280.0, 320.0])
 RATE = 300.0
 
@@ -45,7 +55,11 @@ def run(controller, sensor=lambda k: None, ticks=None):
 
 
 def with_feedback(rng, size=20.0, name="tilt", **arguments):
-    return random_skill(rng, {name: random_network(rng, size=size, **arguments)})
+    return random_skill(rng, on_axis({name: random_network(rng, size=size, **arguments)}, AXIS))
+
+
+def bounded(skill, limits=UNBOUNDED):
+    return replace(skill, limits=limits)
 
 
 def assert_motions_agree(found, expected, tolerance=1e-9):
@@ -116,19 +130,19 @@ def test_after_the_end_the_terms_go_on_fading_as_when_unrolled_for_longer(rng):
     np.testing.assert_allclose(outputs["orientation"], turn.orientation, atol=1e-9)
 
 
-@pytest.mark.parametrize("sensor_every", [1, 3])
+@pytest.mark.parametrize(("sensor_every", "axis"), [(1, "rx"), (3, "ry"), (1, "rz")])
 @given(rng=rngs)
 @few
-def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(sensor_every, rng):
+def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(sensor_every, axis, rng):
     network = random_network(rng, size=20.0)
-    skill = random_skill(rng, {"tilt": network})
+    skill = random_skill(rng, on_axis({"tilt": network}, axis), limits=UNBOUNDED)
     down, tilt, _ = skill.primitives
     gain = rng.normal(0.0, 100.0, (3, 6))
 
     def reading(q):  # the sensor feels the orientation: the loop is closed
         return BASE + quaternion.rotation_vector(q) @ gain
 
-    controller, handed, outputs, flags = started(Controller(skill, RATE, UNBOUNDED)), {}, [], []
+    controller, handed, outputs, flags = started(Controller(skill, RATE)), {}, [], []
     while controller.primitive < 2 and not controller.finished:
         k = len(outputs)
         handed[k] = reading(controller.orientation) if k % sensor_every == 0 else None
@@ -154,7 +168,7 @@ def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(se
         else:
             counts = handed[newest]
         felt.append(q)
-        return skill.axis * network.coupling(counts - zero - expected[k], features[k])
+        return direction(axis) * network.coupling(counts - zero - expected[k], features[k])
 
     begin = down.orientation.unroll(dt, velocity=0.0, acceleration=0.0)
     state = {"velocity": begin.angular_velocity[-1], "acceleration": begin.angular_acceleration[-1]}
@@ -174,7 +188,7 @@ def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(se
 def test_deviation_and_coupling_are_those_of_the_reference_at_every_tick(rng):
     skill = with_feedback(rng)
     sensor = touching(rng)
-    outputs, _ = run(started(Controller(skill, RATE, UNBOUNDED)), sensor)
+    outputs, _ = run(started(Controller(bounded(skill), RATE)), sensor)
     switches = np.flatnonzero(np.diff(outputs["primitive"])) + 1
     tilt = slice(*switches)
     tau = canonical.time_constant(skill.primitives[1].duration)
@@ -182,8 +196,8 @@ def test_deviation_and_coupling_are_those_of_the_reference_at_every_tick(rng):
     expected = skill.expected["tilt"].unroll(1 / RATE, duration=tau / 2).position[: len(features)]
     counts = np.array([sensor(k - k % 3) for k in range(*switches)])
     np.testing.assert_allclose(outputs["deviation"][tilt], counts - BASE - expected, atol=1e-9)
-    reference = skill.networks["tilt"].coupling(outputs["deviation"][tilt], features)
-    np.testing.assert_allclose(outputs["coupling"][tilt], reference, rtol=1e-12, atol=1e-11)
+    reference = skill.networks["tilt"][AXIS].coupling(outputs["deviation"][tilt], features)
+    np.testing.assert_allclose(outputs["coupling"][tilt, 0], reference, rtol=1e-12, atol=1e-11)
     assert not outputs["coupling"][: switches[0]].any()
     assert not outputs["coupling"][switches[1] :].any()
 
@@ -192,19 +206,124 @@ def test_deviation_and_coupling_are_those_of_the_reference_at_every_tick(rng):
 @few
 def test_an_open_loop_policy_needs_no_sensor(rng):
     weights = rng.normal(0.0, 5.0, 25)
-    skill = random_skill(rng, {"down": open_loop(weights)}, channels=6)
-    bare = ReactiveSkill(skill.primitives[:1], {}, skill.networks, skill.axis)
+    skill = random_skill(rng, on_axis({"down": open_loop(weights)}, AXIS), limits=UNBOUNDED)
+    bare = ReactiveSkill(skill.primitives[:1], {}, skill.networks, UNBOUNDED)
     primitive, dt = bare.primitives[0], 1 / RATE
     features = kernels.sampled_features(
         round(primitive.duration * RATE) + 1, dt / canonical.time_constant(primitive.duration)
     )
     path = primitive.orientation.unroll(
-        dt, velocity=0.0, acceleration=0.0, coupling=lambda k, q, w: skill.axis * (features[k] @ weights)
+        dt,
+        velocity=0.0,
+        acceleration=0.0,
+        coupling=lambda k, q, w: direction(AXIS) * (features[k] @ weights),
     )
-    for controller in (Controller(skill, RATE, UNBOUNDED), Controller(bare, RATE, UNBOUNDED)):
+    for controller in (Controller(skill, RATE), Controller(bare, RATE)):
         outputs, _ = run(started(controller), ticks=len(path.time) - 1)
         for name in ORIENTATION:
             np.testing.assert_allclose(outputs[name], getattr(path, name)[:-1], atol=1e-9)
+
+
+def still_primitive(duration):
+    """A pose that stays: without feedback nothing moves."""
+    zeros = np.zeros(3)
+    local = VectorPrimitive(np.zeros((25, 3)), zeros, zeros, zeros, zeros, duration, np.zeros(3, dtype=bool))
+    unit = quaternion.IDENTITY
+    turn = QuaternionPrimitive(np.zeros((25, 3)), unit, unit, zeros, zeros, duration)
+    return PosePrimitive("still", PositionPrimitive(local, "world", zeros, zeros), turn)
+
+
+@pytest.mark.parametrize("axis", AXES)
+@given(rng=rngs)
+@few
+def test_a_coupling_term_on_one_axis_acts_as_a_sum_of_steps_does(axis, rng):
+    """Closed form of the critically damped system; the other axes do not feel it."""
+    duration, dt = rng.uniform(0.4, 0.8), 1 / RATE
+    policy = {"still": {axis: open_loop(rng.normal(0.0, 2.0, 25))}}
+    skill = ReactiveSkill([still_primitive(duration)], {}, policy, UNBOUNDED)
+    outputs, _ = run(started(Controller(skill, RATE)))
+    tau = canonical.time_constant(duration)
+    frequency, times = 0.5 * ALPHA / tau, outputs["time"]
+    c = outputs["coupling"][:, 0]
+    passed = frequency * np.maximum(times[:, None] - times, 0.0)  # (T, T) since each change
+    step = (1.0 - (1.0 + passed) * np.exp(-passed)) / (ALPHA * BETA)
+    moved = np.zeros((len(times), 6))
+    moved[:, AXES.index(axis)] = step @ np.diff(c, prepend=0.0)
+    assert np.ptp(moved) > 0.003
+    np.testing.assert_allclose(outputs["position"], moved[:, :3], atol=1e-9)
+    np.testing.assert_allclose(quaternion.rotation_vector(outputs["orientation"]), moved[:, 3:], atol=1e-9)
+    features = kernels.features(*canonical.phase(dt * np.arange(len(times)), tau))
+    np.testing.assert_allclose(c, features @ policy["still"][axis].phase_biases, atol=1e-9)
+
+
+@given(rngs)
+@few
+def test_feedback_on_the_position_is_the_transformation_system_with_it(rng):
+    """Eq. IV.1 and IV.10 by a solver of differential equations, with what acts between two ticks."""
+    rate = 100.0
+    policies = {axis: open_loop(rng.normal(0.0, 3.0, 25)) for axis in ("x", "y", "z")}
+    skill = random_skill(rng, {"down": policies}, limits=UNBOUNDED)
+    skill = replace(skill, primitives=skill.primitives[:1], expected={})
+    controller = started(Controller(skill, rate))
+    outputs, _ = run(controller)
+    primitive = skill.primitives[0].position
+    tau, times = canonical.time_constant(primitive.duration), outputs["time"]
+    axes = local_frame(primitive.start, primitive.goal, primitive.frame)
+    reach = (primitive.goal - primitive.start) @ axes
+    forcing = primitive.local.forcing(times, np.zeros(3), reach, primitive.duration) @ axes.T
+    features = kernels.features(*canonical.phase(times, tau))
+    coupling = np.column_stack([features @ policies[axis].phase_biases for axis in "xyz"])
+
+    def rates(t, state):
+        x, xd, g = state.reshape(3, 3)
+        k = min(int(np.floor(t * rate + 1e-9)), len(times) - 2)
+        f = forcing[k] + (forcing[k + 1] - forcing[k]) * (t * rate - k) + coupling[k]
+        xdd = (ALPHA * (BETA * (g - x) - tau * xd) + f) / tau**2
+        return np.concatenate([xd, xdd, ALPHA_G * (primitive.goal - g) / tau])
+
+    state, path = np.concatenate([primitive.start, np.zeros(3), primitive.start]), []
+    for begin, end in pairwise(times):
+        path.append(state)
+        inside = end - 1e-12  # the step's own forcing and coupling up to its end
+        state = solve_ivp(rates, (begin, inside), state, method="DOP853", rtol=1e-9, atol=1e-10).y[:, -1]
+    path = np.array([*path, state])
+    bent = skill.primitives[0].position.unroll(1 / rate, velocity=0.0, acceleration=0.0).position
+    assert np.abs(outputs["position"] - bent).max() > 0.005  # else this would check nothing
+    np.testing.assert_allclose(outputs["position"], path[:, :3], atol=1e-7)
+    np.testing.assert_allclose(outputs["velocity"], path[:, 3:6], atol=1e-6)
+
+
+@given(rngs)
+@few
+def test_each_axis_has_the_coupling_term_that_it_would_have_alone(rng):
+    seed = int(rng.integers(1000))
+    networks = {axis: random_network(rng, size=20.0) for axis in ("y", "z", "rx")}
+    samples = BASE + 30.0 * rng.normal(size=(2000, 6))
+    skill = random_skill(np.random.default_rng(seed), {"tilt": networks}, limits=UNBOUNDED)
+    together, _ = run(started(Controller(skill, RATE)), lambda k: samples[k])
+    for place, (axis, network) in enumerate(networks.items()):
+        alone = replace(skill, networks={"tilt": {axis: network}})
+        outputs, _ = run(started(Controller(alone, RATE)), lambda k: samples[k])
+        np.testing.assert_array_equal(together["coupling"][:, place], outputs["coupling"][:, 0])
+        unmoved = POSITION if axis == "rx" else ORIENTATION
+        for name in unmoved:
+            still, _ = run(started(Controller(alone, RATE, feedback=False)))
+            np.testing.assert_array_equal(outputs[name], still[name])
+
+
+def test_a_corrected_end_is_where_the_next_primitive_starts():
+    """Position, velocity and acceleration go on smoothly over the switch, and the goal is reached."""
+    rng = np.random.default_rng(20)
+    shift = {"z": open_loop(np.full(25, -1.5))}
+    skill = random_skill(rng, {"down": shift}, limits=UNBOUNDED)
+    outputs, _ = run(started(Controller(skill, 1000.0)), ticks=3500)
+    still, _ = run(started(Controller(skill, 1000.0, feedback=False)), ticks=3500)
+    switch = np.flatnonzero(np.diff(outputs["primitive"]))[0] + 1
+    assert abs(outputs["position"][switch, 2] - still["position"][switch, 2]) > 1e-4
+    for name in POSITION:
+        ours, theirs = (np.abs(np.diff(one[name], axis=0)) for one in (outputs, still))
+        assert ours[switch - 2 : switch + 2].max() <= 2.0 * theirs.max()
+    np.testing.assert_allclose(outputs["position"][-1], skill.primitives[-1].position.goal, atol=1e-6)
 
 
 def test_the_outputs_after_start_are_those_of_the_first_tick():
@@ -216,7 +335,7 @@ def test_the_outputs_after_start_are_those_of_the_first_tick():
         np.testing.assert_allclose(controller.orientation, start.orientation, atol=1e-15)
         for name in ("velocity", "acceleration", "angular_velocity", "angular_acceleration"):
             np.testing.assert_allclose(getattr(controller, name), 0.0, atol=1e-9)
-        assert (controller.time, controller.phase, controller.coupling) == (0.0, 1.0, 0.0)
+        assert (controller.time, controller.phase, *controller.coupling) == (0.0, 1.0, 0.0)
         assert (controller.primitive, controller.finished) == (0, False)
         controller.tick(None)
 
@@ -248,15 +367,21 @@ def test_positions_without_orientations_can_be_followed():
 # --- guarantees -------------------------------------------------------------------------------------------
 
 
+AXES_OF = ("x", "z", "ry")
+OWN_BOUNDS = Limits(largest_coupling={"x": 3.0, "z": 0.5, "ry": 40.0})
+
+
 @given(rng=rngs, size=st.floats(0.0, 1e5), noise=st.floats(0.0, 1e4), holes=st.floats(0.0, 1.0))
 @quick
-def test_the_goal_is_reached_whatever_network_and_sensor_do(rng, size, noise, holes):
-    networks = {name: random_network(rng, size=size) for name in NAMES}
-    skill = random_skill(rng, networks)
+def test_the_goal_is_reached_and_every_axis_keeps_its_bounds_whatever_sensor_and_networks_do(
+    rng, size, noise, holes
+):
+    networks = {name: {axis: random_network(rng, size=size) for axis in AXES_OF} for name in NAMES}
+    skill = random_skill(rng, networks, limits=OWN_BOUNDS)
+    assert skill.axes == AXES_OF
     samples = BASE + noise * rng.normal(size=(1000, 6))
     samples[rng.random(1000) < holes, rng.integers(6)] = np.nan
     controller = started(Controller(skill, 100.0))
-    limits = Limits()
     outputs, _ = run(controller, lambda k: samples[k % 1000], ticks=900)
     goal = skill.primitives[-1]
     assert quaternion.angle_between(controller.orientation, goal.orientation.goal) < 1e-6
@@ -264,25 +389,29 @@ def test_the_goal_is_reached_whatever_network_and_sensor_do(rng, size, noise, ho
     for name in ("velocity", "acceleration", "angular_velocity", "angular_acceleration"):
         np.testing.assert_allclose(getattr(controller, name), 0.0, atol=1e-4)
     np.testing.assert_allclose(np.linalg.norm(outputs["orientation"], axis=1), 1.0, atol=1e-9)
-    assert np.abs(outputs["coupling"]).max() <= limits.largest_coupling
     within = np.diff(outputs["primitive"]) == 0
-    change = np.abs(np.diff(outputs["coupling"]))[within]
-    assert change.max(initial=0.0) <= limits.largest_coupling * 0.01 / limits.fade_s + 1e-9
+    change = np.abs(np.diff(outputs["coupling"], axis=0))[within]
+    for place, axis in enumerate(AXES_OF):
+        largest = OWN_BOUNDS.largest_coupling[axis]
+        assert np.abs(outputs["coupling"][:, place]).max() <= largest
+        assert change[:, place].max(initial=0.0) <= largest * 0.01 / OWN_BOUNDS.fade_s + 1e-9
 
 
-@given(rngs)
+@pytest.mark.parametrize(
+    ("axis", "signal"), [("ry", "angular_acceleration"), ("z", "acceleration"), ("x", "acceleration")]
+)
+@given(rng=rngs)
 @few
-def test_no_sample_of_the_sensor_makes_the_acceleration_jump(rng):
-    skill = with_feedback(rng, size=1e4)
-    limits = Limits(largest_coupling=30.0, fade_s=0.1)
+def test_no_sample_of_the_sensor_makes_the_acceleration_jump(axis, signal, rng):
+    limits = Limits(largest_coupling={axis: 30.0}, fade_s=0.1)
+    skill = random_skill(rng, on_axis({"tilt": random_network(rng, size=1e4)}, axis), limits=limits)
     wild = BASE + 1e4 * rng.normal(size=(1000, 6))
     wild[:20] = BASE
-    outputs, flags = run(started(Controller(skill, 1000.0, limits)), lambda k: wild[k % 1000])
-    still, _ = run(started(Controller(skill, 1000.0, limits, feedback=False)))
+    outputs, flags = run(started(Controller(skill, 1000.0)), lambda k: wild[k % 1000])
+    still, _ = run(started(Controller(skill, 1000.0, feedback=False)))
     tau = canonical.time_constant(skill.primitives[1].duration)
-    jumps = np.abs(np.diff(outputs["angular_acceleration"], axis=0)).max()
-    calm = np.abs(np.diff(still["angular_acceleration"], axis=0)).max()
-    bound = limits.largest_coupling * 0.001 / limits.fade_s / tau**2
+    jumps, calm = (np.abs(np.diff(one[signal], axis=0)).max() for one in (outputs, still))
+    bound = 30.0 * 0.001 / limits.fade_s / tau**2
     assert jumps <= 3 * (calm + bound)
     assert any(flag & Status.SATURATED for flag in flags)
     assert any(flag & Status.RATE_LIMITED for flag in flags)
@@ -291,14 +420,14 @@ def test_no_sample_of_the_sensor_makes_the_acceleration_jump(rng):
 
 # --- faults of the sensor ---------------------------------------------------------------------------------
 
-BOUNDS = Limits(largest_coupling=40.0, fade_s=0.1, stale_after_s=0.05)
+BOUNDS = Limits(largest_coupling={AXIS: 40.0}, fade_s=0.1, stale_after_s=0.05)
 
 
 def steady_skill(rng):
     """`tilt` has a network whose coupling is 2 u, whatever a working sensor reads."""
     blind = {"phase_weights": np.zeros((25, 6)), "phase_biases": np.full(25, 2.0)}
     network = replace(random_network(rng, hidden=()), output_weights=np.ones(25), **blind)
-    return random_skill(rng, {"tilt": network})
+    return random_skill(rng, on_axis({"tilt": network}, AXIS), limits=BOUNDS)
 
 
 @pytest.mark.parametrize(("channel", "value"), [(slice(None), np.nan), (2, np.inf), (5, -np.inf)])
@@ -322,9 +451,9 @@ def test_without_good_samples_the_coupling_fades_and_comes_back_smoothly(fault):
     half[:3] = np.nan
     lost = half if fault == "missing finger" else None
     silence = range(begin + round(first * rate), begin + round(last * rate))
-    outputs, flags = run(started(Controller(skill, rate, BOUNDS)), lambda k: lost if k in silence else BASE)
-    free, _ = run(started(Controller(skill, rate, BOUNDS)), lambda k: BASE)
-    c, wanted = outputs["coupling"], free["coupling"]
+    outputs, flags = run(started(Controller(skill, rate)), lambda k: lost if k in silence else BASE)
+    free, _ = run(started(Controller(skill, rate)), lambda k: BASE)
+    c, wanted = outputs["coupling"][:, 0], free["coupling"][:, 0]
     stale = [k for k, flag in enumerate(flags) if flag & Status.STALE]
     assert stale == list(silence[50:])  # 50 ms after the last good one, until the next
     np.testing.assert_array_equal(c[: stale[0]], wanted[: stale[0]])  # held as if nothing had happened
@@ -340,9 +469,7 @@ def test_without_good_samples_the_coupling_fades_and_comes_back_smoothly(fault):
 def test_a_late_sample_is_no_fault():
     rng = np.random.default_rng(5)
     skill = steady_skill(rng)
-    outputs, flags = run(
-        started(Controller(skill, 1000.0, BOUNDS)), lambda k: BASE if k < 5 or k % 50 == 0 else None
-    )
+    outputs, flags = run(started(Controller(skill, 1000.0)), lambda k: BASE if k < 5 or k % 50 == 0 else None)
     assert not any(flags[5:])
     assert np.abs(outputs["coupling"]).max() > 4.0
 
@@ -352,7 +479,7 @@ def test_without_offset_there_is_no_feedback_in_the_whole_run(count):
     skill = steady_skill(np.random.default_rng(6))
     limits = Limits(offset_within_s=0.1)
     sensor = {k: BASE for k in [*range(0, 10 * count, 10), *range(101, 5000)]}.get
-    outputs, flags = run(started(Controller(skill, 1000.0, limits)), sensor)
+    outputs, flags = run(started(Controller(bounded(skill, limits), 1000.0)), sensor)
     still, _ = run(started(Controller(skill, 1000.0, feedback=False)))
     assert all(Status.WAITING in flag and Status.NO_OFFSET not in flag for flag in flags[:101])
     assert all(Status.NO_OFFSET in flag and Status.WAITING not in flag for flag in flags[101:])
@@ -376,7 +503,7 @@ def test_the_offset_is_the_mean_of_the_first_good_samples():
 def test_counts_so_large_that_the_network_overflows_ask_for_nothing():
     network = random_network(np.random.default_rng(8), size=20.0)
     fine = replace(network, input_scale=np.full(6, 1e-3))  # what a channel that never moved in training gives
-    skill = random_skill(np.random.default_rng(8), {"tilt": fine})
+    skill = random_skill(np.random.default_rng(8), on_axis({"tilt": fine}, AXIS))
     huge = 1e308 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     outputs, flags = run(started(Controller(skill, RATE)), lambda k: BASE if k < 30 else huge)
     overflows = [index for index, flag in enumerate(flags) if flag & Status.REJECTED]
@@ -485,6 +612,48 @@ def test_a_goal_that_cannot_be_moved_is_an_error_and_changes_nothing():
     assert_motions_agree(joined(begin, rest), reference, tolerance=0.0)
 
 
+def test_a_moved_goal_is_one_of_this_run():
+    skill = random_skill(np.random.default_rng(21))
+    controller = started(Controller(skill, RATE))
+    first, _ = run(controller)
+    started(controller).move_goal("tilt", POINTS[2] + 0.05, random_orientations(np.random.default_rng(0)))
+    run(controller)
+    again, _ = run(started(controller))
+    assert_motions_agree(again, first, tolerance=0.0)
+
+
+BOX = Workspace(np.array([-0.1, -0.1, 0.0]), np.array([0.4, 0.4, 0.5]))
+
+
+@pytest.mark.parametrize(
+    ("point", "message"),
+    [
+        ([0.0, 0.0, 4.3], r"z = 4.3 m is 3.8 m above \[0, 0.5\]$"),
+        ([-0.3, 0.0, 0.3], r"x = -0.3 m is 0.2 m below \[-0.1, 0.4\]$"),
+        ([0.5, -0.2, 0.3], r"x = 0.5 m is 0.1 m above \[-0.1, 0.4\]; y = -0.2 m is 0.1 m below"),
+    ],
+)
+def test_nothing_starts_or_ends_outside_the_workspace(point, message):
+    skill = replace(random_skill(np.random.default_rng(22)), workspace=BOX)
+    goals = sequence.default_goals(skill.primitives)
+    far = [goals[0], PoseGoal(np.array(point), goals[1].orientation), goals[2]]
+    with pytest.raises(InputError, match="goal of 'tilt' is outside the workspace of the skill: " + message):
+        Controller(skill, RATE, goals=far)
+    controller = Controller(skill, RATE)
+    with pytest.raises(
+        InputError, match="position at the start is outside the workspace of the skill: " + message
+    ):
+        controller.start(point, UNIT)
+    reference, _ = run(started(controller))
+    begin, _ = run(started(controller), ticks=20)
+    with pytest.raises(
+        InputError, match="goal of 'scrape' is outside the workspace of the skill: " + message
+    ):
+        controller.move_goal("scrape", np.array(point))
+    rest, _ = run(controller)
+    assert_motions_agree(joined(begin, rest), reference, tolerance=0.0)
+
+
 # --- bad input at the start -------------------------------------------------------------------------------
 
 UNIT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -540,9 +709,11 @@ def test_a_run_that_cannot_be_planned_is_an_error(arguments, message):
 
 def test_ticks_write_into_the_same_arrays_and_keep_no_memory():
     rng = np.random.default_rng(16)
-    skill, counts = with_feedback(rng), BASE + rng.normal(size=6)
+    networks = {"tilt": {axis: random_network(rng) for axis in AXES}}
+    skill, counts = random_skill(rng, networks), BASE + rng.normal(size=6)
     controller = started(Controller(skill, RATE))
-    arrays = [getattr(controller, name) for name in (*POSITION, *ORIENTATION, "deviation")]
+    held = (*POSITION, *ORIENTATION, "deviation", "coupling")
+    arrays = [getattr(controller, name) for name in held]
     for _ in range(10):
         controller.tick(counts)
     tracemalloc.start()
@@ -556,7 +727,7 @@ def test_ticks_write_into_the_same_arrays_and_keep_no_memory():
     assert controller.finished
     assert after - before < 1000
     assert peak - before < 10_000
-    for name, array in zip((*POSITION, *ORIENTATION, "deviation"), arrays, strict=True):
+    for name, array in zip(held, arrays, strict=True):
         assert getattr(controller, name) is array
 
 
@@ -591,3 +762,10 @@ def test_latencies_are_those_of_as_many_ticks_as_asked():
 
 def test_the_bound_follows_from_the_largest_demonstrated_coupling():
     assert largest_coupling([np.array([1.0, -6.0]), np.ones((3, 2))]) == 9.0
+    shown = {"z": [np.array([0.2, -0.4])], "ry": [np.ones(3), np.full(3, -2.0)]}
+    fading = Limits(fade_s=0.2, stale_after_s=0.3, offset_within_s=0.4)
+    limits = demonstrated_limits(shown, fading)
+    assert limits == fading.model_copy(update={"largest_coupling": {"z": 0.6000000000000001, "ry": 3.0}})
+    np.testing.assert_allclose(limits.of(("ry", "z"), 0.01), [[3.0, 0.6], [0.15, 0.03]])
+    with pytest.raises(InputError, match="the limits say no largest coupling term for rx"):
+        limits.of(("ry", "rx"), 0.01)

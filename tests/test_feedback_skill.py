@@ -5,71 +5,16 @@ import pytest
 from feedback_skills import NAMES, random_network, random_skill
 from primitives_movements import wobbly_turn
 
-from structlearn.feedback.pmnn import write_networks
-from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill, open_loop, read_skill
+from structlearn.feedback.limits import Limits
+from structlearn.feedback.skill import ReactiveSkill, on_axis, open_loop
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
-from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.twist_swing import fit_twist_swing
 
 
-def skill_with_feedback(seed=0, **networks):
+def skill_with_feedback(seed=0):
     rng = np.random.default_rng(seed)
-    return random_skill(rng, {"tilt": random_network(rng), "scrape": open_loop(np.ones(25))} | networks)
-
-
-@pytest.fixture
-def files(tmp_path):
-    skill = skill_with_feedback()
-    write_primitives(skill.primitives, tmp_path / "primitives.safetensors")
-    for name, traces in skill.expected.items():
-        write_vector_primitive(traces, tmp_path / "expected" / f"{name}.safetensors", "expected traces")
-    write_networks(list(skill.networks.items()), tmp_path / "networks.safetensors")
-    return skill, tmp_path
-
-
-FILES = {"primitives": "primitives.safetensors", "expected": "expected", "networks": "networks.safetensors"}
-
-
-def read(folder, axis, **other):
-    return read_skill(*(folder / name for name in (FILES | other).values()), axis)
-
-
-def test_a_skill_that_is_read_runs_as_the_one_that_was_written(files):
-    skill, folder = files
-    runs = []
-    for one in (skill, read(folder, skill.axis)):
-        controller = Controller(one, 300.0)
-        first, samples = one.primitives[0], np.random.default_rng(1).normal(0.0, 30.0, (1000, 6))
-        controller.start(first.position.start, first.orientation.start)
-        path = []
-        while not controller.finished:
-            controller.tick(samples[len(path)])
-            path.append([*controller.position, *controller.orientation, controller.coupling])
-        runs.append(path)
-    np.testing.assert_array_equal(*runs)
-    assert np.ptp(runs[0], axis=0)[-1] > 0.1
-
-
-def test_primitives_without_a_file_have_no_expected_traces(files):
-    skill, folder = files
-    (folder / "expected" / "down.safetensors").unlink()
-    assert set(read(folder, skill.axis).expected) == {"tilt", "scrape"}
-
-
-@pytest.mark.parametrize("missing", ["primitives", "expected", "networks"])
-def test_a_missing_file_is_named(files, missing):
-    skill, folder = files
-    with pytest.raises(InputError, match="nowhere: no such f"):
-        read(folder, skill.axis, **{missing: "nowhere"})
-
-
-def test_expected_traces_of_an_unknown_primitive_are_an_error(files):
-    skill, folder = files
-    (folder / "expected" / "down.safetensors").rename(folder / "expected" / "up.safetensors")
-    with pytest.raises(InputError, match="expected traces for 'up', but no such primitive"):
-        read(folder, skill.axis)
+    return random_skill(rng, on_axis({"tilt": random_network(rng), "scrape": open_loop(np.ones(25))}, "rx"))
 
 
 def test_an_open_loop_policy_is_linear_in_the_phase_features():
@@ -77,12 +22,6 @@ def test_an_open_loop_policy_is_linear_in_the_phase_features():
     features = kernels.features(*canonical.phase(np.linspace(0.0, 1.0, 9), 2.0))
     found = open_loop(weights).coupling(np.empty((9, 0)), features)
     np.testing.assert_allclose(found, features @ weights, atol=1e-14)
-
-
-@pytest.mark.parametrize("axis", [[1.0, 0.0], [1.0, 1.0, 0.0], [np.nan, 0.0, 0.0], [0.0, 0.0, 0.0]])
-def test_the_axis_is_a_unit_vector(axis):
-    with pytest.raises(InputError, match="the axis of the feedback must"):
-        replace(skill_with_feedback(), axis=np.array(axis))
 
 
 def twisted(skill):
@@ -100,12 +39,12 @@ def five_channels(skill):
     return replace(skill, expected=skill.expected | {"scrape": fewer.expected["tilt"]})
 
 
-def with_network(skill, network, name="tilt"):
-    return replace(skill, networks=skill.networks | {name: network})
+def with_network(skill, network, name="tilt", axis="rx"):
+    return replace(skill, networks=skill.networks | {name: {axis: network}})
 
 
 def broken(**arrays):
-    return lambda skill: with_network(skill, replace(skill.networks["tilt"], **arrays))
+    return lambda skill: with_network(skill, replace(skill.networks["tilt"]["rx"], **arrays))
 
 
 FAULTS = {
@@ -120,23 +59,38 @@ FAULTS = {
         lambda skill: with_network(skill, open_loop(np.ones(25)), "up"),
         "a network for 'up'",
     ),
+    "unknown axis": (
+        lambda skill: with_network(skill, open_loop(np.ones(25)), axis="roll"),
+        "'tilt' has a network for 'roll', no axis among x, y, z, rx, ry, rz",
+    ),
+    "no bound": (
+        lambda skill: replace(skill, limits=Limits(largest_coupling={"ry": 3.0})),
+        "limits say no largest coupling term for rx",
+    ),
+    "sensors": (
+        lambda skill: replace(skill, sensors=(("tactile", 5),)),
+        "sensors {'tactile': 5} do not make up 6 channels",
+    ),
     "channels": (five_channels, "'scrape' has expected traces of 5 channels, others 6"),
     "inputs": (
         lambda skill: with_network(skill, random_network(np.random.default_rng(1), 7)),
-        "network of 'tilt' takes 7 channels, but its expected traces have 6",
+        "network of 'tilt' for rx takes 7 channels, but its expected traces have 6",
     ),
     "no expected": (
         lambda skill: replace(skill, expected={"down": skill.expected["down"]}),
-        "network of 'tilt' takes 6 channels, but there are no expected traces",
+        "network of 'tilt' for rx takes 6 channels, but there are no expected traces",
     ),
-    "layers": (broken(phase_weights=np.ones((25, 9))), "layers of the network of 'tilt' do not fit"),
-    "phase biases": (broken(phase_biases=np.ones(24)), "layers of the network of 'tilt' do not fit"),
-    "input scale": (broken(input_scale=np.ones(5)), "layers of the network of 'tilt' do not fit"),
+    "layers": (broken(phase_weights=np.ones((25, 9))), "layers of the network of 'tilt' for rx do not fit"),
+    "phase biases": (broken(phase_biases=np.ones(24)), "layers of the network of 'tilt' for rx do not fit"),
+    "input scale": (broken(input_scale=np.ones(5)), "layers of the network of 'tilt' for rx do not fit"),
     "zero scale": (
         broken(input_scale=np.zeros(6)),
-        "network of 'tilt' holds a value that is not finite or a",
+        "network of 'tilt' for rx holds a value that is not finite or a",
     ),
-    "NaN": (broken(output_weights=np.full(25, np.nan)), "network of 'tilt' holds a value that is not finite"),
+    "NaN": (
+        broken(output_weights=np.full(25, np.nan)),
+        "network of 'tilt' for rx holds a value that is not finite",
+    ),
 }
 
 
@@ -145,6 +99,21 @@ def test_parts_that_do_not_fit_together_are_named(change, message):
     skill = skill_with_feedback()
     with pytest.raises(InputError, match=message):
         change(skill)
+
+
+def test_the_axes_of_a_skill_are_those_of_its_networks():
+    skill = skill_with_feedback()
+    assert skill.axes == ("rx",)
+    several = with_network(with_network(skill, open_loop(np.ones(25)), "down", "z"), open_loop(np.ones(25)))
+    assert several.axes == ("z", "rx")
+    assert ReactiveSkill(skill.primitives).axes == ()
+
+
+def test_a_position_can_be_corrected_without_orientations():
+    skill = random_skill(np.random.default_rng(2), turned=False)
+    replace(skill, networks={"down": {"z": open_loop(np.ones(25))}})
+    with pytest.raises(InputError, match="'down' has no orientation"):
+        replace(skill, networks={"tilt": {"rz": open_loop(np.ones(25))}})
 
 
 def test_names_and_places_lead_to_a_primitive():

@@ -1,51 +1,50 @@
-"""A user's own bags through every stage to the report."""
+"""Tasks of one's own: entries, what stages make of recordings, and the README's three commands."""
 
 import json
+import re
 import runpy
+import subprocess
+import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import pytest
 import yaml
-from committed import NO_TOPICS, merged, parameter_tree
+from committed import merged, own_tasks
 from conftest import minimum_jerk
 from recordings_bags import as_recorded, pose_messages, write_bag
-from reduced_pipeline import REDUCED
+from reduced_pipeline import environment
 
-from structlearn.feedback.skill import read_skill
+from structlearn.feedback.skill_file import read_provenance, read_skill
+from structlearn.ground.errors import InputError
 from structlearn.recordings import read_recordings, write_recordings
+from structlearn.reporting.document import words_in_view
+from structlearn.testbeds.own.task import OF_DEMONSTRATIONS, PARTS, read_task
+from structlearn.testbeds.own.world.pick_and_place import takes, write_takes
 
 STAGES = (
-    "scraping/record_nominal.py",
-    "scraping/segment.py",
-    "scraping/sweep.py",
-    "scraping/fit_primitives.py",
-    "scraping/expected_traces.py",
-    "scraping/record_corrections.py",
-    "scraping/coupling_dataset.py",
-    "scraping/train_feedback.py",
-    "scraping/compare_models.py",
-    "scraping/evaluate_feedback.py",
-    "scraping/refine.py",
-    "scraping/evaluate_refinement.py",
-    "scraping/compare_search.py",
-    "scraping/time_controller.py",
-    "scraping/view.py",
-    "scraping/report.py",
-    "report.py",
+    "import_task",
+    "segment",
+    "primitives",
+    "feedback",
+    "skill",
+    "check",
+    "motion",
+    "touch",
+    "obstacles",
 )
+QUICK = {"fit": {"kernel_count": 10}, "feedback": {"training": {"steps": 60, "evaluate_every": 30}}}
+REACH = {"source": "bags", "topics": {"pose": "/arm/pose"}, "segment": {"primitives": ["reach"]}}
 
 
-def report_values(root: Path, parameters: dict[str, Any]) -> dict[str, Any]:
-    """Headline figures and details of the report, after all stages in the working directory."""
-    Path("params.yaml").write_text(yaml.safe_dump(parameters))
-    for stage in STAGES:
-        runpy.run_path(str(root / "stages" / stage), run_name="__main__")
-    return {
-        key: value
-        for name in ("metrics", "details")
-        for key, value in json.loads(Path(f"reports/scraping/{name}.json").read_text()).items()
-    }
+def run_stages(root: Path, task: str, *stages: str) -> None:
+    """Some stages of a task in the working directory."""
+    arguments, sys.argv = sys.argv, ["stage", task]
+    try:
+        for stage in stages:
+            runpy.run_path(str(root / f"stages/own/{stage}.py"), run_name="__main__")
+    finally:
+        sys.argv = arguments
 
 
 def write_reach(path: Path, duration: float, rest: float) -> None:
@@ -57,45 +56,169 @@ def write_reach(path: Path, duration: float, rest: float) -> None:
     write_bag(path, pose_messages(stamps, np.hstack([position, identity]), "/arm/pose"))
 
 
-def test_another_task_goes_through_to_the_report(root, tmp_path, monkeypatch):
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """An empty project with a task `reach` of three bags."""
     monkeypatch.chdir(tmp_path)
     Path("bags").mkdir()
     for number, (duration, rest) in enumerate([(1.0, 0.5), (1.3, 0.7), (0.8, 0.4)], start=1):
         write_reach(Path(f"bags/take_{number}.mcap"), duration, rest)
-    parameters = parameter_tree(REDUCED)
-    parameters["record"] = {"source": "bags", "topics": {"pose": "/arm/pose"} | NO_TOPICS}
-    parameters["segment"]["primitives"] = [{"name": "reach", "axis": "xyz", "threshold_m_s": 0.05}]
-    values = report_values(root, parameters)
-    assert values["demonstrations"] == 3
-    assert not values["simulated"]
-    assert values["fit_reach_mean_mm"] < 2.0
-    assert not any(name.startswith(("sweep", "cut_error", "wls_wins")) for name in values)
-    page = Path("reports/scraping/index.html").read_text()
-    assert "noise_sweep" not in page
-    assert 'class="badge"' not in page  # nothing on it is simulated
+    own_tasks(tmp_path, QUICK, reach=REACH)
+    return tmp_path
 
 
-def test_own_executions_and_corrections_give_feedback_models(root, reduced_project, tmp_path, monkeypatch):
-    """The simulated testbed's, as a robot would have recorded them."""
-    monkeypatch.chdir(tmp_path)
-    raw, folders = reduced_project / "data/raw/scraping", ("nominal", "unrolls", "corrections/5")
-    for folder in folders:
-        write_recordings(as_recorded(read_recordings(raw / folder)), Path("bags") / folder)
-    topics = {"pose": "/pose", "wrench": "/wrench", "tactile": ["/tactile/0", "/tactile/1"]}
-    own = {
-        "record": {"source": "bags/nominal", "topics": NO_TOPICS | topics},
-        "expected_traces": {"source": "bags/unrolls"},
-        "record_corrections": {"source": "bags/corrections", "settings_deg": [5]},
-        "coupling_dataset": {"settings_deg": [5]},
-    }
-    parameters = merged(parameter_tree(REDUCED), own)
-    values = report_values(root, parameters)
-    assert values["pmnn_prim2_generalization_nmse"] > 0.0
-    assert not any(name.startswith("cost_ratio") for name in values)  # the board is the simulated one
-    axis = np.array(parameters["coupling_dataset"]["axis"])
-    model = "data/feedback/scraping/models/pointwise.safetensors"
-    learned = read_skill(
-        "data/primitives/scraping/primitives.safetensors", "data/feedback/scraping/expected", model, axis
+def readme(root: Path, language: str, place: int = 0) -> str:
+    """A block of code of the section on demonstrations."""
+    section = (
+        (root / "README.md").read_text().split("## Bringing your own demonstrations")[1].split("\n## ")[0]
     )
-    assert set(learned.networks) == {"turn", "scrape"}
-    assert learned.channels == 38
+    return re.findall(rf"```{language}\n(.*?)```", section, re.DOTALL)[place]
+
+
+def test_a_task_goes_through_to_its_page(root, folder):
+    run_stages(root, "reach", *STAGES, "view", "report")
+    report = Path("reports/own/reach")
+    values = json.loads((report / "metrics.json").read_text())
+    assert values["cuts_demonstrations"] == 3
+    assert values["primitives_reach_left_out_mm"] < 5.0
+    page = (report / "index.html").read_text()
+    assert 'class="badge"' not in page  # nothing on it is simulated
+    assert words_in_view(page) <= 1500
+    linked = {link.split("#")[0] for link in re.findall(r'(?:src|href)="([^"]*)"', page)}
+    assert {
+        one for one in linked if one and not one.startswith("../..") and not (report / one).exists()
+    } == set()
+    skill = read_skill("data/own/reach/skill.safetensors")
+    assert [primitive.name for primitive in skill.primitives] == ["reach"]
+    assert (skill.workspace.high - skill.workspace.low > [0.39, 0.29, 0.1]).all()  # with 5 cm around
+    bags = read_provenance("data/own/reach/skill.safetensors")["bags"]["demonstrations"]
+    assert list(bags) == [f"bags/take_{number}.mcap" for number in (1, 2, 3)]
+
+
+def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
+    parameters, recording = (
+        Path(f"data/own/reach/{name}") for name in ("parameters.yaml", "demonstrations/take_2.mcap")
+    )
+    run_stages(root, "reach", "import_task")
+    once = parameters.read_bytes(), recording.read_bytes()
+    own_tasks(folder, QUICK, reach=REACH, other=REACH | {"source": "elsewhere"})
+    run_stages(root, "reach", "import_task")
+    assert (parameters.read_bytes(), recording.read_bytes()) == once
+    write_reach(Path("bags/take_2.mcap"), 0.9, 0.5)
+    run_stages(root, "reach", "import_task")
+    assert parameters.read_bytes() != once[0]
+    assert recording.read_bytes() != once[1]
+
+
+def test_parts_that_an_entry_does_not_name_are_null(folder):
+    task = read_task("reach")
+    assert all(getattr(task, part) is None for part in PARTS)
+    assert task.segment.primitives[0].name == "reach"
+    own_tasks(folder, lab={"motion": {"source": "logs", "urdf": "arm.urdf"}})
+    task = read_task("lab")
+    assert task.motion.rate_hz > 0
+    assert all(getattr(task, key) is None for key in ("source", *OF_DEMONSTRATIONS))
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        (None, "tasks.task: there is no such task among "),
+        ({}, "names no recordings"),
+        ({"feedback": {}}, "tasks.task.feedback.executions"),
+        (REACH | {"segmant": {}}, "tasks.task.segmant: unknown parameter"),
+        (REACH | {"topics": {}}, "tasks.task.topics.pose"),
+        (REACH | {"clock": {"rate_hz": -1}}, "tasks.task.clock.rate_hz"),
+    ],
+)
+def test_entries_that_are_none(folder, entry, words):
+    own_tasks(folder, task=entry)
+    with pytest.raises(InputError, match=re.escape(words)):
+        read_task("task")
+
+
+def test_a_name_that_is_no_folder_is_refused(folder):
+    own_tasks(folder, **{"a/b": REACH})
+    with pytest.raises(InputError, match="a task's name has letters"):
+        read_task("a/b")
+
+
+def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_path, monkeypatch):
+    """The simulated testbed's, as a robot would have recorded them: cut, felt, learned, bounded."""
+    monkeypatch.chdir(tmp_path)
+    raw = reduced_project / "data/raw/scraping"
+    for kind in ("nominal", "unrolls", "corrections/5", "corrections/10"):
+        write_recordings(as_recorded(read_recordings(raw / kind)), Path("bags") / kind)
+    moves = [
+        {"name": "down", "axis": "z", "threshold_m_s": 0.02},
+        {"name": "turn", "axis": "between"},
+        {"name": "scrape", "axis": "y", "threshold_m_s": 0.01},
+    ]
+    topics = {"pose": "/pose", "wrench": "/wrench", "tactile": ["/tactile/0", "/tactile/1"]}
+    feedback = {"executions": "bags/unrolls", "corrections": "bags/corrections", "settings": [5.0]}
+    feedback |= {"primitives": ["scrape"], "axes": ["z", "ry"], "sensors": ["tactile", "wrench"]}
+    segment = {"primitives": moves, "guess_cutoff_hz": 2.0, "cut_cutoff_hz": 3.0, "crossing_weight": 2.0}
+    own_tasks(
+        tmp_path,
+        QUICK,
+        scraping={"source": "bags/nominal", "topics": topics, "segment": segment, "feedback": feedback},
+    )
+    run_stages(root, "scraping", *STAGES[:5], "report")
+    learned = read_skill("data/own/scraping/skill.safetensors")
+    assert set(learned.networks) == {"scrape"}
+    assert learned.axes == ("z", "ry")
+    assert learned.sensors == (("tactile", 38), ("wrench", 6))
+    values = json.loads(Path("reports/own/scraping/metrics.json").read_text())
+    assert values["feedback_scrape_ry_nmse"] > 0.0
+    page = Path("reports/own/scraping/index.html").read_text()
+    assert "Feedback from corrections" in page
+    scores = Path("reports/own/scraping/tables/feedback_scores.csv").read_text()
+    assert "10,False" in scores  # a setting that was not named only tests
+
+
+def test_every_entry_of_the_readme_is_one(root, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pour = yaml.safe_load(readme(root, "yaml"))
+    feedback = yaml.safe_load(readme(root, "yaml", 1))
+    lab = yaml.safe_load(readme(root, "yaml", 2))
+    own_tasks(tmp_path, **{"pour": merged(pour["pour"], feedback)}, **lab)
+    assert read_task("pour").feedback.settings == ("5", "tilt_left")
+    assert read_task("lab").motion is not None
+
+
+def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
+    """In a clone of their own, with an entry pasted; nothing that git keeps changes but what should."""
+    project, home = tmp_path / "project", tmp_path / "home"
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=root, check=True, capture_output=True, text=True,
+    ).stdout.split("\0")  # fmt: skip
+    for name in filter(None, listed):
+        if (root / name).is_file() and name.startswith(
+            (".dvc", ".gitignore", "Makefile", "src", "stages/own")
+        ):
+            (project / name).parent.mkdir(parents=True, exist_ok=True)
+            (project / name).write_bytes((root / name).read_bytes())
+    (project / "stages/own/dvc.lock").unlink(missing_ok=True)
+    (home / "demonstrations").mkdir(parents=True)
+    write_takes(takes(7, 3, 3), home / "demonstrations")
+    subprocess.run(["git", "init", "--quiet"], cwd=project, check=True)
+    subprocess.run(["git", "add", "."], cwd=project, check=True)
+    with (project / "stages/own/params.yaml").open("a") as file:
+        file.write(readme(root, "yaml"))
+    commands = [line.split("#")[0].strip() for line in readme(root, "sh").splitlines()]
+    variables = environment() | {"HOME": str(home), "PYTHONPATH": str(project / "src")}
+    own = ["INSTALLED=", f"BIN={Path(sys.executable).parent}"]
+    for command, doing in zip(commands, ([], [], ["--dry-run"]), strict=True):  # no viewer without a screen
+        words = [word.replace("~", str(home)) for word in command.split()]
+        done = subprocess.run(
+            [*words, *own, *doing], cwd=project, env=variables, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert (project / "reports/own/pour/index.html").stat().st_size
+    assert not (project / "data/own/pick").exists()
+    changed = subprocess.run(
+        ["git", "status", "--short"], cwd=project, check=True, capture_output=True, text=True
+    ).stdout.splitlines()
+    kept = {line[3:] for line in changed if not line.startswith("A ")}
+    assert kept == {"stages/own/params.yaml", "stages/own/dvc.lock", "reports/"}

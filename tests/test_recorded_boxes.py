@@ -11,6 +11,7 @@ import pytest
 from committed import committed
 from recordings_bags import recorded_data
 
+from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
 from structlearn.avoidance.scene_learning import displaced_states, samples_of_scene, scene_states
 from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
@@ -22,7 +23,7 @@ from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.recordings.recording import NamedShape
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol import boxes_models, boxes_people
+from structlearn.testbeds.recorded.protocol import boxes_people
 from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
 from structlearn.testbeds.recorded.protocol.boxes_reaches import reaches_past_boxes
 
@@ -72,7 +73,7 @@ def made_up_reaches():
 def made_up_results():
     reaches, left_out = made_up_reaches()
     folds = boxes_people.folds_of_people(boxes_people.judged_people(reaches, PARAMETERS), PARAMETERS.folds)
-    return boxes_people.judge_folds(reaches, left_out, folds, PARAMETERS)
+    return scene_folds.judge_folds(reaches, left_out, folds, PARAMETERS)
 
 
 def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
@@ -84,7 +85,7 @@ def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
     assert np.allclose(reach.in_base_frame[-1], [0.0, 0.15, 0.78], atol=2e-3)
     assert np.allclose(reach.path.position[0], 0.0)
     assert np.allclose(reach.goal[1:], 0.0)  # x points to the goal
-    assert (len(reach.boxes), len(reach.walls)) == (1, 2)
+    assert (len(reach.obstacles), len(reach.walls)) == (1, 2)
     peak = np.abs(reach.path.velocity).max()
     assert (
         np.abs(np.gradient(reach.path.position, reach.path.time, axis=0) - reach.path.velocity).max()
@@ -130,7 +131,7 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
     assert set(results.reaches["person"]) == {"p1", "p2"}  # p0 is only learned from
     assert results.reaches.groupby("person")["fold"].nunique().eq(1).all()
     assert results.reaches.groupby("way").size().eq(6).all()
-    assert set(results.reaches["way"]) == set(boxes_people.WAYS)
+    assert set(results.reaches["way"]) == set(scene_folds.WAYS)
     reaches, _ = made_up_reaches()
     with pytest.raises(InputError, match="2 people on whom nothing was chosen are too few for 3 folds"):
         boxes_people.judged_people(reaches, PARAMETERS.model_copy(update={"folds": 3}))
@@ -152,10 +153,10 @@ def test_scores_tell_blocked_from_free_and_the_sides():
 def test_a_person_is_the_same_as_themselves():
     reaches, _ = made_up_reaches()
     own = np.array([reach.in_base_frame for reach in reaches])
-    rows = boxes_people._scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
+    rows = scene_folds.scores(reaches, own, np.zeros(len(own)), PARAMETERS.hand_radius_m)
     assert rows["same_gaps"].all()
     assert rows["path_mm"].max() == 0.0
-    pairs = boxes_people.beside_each_other(reaches)
+    pairs = scene_folds.beside_each_other(reaches)
     assert len(pairs) == 9  # three scenes, three pairs of people
     assert pairs["path_mm"].max() < 30.0
     assert pairs["same_gaps"].all()
@@ -163,7 +164,7 @@ def test_a_person_is_the_same_as_themselves():
 
 def test_the_text_sees_the_nearest_box():
     reaches, _ = made_up_reaches()
-    scenes = boxes_models.box_scenes(reaches, PARAMETERS)
+    scenes = scene_models.reach_scenes(reaches, PARAMETERS)
     rng = np.random.default_rng(0)
     position, velocity = rng.normal(0.1, 0.1, (2, len(reaches), 3))
     clouds = np.stack([scenes.clouds[:, 0] + [0.0, 0.5, 0.0], scenes.clouds[:, 0]], axis=1)
@@ -176,7 +177,7 @@ def test_the_text_sees_the_nearest_box():
 
 def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstration():
     reaches, _ = made_up_reaches()
-    baseline = boxes_models.straight_baseline(reaches, PARAMETERS.straight_share)
+    baseline = scene_models.straight_baseline(reaches, PARAMETERS.straight_share)
     goals, samples = np.array([reach.goal for reach in reaches]), PARAMETERS.reaches.samples
     alone = unroll_through(baseline, goals, None, samples)
     one = baseline.unroll(1.0 / (samples - 1), start=np.zeros(3), goal=goals[0], duration=1.0)
@@ -196,7 +197,7 @@ def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstrat
 def test_no_straight_reach_is_an_error():
     reaches, _ = made_up_reaches()
     with pytest.raises(InputError, match=r"no reach keeps within 0\.001 of its length of a straight line"):
-        boxes_models.straight_baseline(reaches[:1], 0.001)
+        scene_models.straight_baseline(reaches[:1], 0.001)
 
 
 def test_states_elsewhere_lead_back():
@@ -212,7 +213,7 @@ def test_states_elsewhere_lead_back():
     assert 0.5 < off.std() / PARAMETERS.network.displaced_m < 1.5
     few = PARAMETERS.network.model_copy(update={"demonstrations": 2})
     assert len(np.unique(displaced_states(states, few, 60.0, (0, 0)).scene)) == 2
-    scenes = boxes_models.box_scenes(reaches, PARAMETERS)
+    scenes = scene_models.reach_scenes(reaches, PARAMETERS)
     dataset = samples_of_scene(states, scenes, PARAMETERS.look_ahead.ahead_m)
     one = states.where(states.scene == 4)
     alone = samples_of_scene(one, scenes, PARAMETERS.look_ahead.ahead_m)
@@ -223,7 +224,7 @@ def test_pictures_are_chosen_by_the_scene_alone():
     results = made_up_results()
     assert results.paths["reach"].unique().tolist() == ["p1_0", "p1_2", "p2_0", "p2_2"]
     shuffled = results.reaches.assign(hit=~results.reaches["hit"]).sample(frac=1.0, random_state=0)
-    assert boxes_people.shown_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
+    assert scene_folds.shown_reaches(shuffled) == ["p1_0", "p1_2", "p2_0", "p2_2"]
 
 
 def test_the_same_results_every_time():
@@ -249,9 +250,11 @@ def test_recorded_people_pass_beside_the_boxes():
     reaches, left_out = reaches_past_boxes(trials, public)
     assert len(reaches) == 269
     assert len(left_out) == 17
-    clearance = [min(box.signed_distance(one.in_base_frame).min() for box in one.boxes) for one in reaches]
+    clearance = [
+        min(box.signed_distance(one.in_base_frame).min() for box in one.obstacles) for one in reaches
+    ]
     assert min(clearance) > 0.0125
-    pairs = boxes_people.beside_each_other(reaches)
+    pairs = scene_folds.beside_each_other(reaches)
     assert len(pairs) == 415
     assert pairs["same_gaps"].all()
     assert pairs["path_mm"].mean() == pytest.approx(29.2, abs=0.5)

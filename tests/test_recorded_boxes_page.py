@@ -11,6 +11,8 @@ from committed import committed
 from reporting_verdicts import AnyFigure, verdicts
 from viewer_files import colour_of, contents, note
 
+from structlearn.avoidance.scene_folds import MODELS, WAYS
+from structlearn.avoidance.scene_models import SCENE, TEXT
 from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.recorded.names import BOX_WAYS
 from structlearn.testbeds.recorded.page import parts
@@ -19,9 +21,7 @@ from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_eviden
 from structlearn.testbeds.recorded.page.parts.boxes_part import KEY, PART
 from structlearn.testbeds.recorded.page.parts.boxes_results import BoxesFound, boxes_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.protocol.boxes_models import SCENE, TEXT
 from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
-from structlearn.testbeds.recorded.protocol.boxes_people import MODELS, WAYS
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
 
 PEOPLE, REACHES = 12, 20

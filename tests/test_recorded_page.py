@@ -26,6 +26,7 @@ from structlearn.primitives.fitting import FitParameters, learn_primitive, segme
 from structlearn.reporting.claims import claims_table, read_claims, verdict_in
 from structlearn.reporting.document import anchor, render, words_in_view
 from structlearn.reporting.publishing import publish_report
+from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
 from structlearn.segmentation.result import METHODS
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import CALIBRATION, TABLES
@@ -39,7 +40,6 @@ from structlearn.testbeds.recorded.page.parts import (
 )
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
 from structlearn.testbeds.recorded.protocol import latent_touch, slides, touch_calibration, touch_sets
-from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, URDF
 from structlearn.testbeds.recorded.protocol.avoidance_representations import REPRESENTATIONS
 
 FIT = FitParameters.model_construct(

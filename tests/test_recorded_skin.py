@@ -13,8 +13,10 @@ from viewer_files import contents, note
 
 from structlearn.ground.artefacts import read_table, write_table
 from structlearn.ground.errors import InputError
+from structlearn.palette import PLATE_CORNERS, place_colours
 from structlearn.recordings.eflesh import PRESSES, STROKES, ProbeRun, read_runs
 from structlearn.reporting.document import render, words_in_view
+from structlearn.tactile.pressed_skin import block_numbers, held_out
 from structlearn.testbeds.recorded import files, names
 from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
@@ -89,10 +91,10 @@ def learned():
 
 
 def test_no_two_neighbours_are_held_out_at_once():
-    block, fold = skin_map.held_out(grid(31), 5e-3, 4)
+    block, fold = held_out(grid(31), 5e-3, 4)
     assert len(np.unique(block)) == 36
     assert np.unique(block, return_counts=True)[1].max() == 36  # the last row belongs to the last blocks
-    column, row = skin_map.block_numbers(grid(31), 5e-3)
+    column, row = block_numbers(grid(31), 5e-3)
     by_block = pd.DataFrame({"fold": fold, "column": column, "row": row}).drop_duplicates()
     assert len(by_block) == 36
     squares = by_block.pivot_table(index="column", columns="row", values="fold").to_numpy()
@@ -337,9 +339,9 @@ def test_metrics_are_those_of_the_aims():
 
 
 def test_places_have_the_colours_of_their_corners():
-    colours = names.place_colours(np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.0]]))
+    colours = place_colours(np.array([[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 0.0]]))
     hexes = [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in colours[:4]]
-    assert hexes == [*names.PLATE_CORNERS[0], *names.PLATE_CORNERS[1]]
+    assert hexes == [*PLATE_CORNERS[0], *PLATE_CORNERS[1]]
 
 
 def test_tables_are_found_by_their_names(tmp_path, learned):

@@ -16,6 +16,8 @@ from viewer_files import contents, note
 from structlearn.ground.errors import InputError
 from structlearn.recordings.ur10e import URDF, read_logs
 from structlearn.reporting.document import render, words_in_view
+from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, write_identified
+from structlearn.rigid_body.arm_identification import URDF as MAKER
 from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.testbeds.recorded import names
@@ -27,8 +29,6 @@ from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES, ur10e
 from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.protocol import ur10e_identification as protocol
-from structlearn.testbeds.recorded.protocol.arm_identification import LEAST_SQUARES, NETWORKS
-from structlearn.testbeds.recorded.protocol.arm_identification import URDF as MAKER
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
 
@@ -280,7 +280,7 @@ def test_the_recorded_drives_are_found(identified):
 
 def test_the_recorded_arm_goes_through_its_urdf(identified, folder, tmp_path):
     robot, (models, _), _ = identified
-    written = protocol.write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
+    written = write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
     assert written["difference_n_m"].max() < 1e-10
     client = pybullet.connect(pybullet.DIRECT)
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE
@@ -296,7 +296,7 @@ def test_the_recorded_arm_goes_through_its_urdf(identified, folder, tmp_path):
 
 def test_a_recording_shows_the_load_at_the_arm(identified, folder, tmp_path):
     robot, (models, tables), chosen = identified
-    protocol.write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
+    write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
     logs = {log.name: log for log in read_logs(folder)}
     shown = {name: getattr(tables, name) for name in ("carried", "motions", "loads")}
     write_carried(tmp_path / "ur10e.rrd", tmp_path / "arm.urdf", shown, logs.__getitem__, chosen)

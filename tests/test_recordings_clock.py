@@ -7,6 +7,7 @@ from recordings_bags import make_recording, pose_rows
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import Recording, Stream, synchronise
+from structlearn.recordings.clock import shared_stamps
 
 UNIX = 1581238055_716234152
 
@@ -235,3 +236,34 @@ def test_poses_closer_than_any_robot_sends_them_are_named():
     stream.values[:, :3] = 0.0
     with pytest.raises(InputError, match=r"dense: /tool: poses come at 1e\+09 Hz, more than 10000 Hz"):
         synchronise(Recording("dense", (stream,)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    sources=st.lists(
+        st.lists(st.integers(0, 60), min_size=2, max_size=25, unique=True).map(sorted), min_size=1, max_size=3
+    )
+)
+def test_sources_share_the_stamps_of_the_slowest_but_for_holes(sources):
+    arrays = [np.array(one) for one in sources]
+    start, end = max(one[0] for one in sources), min(one[-1] for one in sources)
+    inside = [[stamp for stamp in one if start <= stamp <= end] for one in sources]
+    slowest = min(inside, key=len)
+    shared = shared_stamps(arrays).tolist()
+    if len(slowest) < 2:
+        assert shared == slowest
+        return
+    longest = 2 * (slowest[-1] - slowest[0]) / (len(slowest) - 1)
+    for tick in slowest:
+        bridged = []
+        for one in sources:
+            before, after = max(s for s in one if s <= tick), min(s for s in one if s >= tick)
+            bridged.append(after - before <= longest)
+        assert (tick in shared) == all(bridged)
+
+
+def test_bursts_are_no_holes():
+    """Log times often come in bursts of ten, a millisecond apart, though the samples do not."""
+    bursts = (np.arange(20)[:, None] * 10**8 + np.arange(10) * 10**6).ravel()
+    even = np.arange(400) * 5 * 10**6
+    assert len(shared_stamps([even, bursts])) == len(bursts)

@@ -6,6 +6,7 @@ from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 from structlearn.ground.errors import InputError
 from structlearn.recordings import (
     read_demonstrations,
+    read_recordings,
     synchronise,
     write_recordings,
 )
@@ -69,17 +70,36 @@ def test_a_ros_2_bag_and_a_folder_of_them(tmp_path):
     assert [d.name for d in read_demonstrations(tmp_path, TOOL)] == ["take_2_0", "take_10_0"]
 
 
-def test_a_bag_in_several_files_is_not_taken_for_several_demonstrations(tmp_path):
-    ros2_bag(tmp_path / "long", files=2)
-    with pytest.raises(InputError, match=r"long: the bag is split into 2 files; join them"):
-        read_demonstrations(tmp_path / "long", TOOL)
+def test_a_bag_in_several_files_is_one_demonstration(tmp_path):
+    rows = pose_rows(6)
+    stamps = [10**9 + row * 10**7 for row in range(6)]
+    (tmp_path / "long").mkdir()
+    for name, part in (("long_10", slice(4, 6)), ("long_2", slice(2, 4)), ("long_1", slice(2))):
+        write_bag(tmp_path / "long" / f"{name}.mcap", pose_messages(stamps[part], rows[part]))
+    listing = "rosbag2_bagfile_information:\n  relative_file_paths: [long/long_1.mcap, long_2.mcap"
+    (tmp_path / "long" / "metadata.yaml").write_text(f"{listing}, long_10.mcap]\n")
+    for source in (tmp_path / "long", tmp_path):
+        (recording,) = read_recordings(source, TOOL)
+        assert (recording.name, recording.provenance["source"]) == ("long", "long")
+        np.testing.assert_array_equal(recording.streams[0].stamps, stamps)
+        np.testing.assert_array_equal(recording.streams[0].values, rows)
+    (tmp_path / "long" / "metadata.yaml").write_text(f"{listing}, long_3.mcap]\n")
+    with pytest.raises(InputError, match=r"long: the bag's file long_3\.mcap, which metadata\.yaml names"):
+        read_recordings(tmp_path, TOOL)
+
+
+def test_the_home_folder_has_a_short_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    bag(tmp_path / "bags" / "reach.mcap")
+    for source in ("~/bags", "~/bags/reach.mcap"):
+        assert [d.name for d in read_demonstrations(source, TOOL)] == ["reach"]
 
 
 def test_missing_and_empty_sources(tmp_path):
     with pytest.raises(InputError, match="nowhere: no such file or folder"):
         read_demonstrations(tmp_path / "nowhere")
-    (tmp_path / "bag_0.db3").write_bytes(b"SQLite format 3")
-    with pytest.raises(InputError, match=r"holds no \.mcap file"):
+    (tmp_path / "notes.txt").write_text("not a bag")
+    with pytest.raises(InputError, match=r"holds no bag \(\.mcap, \.db3, \.bag\) and no table"):
         read_demonstrations(tmp_path)
 
 
@@ -111,5 +131,5 @@ def test_names_must_be_file_names_of_their_own(tmp_path, names, complaint):
 def test_a_fault_names_the_file(tmp_path):
     bag(tmp_path / "good.mcap")
     write_bag(tmp_path / "bad.mcap", pose_messages([5, 5], pose_rows(2)))
-    with pytest.raises(InputError, match=r"bad\.mcap: bad: /tool: row 1 .* repeats the stamp"):
+    with pytest.raises(InputError, match=r"bad\.mcap: topic '/tool': row 1 .* repeats the stamp"):
         read_demonstrations(tmp_path, TOOL)

@@ -291,5 +291,5 @@ def test_a_message_that_ends_too_early_is_named(tmp_path, length):
     row = (b"\x00\x01\x00\x00" + np.array(ROW, dtype="<f8").tobytes())[:length]
     schema = ("geometry_msgs/msg/Pose", "ros2msg", POSE.encode())
     path = foreign_bag(tmp_path / "bag.mcap", schema, [(stamp, row) for stamp in STAMPS])
-    with pytest.raises(InputError, match=r"bag\.mcap: topic '/tool': damaged MCAP file: error: unpack_from"):
+    with pytest.raises(InputError, match=r"bag\.mcap: topic '/tool': damaged message: error: unpack_from"):
         read_recording(path, TOOL)

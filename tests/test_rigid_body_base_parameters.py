@@ -3,8 +3,9 @@ import pytest
 import torch
 from rigid_body_robots import ROBOTS, robot, states
 
-from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.base_parameters import base_parameters, condition_number
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 
 
@@ -42,3 +43,25 @@ def test_formulas_of_the_iiwa():
     assert "Ixx[lbr_iiwa_joint_7] - Iyy[lbr_iiwa_joint_7]" in formulas
     assert "Izz[lbr_iiwa_joint_7]" in formulas
     assert not any(formula.startswith("m[") for formula in formulas)  # no mass shows alone
+
+
+def test_the_condition_number_is_that_of_the_columns_cosines():
+    """Cosines between columns have the squares of the singular values of columns of unit length."""
+    arm = robot("iiwa")
+    motion = Motion(*states(arm, 100, seed=3), np.zeros((100, 7)))
+    columns = base_parameters(arm.tree).columns
+    stacked = torque_regressor(arm.tree, motion.q, motion.qd, motion.qdd).reshape(700, -1)[:, columns]
+    products = stacked.T @ stacked
+    lengths = np.sqrt(np.diag(products))
+    eigenvalues = np.linalg.eigvalsh(products / np.outer(lengths, lengths))
+    expected = np.sqrt(eigenvalues[-1] / eigenvalues[0])
+    assert condition_number(arm.tree, motion) == pytest.approx(expected, rel=1e-6)
+    assert expected < 100
+
+
+def test_an_arm_at_rest_says_nothing_of_its_inertia():
+    arm = robot("iiwa")
+    q, qd, qdd = states(arm, 100, seed=3)
+    still = Motion(np.tile(q[:1], (100, 1)), 0.0 * qd, 0.0 * qdd, np.zeros((100, 7)))
+    assert condition_number(arm.tree, still) == np.inf
+    assert condition_number(arm.tree, Motion(q[:3], qd[:3], qdd[:3], np.zeros((3, 7)))) == np.inf

@@ -134,7 +134,11 @@ def test_round_trip(two_move_demonstrations, tmp_path):
     [
         (({"name": "a", "axis": "between", "threshold_m_s": None}, PRIMITIVES[0]), "neighbour"),
         ((PRIMITIVES[0], PRIMITIVES[0]), "must differ"),
-        (({"name": "a", "axis": "z", "threshold_m_s": None},), "threshold_m_s is needed"),
+        (({"name": "a", "axis": "rot", "threshold_m_s": 0.1},), "must be null for the axis rot"),
+        (({"name": "a", "axis": "z", "until": {"signal": "force"}},), "either `above` or `below`"),
+        (({"name": "a", "axis": "z", "until": {"signal": "force", "above": 1, "below": 2}},), "either"),
+        (0, "at least 1 item"),
+        (True, "primitives"),
         (({"name": "a", "axis": "w", "threshold_m_s": 1.0},), "Input should be"),
     ],
 )

@@ -8,7 +8,7 @@ from feedback_toy import toy_dataset
 from scraping_motions import scraping_skill
 
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.runtime import largest_coupling
+from structlearn.feedback.limits import largest_coupling
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
@@ -58,12 +58,7 @@ def test_what_is_not_learned_from_does_not_bound_the_feedback(data, board):
     """The largest coupling of the new setting is not known there."""
     for settings in ((0.0,), (0.0, 5.0, 10.0)):
         found, datasets = read(data, board, settings)
-        assert found.limits.largest_coupling == largest_coupling([datasets["turn"].target])
-
-
-def test_where_nobody_corrected_there_is_no_board(data, board):
-    (data / "feedback/scraping/dataset/turn.parquet").unlink()
-    assert read(data, board) is None
+        assert found.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}
 
 
 def test_a_setting_without_corrections_is_named(data, board):

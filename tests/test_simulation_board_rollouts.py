@@ -66,7 +66,7 @@ def test_samples_say_what_the_policy_did(runs):
         assert samples.time[-1] == pytest.approx(DURATIONS_S[1], abs=0.02)
         np.testing.assert_allclose(np.diff(samples.time), 0.01, atol=1e-9)
     wanted = done.modulation() @ POLICY
-    assert np.abs(wanted).max() < LIMITS.largest_coupling
+    assert np.abs(wanted).max() < LIMITS.largest_coupling["ry"]
     assert np.corrcoef(done.target, wanted)[0, 1] > 0.9
     assert np.abs(done.target - wanted).mean() < 0.2 * np.abs(wanted).max()
     assert np.abs(idle.target).mean() < 0.1 * np.abs(wanted).max()
@@ -113,15 +113,15 @@ def test_only_the_primitives_up_to_the_refined_one_are_executed(board, asked):
         asked.clear()
         network = open_loop(POLICY)
         one.rollouts([network], [SEED])
-        ((run, _, skill, testbed, limits),) = asked
+        ((run, _, skill, testbed),) = asked
         assert tuple(primitive.name for primitive in skill.primitives) == names
         assert tuple(skill.expected) == names
-        assert skill.networks[names[-1]] is network
+        assert skill.networks[names[-1]]["ry"] is network
         assert run.feedback
         assert not run.corrected
         assert run.setting_deg == 5.0
-        assert (testbed, limits) == (TESTBED, LIMITS)
-    assert skill.networks["turn"] is before
+        assert (testbed, skill.limits) == (TESTBED, LIMITS)
+    assert skill.networks["turn"]["ry"] is before
 
 
 def test_the_first_primitives_run_as_long_as_they_do_alone(board, executing):
@@ -157,7 +157,7 @@ def assert_failed(run, fault):
 
 def test_a_network_that_is_no_number_fails_alone(board, runs):
     broken, good = board.rollouts([open_loop(np.full(25, np.nan)), open_loop(POLICY)], [SEED, SEED])
-    assert_failed(broken, "InputError: the network of 'turn' holds a value that is not finite")
+    assert_failed(broken, "InputError: the network of 'turn' for ry holds a value that is not finite")
     assert same(good, runs[0])
 
 

@@ -1,18 +1,20 @@
 """Executions for the evaluation of a model: in every setting, cut where they were commanded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from committed import committed
 from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
-from structlearn.feedback.runtime import Limits
+from structlearn.feedback.limits import Limits
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 EVALUATION = EvaluationParameters(settings_deg=(0.0, 8.8), runs=2)
-LIMITS = Limits(largest_coupling=50.0)
+LIMITS = Limits(largest_coupling={"ry": 50.0})
 TESTBED = committed(TestbedParameters, "testbed")
 CLOCK = committed(ClockParameters, "clock", rate_hz=300.0)
 
@@ -21,7 +23,9 @@ CLOCK = committed(ClockParameters, "clock", rate_hz=300.0)
 def sets():
     pushing = {name: constant_network(-20.0) for name in NAMES[1:]}
     return {
-        model: executed_set(model, scraping_skill(networks), EVALUATION, TESTBED, LIMITS, CLOCK)
+        model: executed_set(
+            model, replace(scraping_skill(networks), limits=LIMITS), EVALUATION, TESTBED, CLOCK
+        )
         for model, networks in (("nominal", {}), ("pushing", pushing))
     }
 

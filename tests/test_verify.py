@@ -89,6 +89,14 @@ def test_single_files(tmp_path):
     assert "note.txt: only .safetensors, .parquet, .json, .mcap can be told" in words
 
 
+def test_a_skill_must_be_one(tmp_path):
+    """Its digest holds in either case."""
+    write_tensors({"workspace": np.zeros((2, 3))}, tmp_path / "none.safetensors", '{"reactive_skill": {}}')
+    code, words = verified(tmp_path, "none.safetensors")
+    assert code == 1
+    assert "none.safetensors: holds no skill of this version" in words
+
+
 def test_elsewhere_it_says_where_to_run(tmp_path):
     assert verified(tmp_path) == (
         1,

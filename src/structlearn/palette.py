@@ -4,6 +4,8 @@ The categorical colours are those of Okabe and Ito, which people with common col
 yellow is left out because it vanishes on a white ground. All colours are hex strings (`#rrggbb`).
 """
 
+import numpy as np
+
 BLUE = "#0072b2"
 ORANGE = "#e69f00"
 GREEN = "#009e73"
@@ -41,3 +43,16 @@ METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wl
 def primitive_colour(index: int) -> str:
     """Colour of the primitive at `index` in its sequence."""
     return PRIMITIVE_COLOURS[index % len(PRIMITIVE_COLOURS)]
+
+
+PLATE_CORNERS = ((BLUE, GREEN), (VERMILION, ORANGE))
+"""Colours of a plate's corners, by x and y, between which places are blended."""
+
+
+def place_colours(places: np.ndarray) -> np.ndarray:
+    """Colours (N, 3) of bytes of places (N, 2) on a plate: the same in all pictures of it."""
+    corners = np.array([[[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in row] for row in PLATE_CORNERS])
+    part = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-12)
+    weights = np.stack([1.0 - part, part], axis=-1)  # (N, 2, 2): axis, end
+    mixed = np.einsum("ni,nj,ijc->nc", weights[:, 0], weights[:, 1], corners)
+    return np.rint(mixed).astype(np.uint8)

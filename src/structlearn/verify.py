@@ -2,7 +2,8 @@
 
 Without arguments every output that a `dvc.lock` names is read anew and its digest compared; DVC itself looks
 at times and sizes first, so that it does not see a bit that changed by itself. With arguments single files
-are read, and must be what they were written as: arrays, tables, bags. Ends with code 1 where one is not.
+are read, and must be what they were written as: arrays, skills, tables, bags. Ends with code 1 where one is
+not.
 """
 
 import argparse
@@ -14,14 +15,17 @@ from pathlib import Path
 
 import yaml
 
-from structlearn.ground.artefacts import read_metrics, read_table, read_tensors
+from structlearn.ground.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_reader import read_bag
+
+SKILL = '{"reactive_skill"'
+"""How the description of a skill file begins."""
 
 LOCKS = ("dvc.lock", "stages/*/dvc.lock")
 
 READERS = {
-    ".safetensors": read_tensors,
+    ".safetensors": lambda path: _read_arrays(path),
     ".parquet": read_table,
     ".json": read_metrics,
     ".mcap": lambda path: read_bag(path, ()),
@@ -57,12 +61,14 @@ def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
     """
     for name, out, written in _outputs(lock):
         path = root / out
-        if not path.exists():
+        try:
+            same = digest(path) == written
+        except FileNotFoundError:
             yield f"{path}: is not there; stage '{name}' writes it"
-        elif digest(path) != written:
-            yield f"{path}: not as stage '{name}' left it"
+        except OSError as error:
+            yield f"{path}: cannot be read: {error.strerror}"
         else:
-            yield None
+            yield None if same else f"{path}: not as stage '{name}' left it"
 
 
 def _outputs(lock: Path) -> list[tuple[str, str, str]]:
@@ -84,6 +90,16 @@ def digest(path: Path) -> str:
     files = sorted((file.relative_to(path).as_posix(), file) for file in path.rglob("*") if file.is_file())
     listing = [{"md5": digest(file), "relpath": name} for name, file in files]
     return hashlib.md5(json.dumps(listing, sort_keys=True).encode()).hexdigest() + ".dir"
+
+
+def _read_arrays(path: Path) -> None:
+    """A skill must be whole; of other arrays the digest is all that can be told."""
+    if read_description(path).startswith(SKILL):
+        from structlearn.feedback.skill_file import read_skill  # takes compiled code along
+
+        read_skill(path)
+    else:
+        read_tensors(path)
 
 
 def _locks() -> list[Path]:

@@ -1,4 +1,4 @@
-"""Record arms on sines: as in the URDF, stand-ins or your own robot, and with a payload (III.4)."""
+"""Record arms on sines: as in the URDF, stand-ins, and with a payload (III.4)."""
 
 from functools import partial
 from pathlib import Path
@@ -14,11 +14,9 @@ from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
-    SIMULATED,
-    MotionSourceParameters,
+    RecordMotionParameters,
     compared_log,
     ideal_log,
-    own_log,
     payload_log,
     stand_in_log,
 )
@@ -28,7 +26,7 @@ RAW = "data/raw/dynamics"
 
 
 def main() -> None:
-    parameters = stage_parameters("record_motion", MotionSourceParameters)
+    parameters = stage_parameters("record_motion", RecordMotionParameters)
     motion = stage_parameters("arm_motion", ArmMotionParameters).used
     stand_ins = stage_parameters("stand_in", StandInParameters)
     arm = stage_parameters("arm", ArmParameters)
@@ -36,24 +34,19 @@ def main() -> None:
     logs = {IDEAL: partial(ideal_log, robot)}
     for seed in stage_parameters("dynamics_robots", Population).test:
         logs[f"payload/{seed}"] = partial(payload_log, robot, stand_ins, seed, parameters.payload)
-        if parameters.source == SIMULATED:
-            logs[f"{ROBOT}/{seed}"] = partial(stand_in_log, robot, stand_ins, seed)
+        logs[f"{ROBOT}/{seed}"] = partial(stand_in_log, robot, stand_ins, seed)
     record = partial(compared_log, motion=motion, engine=arm.engine)
     made = dict(zip(logs, parallel_map(record, logs.values(), "logs"), strict=True))
-    if parameters.source != SIMULATED:
-        own = own_log(parameters.source, parameters.topic, robot.tree, parameters.max_gap_s)
-        made[f"{ROBOT}/0"] = own, None
     for kind in (IDEAL, ROBOT, "payload"):
         with publish(f"{RAW}/{kind}") as folder:
             for name in (name for name in made if name.split("/")[0] == kind):
                 _write(*made[name], folder / name.removeprefix(kind).lstrip("/"))
 
 
-def _write(log: JointLog, agreement: pd.DataFrame | None, folder: Path) -> None:
+def _write(log: JointLog, agreement: pd.DataFrame, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_joint_log(log, folder / "log.mcap")
-    if agreement is not None:
-        write_table(agreement, folder / "agreement.parquet")
+    write_table(agreement, folder / "agreement.parquet")
 
 
 if __name__ == "__main__":

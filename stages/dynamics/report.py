@@ -21,7 +21,7 @@ from structlearn.testbeds.dynamics.protocol.robot_behind_log import (
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
-from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
+from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
 from structlearn.testbeds.dynamics.world.scene_still import arm_still
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
@@ -30,7 +30,7 @@ PARAMETERS = {
     "dynamics_robots": Population,
     "arm_motion": ArmMotionParameters,
     "stand_in": StandInParameters,
-    "record_motion": MotionSourceParameters,
+    "record_motion": RecordMotionParameters,
     "train_dynamics": DynamicsTrainingParameters,
     "track": TrackingParameters,
     "online": OnlineParameters,
@@ -48,10 +48,9 @@ FRICTION_MODELS = ("cov", f"cov{COULOMB}")
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     arm, robot = parameters["arm"], parameters["arm"].read()
-    simulated = parameters["record_motion"].source == SIMULATED
     known, friction, residuals = [], [], []
     for seed in files.robots():
-        true = stand_in(robot.tree, robot.inertias, parameters["stand_in"], seed) if simulated else None
+        true = stand_in(robot.tree, robot.inertias, parameters["stand_in"], seed)
         motion, dt = files.read_robot_motion(seed, parameters["train_dynamics"].smoothing_hz)
         learned = files.read_robot_models(seed, FRICTION_MODELS, TEXT)
         known.append(known_errors(robot, true, motion).assign(seed=seed))
@@ -70,7 +69,6 @@ def main() -> None:
         known=pd.concat(known, ignore_index=True),
         friction=pd.concat(friction, ignore_index=True),
         residuals=residuals[0],
-        simulated=simulated,
         stand_in=parameters["stand_in"],
         motion=parameters["arm_motion"].used,
         training=parameters["train_dynamics"],

@@ -21,7 +21,6 @@ from structlearn.testbeds.dynamics.protocol.tracking import (
 )
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 MODELS = "data/dynamics/models"
@@ -41,12 +40,11 @@ def main() -> None:
 
     seeds = [int(seed) for seed in outcomes[outcomes["arm"] == IDEAL]["seed"].unique()]
     beds = [(testbed(IDEAL, seeds, seeds[0], ideal(robot.inertias)), IDEAL, parameters.models)]
-    if stage_parameters("record_motion", MotionSourceParameters).source == SIMULATED:
-        stand_ins = stage_parameters("stand_in", StandInParameters)
-        for seed in robots:
-            mechanics = stand_in(robot.tree, robot.inertias, stand_ins, seed)
-            bed = testbed(ROBOT, [seed], robots[0], mechanics)
-            beds.append((bed, f"{ROBOT}/{seed}", parameters.models + parameters.robot_models))
+    stand_ins = stage_parameters("stand_in", StandInParameters)
+    for seed in robots:
+        mechanics = stand_in(robot.tree, robot.inertias, stand_ins, seed)
+        bed = testbed(ROBOT, [seed], robots[0], mechanics)
+        beds.append((bed, f"{ROBOT}/{seed}", parameters.models + parameters.robot_models))
     tables = []
     for bed, folder, names in beds:
 

@@ -16,12 +16,12 @@ from structlearn.testbeds.dynamics.recordings.shown_motions import (
     shown_torques,
 )
 from structlearn.testbeds.dynamics.recordings.torques import write_torques
-from structlearn.testbeds.dynamics.world.joint_logs import SIMULATED, MotionSourceParameters
+from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
 
 
 def main() -> None:
     chosen = stage_parameters("inspect_dynamics", DynamicsViewParameters)
-    source = stage_parameters("record_motion", MotionSourceParameters)
+    carried = stage_parameters("record_motion", RecordMotionParameters).payload
     arm = stage_parameters("arm", ArmParameters)
     tracking = stage_parameters("track", TrackingParameters)
     robot, urdf = arm.read(), urdf_path(arm.urdf)
@@ -38,17 +38,14 @@ def main() -> None:
     torques = shown_torques(robot, motion, dt, models, tracking.reaching.tool_m, chosen)
     log = files.read_payload_log()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
-    payload = shown_payload(robot.tree, log, learned, source.payload, chosen)
-    simulated = source.source == SIMULATED
-    whose = "stand-in (simulated)" if simulated else "robot"
+    payload = shown_payload(robot.tree, log, learned, carried, chosen)
     with publish("reports/recordings/dynamics") as folder:
         folder.mkdir()
         write_reaches(folder / "reaches.rrd", urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)")
-        if simulated:
-            title = f"Dynamics: reaches of the {whose}"
-            write_reaches(folder / "robot_reaches.rrd", urdf, names, reaches[ROBOT], title)
-        origin = "Simulated." if simulated else "Recorded."
-        write_torques(folder / "torques.rrd", urdf, torques, f"Dynamics: torques of the {whose}", origin)
+        title = "Dynamics: reaches of the stand-in (simulated)"
+        write_reaches(folder / "robot_reaches.rrd", urdf, names, reaches[ROBOT], title)
+        title = "Dynamics: torques of the stand-in (simulated)"
+        write_torques(folder / "torques.rrd", urdf, torques, title, "Simulated.")
         write_payload(folder / "payload.rrd", urdf, payload, "Dynamics: a payload picked up (simulated)")
 
 

@@ -6,7 +6,7 @@ from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_demonstrations
-from structlearn.recordings.folders import natural_order
+from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.joint_log import read_joint_log
 from structlearn.rigid_body.model_files import DynamicsModels, write_dynamics_models
 from structlearn.rigid_body.model_learning import LearningParameters

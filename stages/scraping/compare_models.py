@@ -22,8 +22,7 @@ def main() -> None:
     with publish("data/feedback/scraping/comparison") as folder:
         folder.mkdir()
         for table, rows in (("scores", scores), ("orderings", orderings)):
-            if rows:
-                write_table(pd.concat(rows, ignore_index=True), folder / f"{table}.parquet")
+            write_table(pd.concat(rows, ignore_index=True), folder / f"{table}.parquet")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search import refinement
 from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
-from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
@@ -27,19 +27,13 @@ def main() -> None:
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    simulated = stage_parameters("record", SourceParameters).simulated
     settings = (refined.settings_deg, refined.setting_deg)
     with publish(f"{DATA}/search") as folder:
         folder.mkdir()
-        found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
-        if found is not None and refined.exploration:
-            board, _ = found
-            before, after = (
-                read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER)
-            )
-            table = searches(board, before, after, refined, parameters)
-            write_table(table, folder / "trials.parquet")
-            write_metrics(board.engine_differences(before), folder / "engines.json")
+        board, _ = read_board("data", *settings, supervision, testbed, clock)
+        before, after = (read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER))
+        write_table(searches(board, before, after, refined, parameters), folder / "trials.parquet")
+        write_metrics(board.engine_differences(before), folder / "engines.json")
 
 
 def searches(

@@ -11,38 +11,35 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.execution_cuts import execution_cuts
-from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.files import ScrapingFiles, read_expected, read_sets
 
 
 def main() -> None:
     parameters = stage_parameters("coupling_dataset", SupervisionParameters)
     clock = stage_parameters("clock", ClockParameters)
-    cutting = stage_parameters("segment", SegmentParameters)
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
     names = [primitive.name for primitive in primitives]
     expected = read_expected("data/feedback/scraping/expected")
     corrections = read_sets("data/raw/scraping/corrections", clock)
-    if corrections:
-        require_parts(parameters.primitives, primitives, expected)
-    cuts = {setting: execution_cuts(runs, names, cutting) for setting, runs in corrections.items()}
+    require_parts(parameters.primitives, primitives, expected)
+    cuts = {setting: commanded_cuts(runs, names) for setting, runs in corrections.items()}
 
     with publish("data/feedback/scraping/dataset") as folder:
         folder.mkdir()
-        for name in parameters.primitives if corrections else ():
+        for name in parameters.primitives:
             primitive = primitives[names.index(name)]
             own = {setting: parts[name] for setting, parts in cuts.items()}
-            dataset, checks = coupling_dataset(corrections, own, primitive, expected[name], parameters)
-            write_table(to_table(dataset), folder / f"{name}.parquet")
+            datasets, checks = coupling_dataset(corrections, own, primitive, expected[name], parameters)
+            write_table(to_table(datasets[parameters.axis]), folder / f"{name}.parquet")
             write_table(checks, folder / f"checks_{name}.parquet")
 
     with publish("data/feedback/scraping/level") as folder:
         folder.mkdir()
-        level = ScrapingFiles(clock).level_runs() if corrections else []
-        level_cuts = execution_cuts(level, names, cutting) if level else {}
-        for name in parameters.primitives if level else ():
-            dataset = level_dataset(level, level_cuts[name], expected[name], parameters.rate_hz)
+        level = ScrapingFiles(clock).level_runs()
+        level_cuts = commanded_cuts(level, names)
+        for name in parameters.primitives:
+            dataset = level_dataset(level, level_cuts[name], expected[name], parameters)
             write_table(to_table(dataset), folder / f"{name}.parquet")
 
 

@@ -1,16 +1,16 @@
 """Execute the primitives on every setting, without and with each feedback model (IV.9.3.5)."""
 
 from structlearn.feedback.corrected_paths import path_errors
+from structlearn.feedback.limits import Limits, largest_coupling
 from structlearn.feedback.pmnn import read_networks
-from structlearn.feedback.runtime import Limits, largest_coupling
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.feedback.training_parameters import MODELS
 from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings import read_demonstrations, write_recordings
-from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol import executed_sets
 from structlearn.testbeds.scraping.protocol.evaluation_runs import compared_engines, executed_set
@@ -32,24 +32,23 @@ def main() -> None:
     sets = []
     with publish("data/raw/scraping/closed_loop") as folder:
         folder.mkdir()
-        if datasets and stage_parameters("record", SourceParameters).simulated:
-            limits = Limits(largest_coupling=largest_coupling([one.target for one in datasets.values()]))
-            for model in (executed_sets.NOMINAL, *MODELS):
-                own = networks.get(model, {})
-                skill = ReactiveSkill(primitives, expected, own, supervision.unit_axis)
-                recordings, executed = executed_set(model, skill, parameters, testbed, limits, clock)
-                for setting, runs in recordings.items():
-                    write_recordings(runs, folder / model / f"{setting:g}")
-                sets.append(executed)
+        largest = largest_coupling([one.target for one in datasets.values()])
+        limits = Limits(largest_coupling={supervision.axis: largest})
+        for model in (executed_sets.NOMINAL, *MODELS):
+            own = on_axis(networks.get(model, {}), supervision.axis)
+            skill = ReactiveSkill(primitives, expected, own, limits)
+            recordings, executed = executed_set(model, skill, parameters, testbed, clock)
+            for setting, runs in recordings.items():
+                write_recordings(runs, folder / model / f"{setting:g}")
+            sets.append(executed)
     with publish(f"{DATA}/evaluation") as folder:
         folder.mkdir()
-        if sets:
-            unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
-            scores = executed_sets.scores(sets, nominal_orientation(unrolls), supervision)
-            write_table(scores, folder / "scores.parquet")
-            write_metrics(compared_engines(skill, parameters, testbed, limits), folder / "engines.json")
-            write_table(executed_sets.traces(sets, expected, supervision), folder / "traces.parquet")
-            write_table(path_errors(datasets, networks), folder / "path_errors.parquet")
+        unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
+        scores = executed_sets.scores(sets, nominal_orientation(unrolls), supervision)
+        write_table(scores, folder / "scores.parquet")
+        write_metrics(compared_engines(skill, parameters, testbed), folder / "engines.json")
+        write_table(executed_sets.traces(sets, expected, supervision), folder / "traces.parquet")
+        write_table(path_errors(datasets, networks), folder / "path_errors.parquet")
 
 
 if __name__ == "__main__":

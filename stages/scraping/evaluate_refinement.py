@@ -1,12 +1,12 @@
 """Execute the primitives without feedback, and with it before and after refinement (IV.9.4.2)."""
 
 from structlearn.feedback.pmnn import read_networks
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import write_recordings
-from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import executed_sets
 from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
@@ -22,33 +22,30 @@ def main() -> None:
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    simulated = stage_parameters("record", SourceParameters).simulated
     settings = (refinement.settings_deg, refinement.setting_deg)
-    found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
+    board, _ = read_board("data", *settings, supervision, testbed, clock)
+    networks = {executed_sets.NOMINAL: {}}
+    networks |= {
+        model: read_networks(f"{DATA}/refinement/{model}.safetensors")
+        for model in (executed_sets.BEFORE, executed_sets.AFTER)
+    }
 
     sets = []
     with publish("data/raw/scraping/refined") as folder:
         folder.mkdir()
-        if found is not None:
-            board, _ = found
-            networks = {executed_sets.NOMINAL: {}}
-            networks |= {
-                model: read_networks(f"{DATA}/refinement/{model}.safetensors")
-                for model in (executed_sets.BEFORE, executed_sets.AFTER)
-            }
-            for model, own in networks.items():
-                skill = ReactiveSkill(board.primitives, board.expected, own, supervision.unit_axis)
-                recordings, executed = executed_set(model, skill, parameters, testbed, board.limits, clock)
-                for setting, runs in recordings.items():
-                    write_recordings(runs, folder / model / f"{setting:g}")
-                sets.append(executed)
+        for model, own in networks.items():
+            by_axis = on_axis(own, supervision.axis)
+            skill = ReactiveSkill(board.primitives, board.expected, by_axis, board.limits)
+            recordings, executed = executed_set(model, skill, parameters, testbed, clock)
+            for setting, runs in recordings.items():
+                write_recordings(runs, folder / model / f"{setting:g}")
+            sets.append(executed)
     with publish(f"{DATA}/refined") as folder:
         folder.mkdir()
-        if sets:
-            scores = executed_sets.scores(sets, board.nominal, supervision)
-            write_table(scores, folder / "scores.parquet")
-            write_metrics(compared_engines(skill, parameters, testbed, board.limits), folder / "engines.json")
-            write_table(executed_sets.traces(sets, board.expected, supervision), folder / "traces.parquet")
+        scores = executed_sets.scores(sets, board.nominal, supervision)
+        write_table(scores, folder / "scores.parquet")
+        write_metrics(compared_engines(skill, parameters, testbed), folder / "engines.json")
+        write_table(executed_sets.traces(sets, board.expected, supervision), folder / "traces.parquet")
 
 
 if __name__ == "__main__":

@@ -3,14 +3,17 @@
 from functools import partial
 
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.supervision import ExpectedTracesParameters, learn_expected
+from structlearn.feedback.supervision import (
+    ExpectedTracesParameters,
+    SupervisionParameters,
+    learn_expected,
+)
 from structlearn.ground.artefacts import publish, write_metrics
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
-from structlearn.recordings import read_demonstrations, read_recordings, write_recordings
-from structlearn.recordings.source import ClockParameters, SourceParameters
-from structlearn.segmentation.execution_cuts import execution_cuts
-from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
 from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
@@ -18,34 +21,27 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 def main() -> None:
     parameters = stage_parameters("expected_traces", ExpectedTracesParameters)
-    record = stage_parameters("record", SourceParameters)
+    sensors = stage_parameters("coupling_dataset", SupervisionParameters).sensors
     clock = stage_parameters("clock", ClockParameters)
-    cutting = stage_parameters("segment", SegmentParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
 
-    recordings, further, differences = [], [], {}
-    if parameters.source is not None:
-        recordings = read_recordings(parameters.source, record.topics)
-    elif record.simulated:
-        runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
-        executed = executions(skill, runs, testbed)
-        recordings, further = executed[: parameters.runs], executed[parameters.runs :]
-        differences = engine_differences(partial(executions, skill, runs[:1]), testbed)
+    runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
+    executed = executions(skill, runs, testbed)
+    differences = engine_differences(partial(executions, skill, runs[:1]), testbed)
     with publish("data/raw/scraping/unrolls") as folder:
-        write_recordings(recordings, folder)
+        write_recordings(executed[: parameters.runs], folder)
     with publish("data/raw/scraping/level") as folder:
-        write_recordings(further, folder)
+        write_recordings(executed[parameters.runs :], folder)
 
     with publish("data/feedback/scraping/expected") as folder:
         folder.mkdir()
         write_metrics(differences, folder / "engines.json")
-        if recordings:
-            unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
-            cuts = execution_cuts(unrolls, [primitive.name for primitive in primitives], cutting)
-            for name, traces in learn_expected(unrolls, cuts, parameters.smoothing_hz).items():
-                note = "electrode counts without offset"
-                write_vector_primitive(traces, folder / f"{name}.safetensors", note)
+        unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
+        cuts = commanded_cuts(unrolls, [primitive.name for primitive in primitives])
+        for name, traces in learn_expected(unrolls, cuts, parameters.smoothing_hz, sensors).items():
+            note = "electrode counts without offset"
+            write_vector_primitive(traces, folder / f"{name}.safetensors", note)
 
 
 if __name__ == "__main__":

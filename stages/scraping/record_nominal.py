@@ -1,11 +1,10 @@
-"""Record the nominal demonstrations: simulated, or taken over from your own bags (IV.9.1.3, step i)."""
+"""Record the nominal demonstrations (IV.9.1.3, step i)."""
 
 from functools import partial
 
 from structlearn.ground.artefacts import publish, write_metrics
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_recordings, write_recordings
-from structlearn.recordings.source import SIMULATED, SourceParameters
+from structlearn.recordings import write_recordings
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
@@ -13,16 +12,11 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
 def main() -> None:
-    parameters = stage_parameters("record", SourceParameters)
-    if parameters.source == SIMULATED:
-        demonstrator = stage_parameters("simulate", DemonstratorParameters)
-        testbed = stage_parameters("testbed", TestbedParameters)
-        recordings = guided_demonstrations(demonstrator, testbed)
-        first = partial(guided_demonstrations, demonstrator.model_copy(update={"count": 1}))
-        differences = engine_differences(first, testbed)
-    else:
-        recordings = read_recordings(parameters.source, parameters.topics)
-        differences = {}
+    demonstrator = stage_parameters("simulate", DemonstratorParameters)
+    testbed = stage_parameters("testbed", TestbedParameters)
+    recordings = guided_demonstrations(demonstrator, testbed)
+    first = partial(guided_demonstrations, demonstrator.model_copy(update={"count": 1}))
+    differences = engine_differences(first, testbed)
     with publish("data/raw/scraping/nominal") as folder:
         write_recordings(recordings, folder)
         write_metrics(differences, folder / "engines.json")

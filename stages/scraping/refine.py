@@ -8,7 +8,7 @@ from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.publication import discard
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.refinement import Progress
-from structlearn.recordings.source import ClockParameters, SourceParameters
+from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
@@ -22,20 +22,17 @@ def main() -> None:
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    simulated = stage_parameters("record", SourceParameters).simulated
     settings = (parameters.settings_deg, parameters.setting_deg)
     with publish("data/feedback/scraping/refinement") as folder:
         folder.mkdir()
-        found = read_board("data", *settings, supervision, testbed, clock) if simulated else None
-        if found is not None:
-            board, datasets = found
-            refined = refine_on_board(board, datasets, parameters, UNFINISHED, tell)
-            write_networks(list(refined.before.items()), folder / "before.safetensors")
-            write_networks(list(refined.after.items()), folder / "after.safetensors")
-            write_metrics(board.engine_differences(refined.after), folder / "engines.json")
-            write_table(refined.history, folder / "history.parquet")
-            write_table(refined.samples, folder / "rollouts.parquet")
-            write_table(refined.policies, folder / "policies.parquet")
+        board, datasets = read_board("data", *settings, supervision, testbed, clock)
+        refined = refine_on_board(board, datasets, parameters, UNFINISHED, tell)
+        write_networks(list(refined.before.items()), folder / "before.safetensors")
+        write_networks(list(refined.after.items()), folder / "after.safetensors")
+        write_metrics(board.engine_differences(refined.after), folder / "engines.json")
+        write_table(refined.history, folder / "history.parquet")
+        write_table(refined.samples, folder / "rollouts.parquet")
+        write_table(refined.policies, folder / "policies.parquet")
     discard(UNFINISHED)
 
 

@@ -7,7 +7,7 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
-from structlearn.recordings.source import ClockParameters, CorrectionSourceParameters, SourceParameters
+from structlearn.recordings.source import ClockParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
@@ -17,12 +17,12 @@ from structlearn.testbeds.scraping.page.scraping_report import read_results, scr
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
 from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
+from structlearn.testbeds.scraping.protocol.executions import CorrectedRunsParameters
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 PARAMETERS = {
     "clock": ClockParameters,
-    "record": SourceParameters,
     "simulate": DemonstratorParameters,
     "segment": SegmentParameters,
     "segment_sweep": SweepParameters,
@@ -31,7 +31,7 @@ PARAMETERS = {
     "scraping_people": Population,
     "testbed": TestbedParameters,
     "expected_traces": ExpectedTracesParameters,
-    "record_corrections": CorrectionSourceParameters,
+    "record_corrections": CorrectedRunsParameters,
     "coupling_dataset": SupervisionParameters,
     "train_feedback": FeedbackParameters,
     "compare_models": TrainingParameters,

@@ -3,10 +3,10 @@
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
-from structlearn.recordings.source import SIMULATED, ClockParameters, SourceParameters
+from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, no_sweep, noise_sweep
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, noise_sweep
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
 
@@ -17,10 +17,7 @@ def main() -> None:
     clock = stage_parameters("clock", ClockParameters)
     demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
     effect = downsampling_effect(demonstrations, segmentation, parameters.downsampling)
-    if stage_parameters("record", SourceParameters).source == SIMULATED:
-        noise = noise_sweep(parameters, simulation, segmentation)
-    else:
-        noise = no_sweep()  # thresholds for your own task say nothing about the simulated one
+    noise = noise_sweep(parameters, simulation, segmentation)
     with publish("data/segments/scraping_sweep") as folder:
         folder.mkdir()
         write_table(noise, folder / "noise.parquet")

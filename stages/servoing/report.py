@@ -2,7 +2,6 @@
 
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.source import SourceParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
@@ -30,12 +29,11 @@ PARAMETERS = {
 
 def main() -> None:
     chosen = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    simulated = stage_parameters("record_touch", SourceParameters).simulated
     results = ServoingResults(
         dataset=files.touch(),
         truth=files.true_contacts(),
         models=files.model_scores(),
-        comparison=files.closed_loops() if simulated else None,
+        comparison=files.closed_loops(),
         skin_tables=files.other_skins(),
         chosen=chosen,
         studies={name: read_study(f"servoing/{name}") for name in STUDIES},

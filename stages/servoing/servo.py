@@ -4,7 +4,6 @@ import pandas as pd
 
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.source import SourceParameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
@@ -27,11 +26,10 @@ def main() -> None:
     )
     with publish("data/servoing/servo") as folder:
         folder.mkdir()
-        if stage_parameters("record_touch", SourceParameters).simulated:  # a recorded finger is another one
-            taught = Taught(*read_models("data/servoing/models.safetensors"))
-            comparison = compare(taught, person, finger, parameters, variants(parameters.horizon))
-            for name, table in vars(comparison).items():
-                write_table(table, folder / f"{name}.parquet")
+        taught = Taught(*read_models("data/servoing/models.safetensors"))
+        comparison = compare(taught, person, finger, parameters, variants(parameters.horizon))
+        for name, table in vars(comparison).items():
+            write_table(table, folder / f"{name}.parquet")
         trials = []
         for name in other.skins:
             taught = Taught(*read_models(f"data/servoing/other_skins/{name}.safetensors"))

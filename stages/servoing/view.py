@@ -2,7 +2,6 @@
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.source import SourceParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
@@ -37,10 +36,9 @@ def main() -> None:
         handle_m = 1e-3 * person.handle_radius_mm
         write_touch_demonstrations(folder / "demonstrations.rrd", shown, skin, handle_m)
         write_latent_maps(folder / "latent.rrd", shown, laid, latent_map, points, chosen.map_points)
-        if stage_parameters("record_touch", SourceParameters).simulated:
-            loops = files.closed_loops()
-            runs = shown_runs(loops.trials, loops.paths, chosen.trials)
-            write_servo_runs(folder / "servo.rrd", runs, laid, handle_of(person))
+        loops = files.closed_loops()
+        runs = shown_runs(loops.trials, loops.paths, chosen.trials)
+        write_servo_runs(folder / "servo.rrd", runs, laid, handle_of(person))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from faults.mutants import mutant
 from faults.specimens import SPECIMENS
 from faults.trial import NAMED, OTHER, SAME, fingerprint, outcome
 
-COUNT = 50
+COUNT = 25
 """Of each kind of file."""
 
 

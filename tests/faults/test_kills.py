@@ -1,9 +1,7 @@
 """A stage of two processes, killed: alone, with its processes, early, late; `make kills` kills real ones."""
 
-import sys
-
 import pytest
-from faults.kills import HEALED, LIVES_ON, NOT_KILLED, healed, members, started
+from faults.kills import HEALED, LIVES_ON, NOT_KILLED, healed, started
 
 from structlearn.ground.parallel import BACKEND
 
@@ -63,4 +61,3 @@ def test_who_lives_on_is_found_and_ended(tmp_path, monkeypatch):
         "import os, time, pathlib\nif not os.fork():\n pathlib.Path('begun').touch()\ntime.sleep(30)\n"
     )
     assert healed(tmp_path, "python stage.py", 60.0, (tmp_path / "begun").exists, True)[0] == LIVES_ON
-    assert not [number for number in members(0) if number == sys.maxsize]

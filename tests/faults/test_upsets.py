@@ -33,12 +33,13 @@ def changed(run, name, value, place=200):
 def test_what_breaks_the_rule_is_told(run):
     assert list(faults(run)) == []
     far = 3.0 * run.largest
-    sudden = replace(run, coupling=np.where(np.arange(len(run.coupling)) % 2, 0.9, -0.9) * run.largest)
+    signs = np.where(np.arange(len(run.coupling)) % 2, 0.9, -0.9)
+    sudden = replace(run, coupling=signs[:, None] * run.largest)
     for broken, words in (
         (changed(run, "state", np.nan), "not finite"),
         (changed(run, "coupling", np.inf), "not finite"),
-        (changed(run, "coupling", far), "the coupling term is"),
-        (sudden, "changes by"),
+        (changed(run, "coupling", far), "coupling terms are"),
+        (sudden, "change by"),
         (replace(run, state=1.1 * run.state), "unit quaternion"),
         (replace(run, missed=(1e-3, 0.0)), "the goal is missed"),
         (replace(run, moved=True), "refused has changed something"),

@@ -2,7 +2,7 @@
 
 A run goes from stretch to stretch of readings that are good, late, repeated, not finite, huge, or of
 another size; now and then a goal moves, a goal is refused, or the caller starts again. Whatever comes, all
-outputs are finite, the coupling term keeps its bounds in size and in rate, and the goals are reached.
+outputs are finite, coupling terms keep their bounds in size and in rate, and the goals are reached.
 
 Writes `reports/reliability/upsets.csv`; names each run that breaks the rule.
 """
@@ -11,14 +11,18 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from feedback_skills import random_network, random_skill
+from feedback_skills import POINTS, random_network, random_skill
 from primitives_movements import random_vectors
 
-from structlearn.feedback.runtime import Controller, Limits, Status
+from structlearn.feedback.axes import AXES, turns
+from structlearn.feedback.limits import Limits
+from structlearn.feedback.runtime import Controller, Status
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.workspace import Workspace
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
@@ -64,15 +68,15 @@ class Run:
 
     Attributes:
         state: (T, 19) all of `STATE`.
-        coupling: (T,).
+        coupling: (T, D).
         primitive: (T,) that runs; another number after each start.
         flags: (T,) of `Status`.
         reading: (T,) place in `READINGS`.
         calls: how often each of `CALLS` came.
         moved: whether a call that was refused has changed something.
         missed: m and rad that are left of the way to the last goal.
-        largest: bound of the coupling term.
-        largest_change: likewise, of its change in a tick within a primitive.
+        largest: (D,) bounds of the coupling terms.
+        largest_change: (D,) likewise, of their changes in a tick within a primitive.
     """
 
     state: np.ndarray
@@ -83,8 +87,8 @@ class Run:
     calls: Counter
     moved: bool
     missed: tuple[float, float]
-    largest: float
-    largest_change: float
+    largest: np.ndarray
+    largest_change: np.ndarray
 
 
 def main() -> None:
@@ -136,15 +140,16 @@ def faults(run: Run) -> Iterator[str]:
     norms = np.linalg.norm(run.state[:, 9:13], axis=1)
     if np.abs(norms - 1.0).max() > 1e-9:
         yield "an orientation is no unit quaternion"
-    if np.abs(run.coupling).max() > run.largest:
-        yield f"the coupling term is {np.abs(run.coupling).max():.6g}, bound {run.largest:.6g}"
+    largest = np.abs(run.coupling).max(axis=0)
+    if (largest > run.largest).any():
+        yield f"coupling terms are {largest}, bounds {run.largest}"
     within = np.diff(run.primitive) == 0
-    changes = np.abs(np.diff(run.coupling))[within]
-    if changes.max() > run.largest_change * (1 + 1e-9):
-        yield f"the coupling term changes by {changes.max():.6g} in a tick, bound {run.largest_change:.6g}"
+    changes = np.abs(np.diff(run.coupling, axis=0))[within].max(axis=0)
+    if (changes > run.largest_change * (1 + 1e-9)).any():
+        yield f"coupling terms change by {changes} in a tick, bounds {run.largest_change}"
     stale = ((run.flags & Status.STALE) > 0)[1:] & within
-    if (np.diff(np.abs(run.coupling))[stale] > 0).any():
-        yield "the coupling term grows while there are no readings"
+    if (np.diff(np.abs(run.coupling), axis=0)[stale] > 0).any():
+        yield "a coupling term grows while there are no readings"
     bad = np.isin(run.reading, [READINGS.index(reading) for reading in NOT_FINITE])
     if not (run.flags[bad] & Status.REJECTED).all():
         yield "a reading that is not finite is taken"
@@ -157,15 +162,10 @@ def faults(run: Run) -> Iterator[str]:
 def upset(seed: int) -> Run:
     """A run of a random skill at a random rate, with everything that may go wrong."""
     rng = np.random.default_rng(seed)
-    skill = random_skill(rng, {name: random_network(rng, size=60.0) for name in ("tilt", "scrape")})
+    skill = _skill(rng)
     rate = float(rng.choice([125.0, 250.0, 500.0, 1000.0]))
-    limits = Limits(
-        largest_coupling=rng.uniform(5.0, 60.0),
-        fade_s=rng.uniform(0.02, 0.3),
-        stale_after_s=rng.uniform(0.01, 0.1),
-        offset_within_s=rng.uniform(0.05, 0.2),
-    )
-    controller = Controller(skill, rate, limits)
+    controller = Controller(skill, rate)
+    largest, largest_change = skill.limits.of(skill.axes, 1.0 / rate)
     sensor = Sensor(rng, skill.channels)
     rows, calls, moved, starts = [], Counter(), False, 0
     goal = _begin(controller, rng)
@@ -176,10 +176,11 @@ def upset(seed: int) -> Run:
             call = CALLS[rng.integers(len(CALLS))]
             calls[call] += 1
             if call == "a goal moves":
-                goal = _near(goal, rng)
+                goal = _near(sequence.default_goals(skill.primitives)[-1], rng)
                 controller.move_goal(skill.primitives[-1].name, goal.position, goal.orientation)
             elif call == "a goal is refused":
-                moved |= _moves(controller, lambda: controller.move_goal(2, [0.0, np.nan, 0.0]))
+                bad = ([0.0, np.nan, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0])[rng.integers(3)]
+                moved |= _moves(controller, lambda bad=bad: controller.move_goal(2, bad))
             else:
                 goal, starts = _begin(controller, rng), starts + 1
         if reading == "of another size":
@@ -188,7 +189,7 @@ def upset(seed: int) -> Run:
         flags = controller.tick(counts)
         state = np.concatenate([getattr(controller, name) for name in STATE])
         place = controller.primitive + len(skill.primitives) * starts
-        rows.append((state, controller.coupling, place, flags, READINGS.index(reading)))
+        rows.append((state, controller.coupling.copy(), place, flags, READINGS.index(reading)))
         if left is not None:
             left -= 1
         elif controller.finished:
@@ -199,9 +200,28 @@ def upset(seed: int) -> Run:
         calls=calls,
         moved=moved,
         missed=(float(np.linalg.norm(controller.position - goal.position)), turned),
-        largest=limits.largest_coupling,
-        largest_change=limits.largest_coupling / (limits.fade_s * rate),
+        largest=largest,
+        largest_change=largest_change,
     )
+
+
+def _skill(rng: np.random.Generator) -> ReactiveSkill:
+    """Three primitives, two of them with feedback on some axes, in a box around them."""
+    axes = rng.choice(AXES, size=int(rng.integers(1, len(AXES) + 1)), replace=False).tolist()
+    limits = Limits(
+        largest_coupling={
+            axis: rng.uniform(5.0, 60.0) if turns(axis) else rng.uniform(0.5, 6.0) for axis in AXES
+        },
+        fade_s=rng.uniform(0.02, 0.3),
+        stale_after_s=rng.uniform(0.01, 0.1),
+        offset_within_s=rng.uniform(0.05, 0.2),
+    )
+    networks = {
+        name: {axis: random_network(rng, size=60.0 if turns(axis) else 6.0) for axis in axes}
+        for name in ("tilt", "scrape")
+    }
+    box = Workspace(POINTS.min(axis=0) - 0.2, POINTS.max(axis=0) + 0.2)
+    return replace(random_skill(rng, networks, limits=limits), workspace=box)
 
 
 class Sensor:
@@ -246,9 +266,7 @@ def _begin(controller: Controller, rng: np.random.Generator) -> sequence.PoseGoa
     primitives = controller.skill.primitives
     start = _near(sequence.default_start(primitives), rng)
     controller.start(start.position, start.orientation)
-    goal = sequence.default_goals(primitives)[-1]
-    controller.move_goal(primitives[-1].name, goal.position, goal.orientation)  # one of a run before stays
-    return goal
+    return sequence.default_goals(primitives)[-1]
 
 
 def _near(pose: sequence.PoseGoal, rng: np.random.Generator) -> sequence.PoseGoal:

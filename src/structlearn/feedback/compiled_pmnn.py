@@ -18,7 +18,7 @@ from structlearn.networks.compiled_layers import PackedNetworks, hidden_layers, 
 
 
 def packed_hidden(networks: Sequence[PhaseModulatedNetwork | None]) -> PackedNetworks:
-    """Standardisation and hidden layers of networks, one per primitive or None."""
+    """Standardisation and hidden layers of networks, in their order; of those that are None nothing."""
     return pack(
         [
             None if network is None else (network.input_mean, network.input_scale, network.hidden)
@@ -76,24 +76,28 @@ def compiled_coupling(
 
 
 def stacked_readouts(
-    networks: Mapping[int, PhaseModulatedNetwork], modulations: Mapping[int, np.ndarray], rows: np.ndarray
+    networks: Mapping[tuple[int, int], PhaseModulatedNetwork],
+    modulations: Mapping[tuple[int, int], np.ndarray],
+    rows: np.ndarray,
+    axes: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Readouts of the networks of consecutive primitives in one table.
 
     Args:
-        networks: by the primitive's index.
-        modulations: (T_i, N) phase features of those primitives.
+        networks: by the index of the primitive and that of the axis.
+        modulations: (T_i, N) phase features of those.
         rows: (P + 1,) first row of each primitive in the table.
+        axes: their number D.
 
     Returns:
-        r: (R, H) padded to the widest network.   s: (R,).   Zero where a primitive has no network.
+        r: (R, D, H) padded to the widest network.   s: (R, D).   Zero where there is no network.
     """
     width = max((network.phase_weights.shape[1] for network in networks.values()), default=0)
-    scales, offsets = np.zeros((rows[-1], width)), np.zeros(rows[-1])
-    for index, network in networks.items():
-        r, s = readout(network, modulations[index])
-        scales[rows[index] : rows[index + 1], : r.shape[1]] = r
-        offsets[rows[index] : rows[index + 1]] = s
+    scales, offsets = np.zeros((rows[-1], axes, width)), np.zeros((rows[-1], axes))
+    for (index, place), network in networks.items():
+        r, s = readout(network, modulations[index, place])
+        scales[rows[index] : rows[index + 1], place, : r.shape[1]] = r
+        offsets[rows[index] : rows[index + 1], place] = s
     return scales, offsets
 
 

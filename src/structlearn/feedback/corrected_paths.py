@@ -20,6 +20,7 @@ from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.ground.errors import InputError
 from structlearn.ground.signals import time_normalised
 from structlearn.primitives import canonical, kernels, transformation
+from structlearn.recordings.settings import setting_label
 
 PHASE_TOLERANCE = 0.02
 """A demonstration's phase may differ so much from that of one uniform movement from start to end."""
@@ -34,9 +35,10 @@ class CorrectedPaths:
 
     Attributes:
         deviation: (L, T, D) s_actual - s_expected, counts.
-        target: (L, T) coupling term of one dimension that was demonstrated.
-        correction: (L, T) rad, what was added to the nominal movement from the demonstration's initial state.
-        setting: (L,) degrees of board roll.
+        target: (L, T) coupling term of one axis that was demonstrated, m or rad.
+        correction: (L, T) m or rad, what was added to the nominal movement from the demonstration's initial
+            state.
+        setting: (L,) degrees of board roll, or labels.
         demonstration: (L,) number within its setting.
     """
 
@@ -48,7 +50,7 @@ class CorrectedPaths:
 
     @property
     def response(self) -> np.ndarray:
-        """(T, T) angle over time that a held coupling term adds to a movement."""
+        """(T, T) shift or angle over time that a held coupling term adds to a movement."""
         samples = self.target.shape[1]
         return coupling_response(samples, 1.0 / (canonical.TAU_PER_DURATION * (samples - 1)))
 
@@ -73,12 +75,12 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
     Raises:
         InputError: a demonstration is not on a uniform clock from the start to the end of the primitive.
     """
-    keys = np.unique(np.column_stack([dataset.setting, dataset.demonstration]), axis=0)
+    keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
     columns: dict[str, list[np.ndarray]] = {"deviation": [], "target": [], "correction": []}
     for setting, number in keys:
         chosen = np.flatnonzero((dataset.setting == setting) & (dataset.demonstration == number))
         rows = dataset.where(chosen[np.argsort(dataset.time[chosen], kind="stable")])
-        _check_whole_movement(rows, f"setting {setting:g}, demonstration {number:g}")
+        _check_whole_movement(rows, f"setting {setting_label(setting)}, demonstration {number}")
         for name, values in (
             ("deviation", rows.deviation),
             ("target", rows.target[:, None]),
@@ -89,8 +91,8 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
         deviation=np.array(columns["deviation"]),
         target=np.array(columns["target"])[..., 0],
         correction=np.array(columns["correction"])[..., 0],
-        setting=keys[:, 0],
-        demonstration=keys[:, 1].astype(int),
+        setting=np.array([setting for setting, _ in keys]),
+        demonstration=np.array([number for _, number in keys]),
     )
 
 
@@ -102,7 +104,7 @@ def unrolled_error(network: PhaseModulatedNetwork, paths: CorrectedPaths) -> np.
         paths: the demonstrations.
 
     Returns:
-        (L,) rad, root mean square over each demonstration.
+        (L,) m or rad, root mean square over each demonstration.
     """
     unrolled = network.coupling(paths.deviation, phase_features(network, paths)) @ paths.response.T
     return np.sqrt(np.mean((unrolled - paths.correction) ** 2, axis=1))
@@ -171,7 +173,7 @@ def phase_features(network: PhaseModulatedNetwork, paths: CorrectedPaths) -> np.
 
 
 def _correction(target: np.ndarray) -> np.ndarray:
-    """What a coupling target (T,), linear between its samples, adds to a movement: (T, 1) rad."""
+    """What a coupling target (T,), linear between its samples, adds to a movement: (T, 1) m or rad."""
     step = 1.0 / (canonical.TAU_PER_DURATION * (len(target) - 1))  # dt / tau
     return transformation.unroll(np.zeros(1), np.zeros(1), target[:, None], step, 1.0).position
 

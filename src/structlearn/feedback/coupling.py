@@ -10,8 +10,11 @@ demonstration's start with c_target as its coupling term, is the demonstration.
 import numpy as np
 
 from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, orientation, transformation
 from structlearn.primitives.orientation import QuaternionPrimitive
+from structlearn.primitives.position import PositionPrimitive, from_start
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
@@ -37,6 +40,31 @@ def position_target(
     forcing = primitive.forcing(path.time, x[0], goal, path.duration)
     attraction = transformation.ALPHA * (transformation.BETA * (g - x) - tau * xd)
     return tau**2 * xdd - attraction - forcing
+
+
+def reach_target(path: Trajectory, primitive: PositionPrimitive) -> np.ndarray:
+    """Coupling target of a corrected reach in the base frame (eq. IV.23), where sensors and axes are fixed.
+
+    The transformation system is the same along all axes, so a coupling term turns with the local frame, which
+    is that from the reach's own start to the goal of the nominal primitive.
+
+    Args:
+        path: corrected demonstration of one primitive, (T, 3) m in the base frame.
+        primitive: the nominal primitive.
+
+    Returns:
+        (T, 3) c_target in m; 0 at the first sample.
+
+    Raises:
+        InputError: the path starts at the goal, so that there is no local frame.
+    """
+    start = path.position[0]
+    try:
+        axes = local_frame(start, primitive.goal, primitive.frame)
+    except ValueError as error:
+        raise InputError(f"a corrected reach from {start} to {primitive.goal}: {error}") from error
+    goal = (primitive.goal - start) @ axes
+    return position_target(from_start(path, axes), primitive.local, goal) @ axes.T
 
 
 def orientation_target(

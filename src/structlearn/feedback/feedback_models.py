@@ -7,7 +7,8 @@ differentiable primitive, such that the unrolled path follows the corrected demo
 is decided on the board, in closed loop.
 """
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,29 +20,36 @@ from structlearn.feedback.training_parameters import LEVEL, MODELS, UNROLLED, Fe
 from structlearn.feedback.unrolled_training import train_unrolled
 from structlearn.ground.parallel import parallel_map
 
-Networks = list[tuple[str, PhaseModulatedNetwork]]
+Key = TypeVar("Key", bound=Hashable)
 
 
 def train_models(
-    datasets: Mapping[str, CouplingDataset],
-    level: Mapping[str, CouplingDataset],
+    datasets: Mapping[Key, CouplingDataset],
+    level: Mapping[Key, CouplingDataset],
     parameters: FeedbackParameters,
-) -> dict[str, Networks]:
-    """Train all models for every primitive.
+    models: Sequence[str] = MODELS,
+) -> dict[str, list[tuple[Key, PhaseModulatedNetwork]]]:
+    """Train models for every primitive; of several axes each has a network of its own (IV.6.2.3.2).
 
     Args:
-        datasets: corrections by the primitive's name.
-        level: of `supervision.level_dataset`, likewise.
+        datasets: corrections by the primitive's name, or by whatever tells primitive and axis.
+        level: of `supervision.level_dataset`, likewise; without the model `level` it is not looked at.
         parameters: see there.
+        models: which of `MODELS` are trained.
 
     Returns:
-        By model, its networks by primitive.
+        By model, its networks by the keys of the datasets.
     """
-    with_level = {name: concatenated([dataset, level[name]]) for name, dataset in datasets.items()}
-    learned_from = {model: with_level if model == LEVEL else datasets for model in MODELS}
-    work = [(model, dataset, parameters) for model in MODELS for dataset in learned_from[model].values()]
+    learned_from = {
+        model: {
+            key: concatenated([dataset, level[key]]) if model == LEVEL else dataset
+            for key, dataset in datasets.items()
+        }
+        for model in models
+    }
+    work = [(model, dataset, parameters) for model in models for dataset in learned_from[model].values()]
     networks = iter(parallel_map(_trained, work, "training feedback models"))
-    return {model: [(name, next(networks)) for name in datasets] for model in MODELS}
+    return {model: [(key, next(networks)) for key in datasets] for model in models}
 
 
 def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> PhaseModulatedNetwork:

@@ -97,7 +97,7 @@ def _stream(number: int | None) -> int:
 
 def _chunks(dataset: CouplingDataset, chunk_samples: int) -> np.ndarray:
     """Number of the chunk of every sample (S,); no chunk reaches over the end of a demonstration."""
-    changes = (np.diff(dataset.setting) != 0) | (np.diff(dataset.demonstration) != 0)
+    changes = (dataset.setting[1:] != dataset.setting[:-1]) | (np.diff(dataset.demonstration) != 0)
     starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
     rows = np.arange(len(dataset.target))
     within = rows - np.repeat(starts, np.diff([*starts, len(rows)]))

@@ -112,22 +112,27 @@ def _inputs(
 ) -> tuple[torch.Tensor, np.ndarray]:
     """Standardised inputs (M, S, D) of a representation and the dimensions (M,) of its code, NaN without.
 
-    The columns of a block share one scale; phase and phase velocity have their own.
+    The columns of a block share one scale, or one per group; phase and phase velocity have their own.
     """
     blocks = [np.broadcast_to(dataset.deviation, (len(folds), *dataset.deviation.shape))]
+    groups = [dataset.groups]
     dimensions = np.full(len(folds), np.nan)
     if name == "ffnn_phase":
         for column in (dataset.phase, dataset.phase_velocity):
             blocks.append(np.broadcast_to(column[:, None], (len(folds), len(column), 1)))
+            groups.append(())
     elif name in ("pca", "autoencoder"):
         codes = representations.principal_components(dataset.deviation, folds)
         if name == "autoencoder":
             codes = representations.autoencoder(dataset.deviation, folds, codes.dimensions, parameters)
-        blocks, dimensions = [codes.features], codes.dimensions.astype(float)
-    inputs = [[_standardised(block[model], fold) for block in blocks] for model, fold in enumerate(folds)]
+        blocks, groups, dimensions = [codes.features], [()], codes.dimensions.astype(float)
+    inputs = [
+        [_standardised(block[model], fold, group) for block, group in zip(blocks, groups, strict=True)]
+        for model, fold in enumerate(folds)
+    ]
     return torch.from_numpy(np.stack([np.hstack(one) for one in inputs])), dimensions
 
 
-def _standardised(values: np.ndarray, fold: Fold) -> np.ndarray:
-    mean, spread = standardisation(values, fold)
+def _standardised(values: np.ndarray, fold: Fold, groups: Sequence[int]) -> np.ndarray:
+    mean, spread = standardisation(values, fold, groups)
     return ((values - mean) / spread).astype(np.float32)

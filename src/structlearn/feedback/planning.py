@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from structlearn.feedback.axes import AXES
 from structlearn.feedback.compiled_pmnn import packed_hidden, stacked_readouts
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.feedback.stepping import Plan
@@ -40,13 +41,22 @@ def plan_in_time(
         limits: see `Plan`.
         ages: see `Plan`.
     """
+    axes = skill.axes
     taus = np.array([canonical.time_constant(duration) for duration in durations])
     counts = [sample_count(duration, dt) for duration in durations]
     counts[-1] = sample_count((1.0 + HELD_DURATIONS) * durations[-1], dt)
     rows = np.cumsum([0, *counts])
     turning, expected = np.zeros((rows[-1], 3)), np.full((rows[-1], skill.channels), np.nan)
-    networks = {skill.index(name): network for name, network in skill.networks.items() if feedback}
-    modulations = {}
+    networks = {
+        (skill.index(name), axes.index(axis)): network
+        for name, by_axis in skill.networks.items()
+        for axis, network in by_axis.items()
+        if feedback
+    }
+    modulations = {
+        (index, place): kernels.sampled_features(counts[index], dt / taus[index], len(network.output_weights))
+        for (index, place), network in networks.items()
+    }
     for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
         part = slice(rows[index], rows[index + 1])
         if primitive.orientation is not None:
@@ -56,13 +66,11 @@ def plan_in_time(
             traces = skill.expected[primitive.name]
             until = dt * (count - 1)
             expected[part] = traces.unroll(dt, duration=durations[index], until=until).position
-        if index in networks:
-            kernel_count = len(networks[index].output_weights)
-            modulations[index] = kernels.sampled_features(count, dt / tau, kernel_count)
     turning[-1] = 0.0
-    scales, offsets = stacked_readouts(networks, modulations, rows)
+    scales, offsets = stacked_readouts(networks, modulations, rows, len(axes))
     scales[-1], offsets[-1] = 0.0, 0.0
-    packed = packed_hidden([networks.get(index) for index in range(len(taus))])
+    table = (len(taus), len(axes))
+    packed = packed_hidden([networks.get(place) for place in np.ndindex(table)])
     return Plan(
         rows=rows,
         matrix=np.stack([transformation.step_matrix(dt / tau) for tau in taus]),
@@ -74,11 +82,11 @@ def plan_in_time(
         expected=expected,
         readout=scales,
         offset=offsets,
-        axis=np.array(skill.axis, dtype=float),
+        axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
         values=packed.values,
-        first=packed.first,
-        layers=packed.layers,
-        sizes=packed.sizes,
+        first=packed.first.reshape(table),
+        layers=packed.layers.reshape(table),
+        sizes=packed.sizes.reshape(*table, packed.sizes.shape[1]),
         limits=limits,
         ages=ages,
     )
@@ -94,7 +102,8 @@ def forcing_in_base_frame(
 ) -> np.ndarray:
     """Forcing term of the positions from one primitive to the last, each in the frame of its reach.
 
-    Positions get no feedback, so where a primitive will start is known: it is unrolled here.
+    Frame and amplitude of a primitive are those from where it will start without feedback: it is unrolled
+    here. What feedback on the position has left over where it does start is taken up by the evolving goal.
 
     Args:
         skill: the skill.
@@ -162,16 +171,30 @@ def checked_goals(
     """Positions (3,) and orientations (4,) of the goals; default the demonstrations' means.
 
     Raises:
-        InputError: another number of them, or one that is not finite or no unit quaternion.
+        InputError: another number of them, or one that is not finite, outside the workspace or no unit
+            quaternion.
     """
     goals = default_goals(skill.primitives) if goals is None else goals
     _check_count(skill, goals, "goals")
     positions, orientations = [], []
     for primitive, goal in zip(skill.primitives, goals, strict=True):
-        positions.append(require_finite(goal.position, 3, f"the goal of '{primitive.name}'"))
+        positions.append(checked_goal(skill, primitive.name, goal.position))
         unturned = primitive.orientation is None
         orientations.append(quaternion.IDENTITY if unturned else unit_goal(goal.orientation, primitive.name))
     return positions, orientations
+
+
+def checked_goal(skill: ReactiveSkill, name: str, position: np.ndarray) -> np.ndarray:
+    """The goal position (3,) of a primitive; InputError where it is not finite or outside the workspace."""
+    what = f"the goal of '{name}'"
+    return within_workspace(skill, require_finite(position, 3, what), what)
+
+
+def within_workspace(skill: ReactiveSkill, point: np.ndarray, what: str) -> np.ndarray:
+    """A point (3,), for which it raises InputError where the skill has a workspace that it is outside of."""
+    if skill.workspace is not None:
+        skill.workspace.require(point, what)
+    return point
 
 
 def unit_goal(orientation: np.ndarray, name: str) -> np.ndarray:

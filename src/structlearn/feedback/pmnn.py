@@ -10,7 +10,7 @@ model file holds; `stacked_pmnn` is what is trained, `compiled_pmnn` what a robo
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,10 +68,7 @@ def write_networks(networks: Sequence[tuple[str, PhaseModulatedNetwork]], path: 
     """
     tensors: dict[str, np.ndarray] = {}
     for name, network in networks:
-        for array in _ARRAYS:
-            tensors[f"{name}.{array}"] = getattr(network, array)
-        for layer, (weights, biases) in enumerate(network.hidden):
-            tensors |= {f"{name}.hidden.{layer}.weights": weights, f"{name}.hidden.{layer}.biases": biases}
+        tensors |= network_tensors(name, network)
     layers = {name: len(network.hidden) for name, network in networks}
     write_tensors(tensors, path, json.dumps({"phase_modulated_networks": layers}, sort_keys=True))
 
@@ -85,7 +82,7 @@ def read_networks(path: str | Path) -> dict[str, PhaseModulatedNetwork]:
     tensors = read_tensors(path)
     try:
         layers = json.loads(read_description(path))["phase_modulated_networks"]
-        return {name: _network(name, count, tensors) for name, count in layers.items()}
+        return {name: named_network(name, count, tensors) for name, count in layers.items()}
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: holds no phase-modulated networks (missing {error})") from error
 
@@ -109,7 +106,16 @@ def dominant_features(network: PhaseModulatedNetwork, count: int = 10) -> np.nda
 _ARRAYS = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
 
 
-def _network(name: str, layers: int, tensors: dict[str, np.ndarray]) -> PhaseModulatedNetwork:
+def network_tensors(name: str, network: PhaseModulatedNetwork) -> dict[str, np.ndarray]:
+    """Arrays of a network, called as `write_networks` says."""
+    tensors = {f"{name}.{array}": getattr(network, array) for array in _ARRAYS}
+    for layer, (weights, biases) in enumerate(network.hidden):
+        tensors |= {f"{name}.hidden.{layer}.weights": weights, f"{name}.hidden.{layer}.biases": biases}
+    return tensors
+
+
+def named_network(name: str, layers: int, tensors: Mapping[str, np.ndarray]) -> PhaseModulatedNetwork:
+    """The inverse of `network_tensors` for a number of hidden layers; KeyError where an array is missing."""
     hidden = tuple(
         (tensors[f"{name}.hidden.{layer}.weights"], tensors[f"{name}.hidden.{layer}.biases"])
         for layer in range(layers)

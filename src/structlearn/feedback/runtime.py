@@ -1,35 +1,29 @@
 """The controller that goes to a robot: primitives with feedback, one call per tick, in compiled code.
 
-    skill = read_skill("primitives.safetensors", "expected", "networks.safetensors", axis)
-    controller = Controller(skill, rate_hz=1000)
+    controller = Controller(read_skill("skill.safetensors"), rate_hz=1000)
     controller.start(position, orientation)
     while not controller.finished:
         flags = controller.tick(new_sensor_sample_or_None)
         robot.follow(controller.position, controller.orientation, ...)
 
 Everything that depends on time only is worked out before the first tick; a tick takes the sensor's newest
-sample, evaluates the network and steps the pose exactly, for any rate. Whatever the sensor does, the coupling
-term is bounded in size and in its rate of change, and fades with the phase, so the goal is reached.
+sample, evaluates the networks and steps the pose exactly, for any rate. Whatever the sensor does, coupling
+terms are bounded in size and in their rate of change, and fade with the phase, so the goal is reached.
 """
 
 from collections.abc import Sequence
 from enum import IntFlag
 
 import numpy as np
-from pydantic import Field
 
 from structlearn.feedback import planning, stepping
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters
 from structlearn.primitives import canonical
 from structlearn.primitives.sequence import PoseGoal
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.primitives.vector import sample_count
-
-TARGET_MARGIN = 1.5
-"""A coupling term may be this much larger than any that was demonstrated."""
 
 
 class Status(IntFlag):
@@ -39,9 +33,9 @@ class Status(IntFlag):
         REJECTED: the sample handed in has a value that is not finite, or the network overflowed on it.
         WAITING: the offset of the run is not known yet, so there is no feedback yet.
         NO_OFFSET: it was not known in time, so there is no feedback in this run.
-        STALE: the newest good sample is too old; the coupling term fades until there is one again.
-        SATURATED: the coupling term is at its bound.
-        RATE_LIMITED: it changes as fast as it may.
+        STALE: the newest good sample is too old; the coupling terms fade until there is one again.
+        SATURATED: a coupling term is at its bound.
+        RATE_LIMITED: one changes as fast as it may.
     """
 
     REJECTED = stepping.REJECTED
@@ -50,34 +44,6 @@ class Status(IntFlag):
     STALE = stepping.STALE
     SATURATED = stepping.SATURATED
     RATE_LIMITED = stepping.RATE_LIMITED
-
-
-class Limits(Parameters):
-    """Bounds on feedback, which hold whatever the sensor and the network do.
-
-    Attributes:
-        largest_coupling: bound of |c|; held for long, c turns by c / (ALPHA BETA): the default, 15 degrees.
-            `largest_coupling` derives it from demonstrated coupling terms.
-        fade_s: time in which the largest coupling may fade out, or in; it bounds |dc/dt| within a primitive.
-            Where the next one begins c is 0 at once, and the evolving goal takes up what it was (eq. IV.14):
-            acceleration, the robot's own measure, goes on as it was.
-        stale_after_s: age of the newest good sensor sample at which the coupling begins to fade.
-        offset_within_s: time from the start in which the samples of the offset must have come.
-    """
-
-    largest_coupling: float = Field(default=40.0, gt=0)
-    fade_s: float = Field(default=0.05, gt=0)
-    stale_after_s: float = Field(default=0.05, gt=0)
-    offset_within_s: float = Field(default=0.1, gt=0)
-
-
-def largest_coupling(targets: Sequence[np.ndarray]) -> float:
-    """A bound of the coupling term for `Limits`: the largest demonstrated one, and `TARGET_MARGIN`.
-
-    Args:
-        targets: demonstrated coupling terms of any shapes.
-    """
-    return TARGET_MARGIN * max(float(np.abs(target).max()) for target in targets)
 
 
 class Controller:
@@ -94,13 +60,13 @@ class Controller:
         angular_velocity: (3,) rad/s, base frame.
         angular_acceleration: (3,) rad/s^2, base frame.
         deviation: (E,) newest good sample - offset - expected; NaN where one of them is not known.
+        coupling: (D,) coupling terms c on the skill's axes, m or rad.
     """
 
     def __init__(
         self,
         skill: ReactiveSkill,
         rate_hz: float,
-        limits: Limits | None = None,
         durations: Sequence[float] | None = None,
         goals: Sequence[PoseGoal] | None = None,
         feedback: bool = True,
@@ -110,22 +76,19 @@ class Controller:
         Args:
             skill: what to do.
             rate_hz: ticks per second.
-            limits: bounds on feedback; default `Limits()`.
             durations: one per primitive in s; default the demonstrations' means.
             goals: one per primitive; default the demonstrations' means.
-            feedback: False leaves the coupling term 0; deviations are still reported.
+            feedback: False leaves the coupling terms 0; deviations are still reported.
 
         Raises:
-            InputError: the rate, a duration or a goal is no good.
+            InputError: the rate, a duration or a goal is no good, or a goal is outside the skill's workspace.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
-        limits = Limits() if limits is None else limits
-        self.skill, self.rate_hz = skill, float(rate_hz)
+        self.skill, self.rate_hz, limits = skill, float(rate_hz), skill.limits
         self._dt = 1.0 / self.rate_hz
         durations = planning.checked_durations(skill, durations, self._dt)
         positions, orientations = planning.checked_goals(skill, goals)
-        change = limits.largest_coupling * self._dt / limits.fade_s
         ages = [round(seconds * self.rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
         self._plan = planning.plan_in_time(
             skill,
@@ -134,9 +97,10 @@ class Controller:
             positions,
             orientations,
             feedback,
-            np.array([limits.largest_coupling, change]),
+            limits.of(skill.axes, self._dt),
             np.array(ages, dtype=np.int64),
         )
+        self._goals = self._plan.position_goal.copy(), self._plan.orientation_goal.copy()
         self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
         self._state = stepping.resting_state(self._plan)
         self._arguments = (tuple(self._plan), tuple(self._state))
@@ -145,31 +109,36 @@ class Controller:
         self.position, self.velocity, self.acceleration = self._state.path[:, 0, 0]
         self.angular_velocity, self.angular_acceleration = self._state.turning[:, 0, 0]
         self.orientation, self.deviation = self._state.orientation[0, 0], self._state.deviation
+        self.coupling = self._state.coupling
 
     def start(self, position: np.ndarray, orientation: np.ndarray | None = None) -> None:
-        """Begin a run at rest; what is compiled is compiled here, so that no tick waits for it.
+        """Begin a run at rest, to the goals that the controller was made with.
+
+        What is compiled is compiled here, so that no tick waits for it.
 
         Args:
             position: (3,) m.
             orientation: (4,) unit quaternion; may be left out when no primitive has orientations.
 
         Raises:
-            InputError: the pose is not finite or no unit quaternion, or a reach has no direction.
+            InputError: the pose is not finite, outside the skill's workspace or no unit quaternion, or a
+                reach has no direction.
         """
         plan, state, start = self._plan, self._state, "the position at the start"
-        position = require_finite(position, 3, start)
+        position = planning.within_workspace(self.skill, require_finite(position, 3, start), start)
         turned = self.skill.primitives[0].orientation is not None
         if turned or orientation is not None:
             orientation = require_unit(orientation, 4, "the orientation at the start")
         else:
             orientation = quaternion.IDENTITY
         at_rest = (position, np.zeros(3), np.zeros(3))
+        goals, turned_goals = self._goals
         forcing = planning.forcing_in_base_frame(
-            self.skill, plan, self._dt, 0, at_rest, plan.position_goal
+            self.skill, plan, self._dt, 0, at_rest, goals
         )  # the last that can fail: until here nothing has changed
         plan.position_forcing[:] = forcing
-        if not turned:
-            plan.orientation_goal[:] = orientation
+        plan.position_goal[:] = goals
+        plan.orientation_goal[:] = turned_goals if turned else orientation
         for array in (state.clock, state.path, state.turning, state.zero, state.good, state.coupling):
             array[:] = 0
         state.path[0, 0, 0] = position
@@ -211,7 +180,7 @@ class Controller:
     def move_goal(
         self, primitive: int | str, position: np.ndarray, orientation: np.ndarray | None = None
     ) -> None:
-        """Move the goal of the running primitive or a later one; the evolving goal goes there smoothly.
+        """Move the goal of the running primitive or a later one in this run; the evolving goal goes smoothly.
 
         Position, velocity and acceleration stay continuous: the running primitive keeps its forcing term,
         later ones are planned anew from where they will start. Between two ticks; takes some tenths of a ms.
@@ -222,7 +191,8 @@ class Controller:
             orientation: (4,) unit quaternion; default stays.
 
         Raises:
-            InputError: no such primitive, it has ended, or the goal is no good; nothing has changed then.
+            InputError: no such primitive, it has ended, or the goal is no good or outside the workspace;
+                nothing has changed then.
             RuntimeError: the run has not been started.
         """
         if not self._started:
@@ -232,7 +202,7 @@ class Controller:
         name = self.skill.primitives[index].name
         if index < running:
             raise InputError(f"'{name}' has ended, its goal cannot be moved")
-        position = require_finite(position, 3, f"the goal of '{name}'")
+        position = planning.checked_goal(self.skill, name, position)
         old, old_turned = plan.position_goal[index].copy(), plan.orientation_goal[index].copy()
         turned = old_turned if orientation is None else planning.unit_goal(orientation, name)
         goals = plan.position_goal.copy()
@@ -271,11 +241,6 @@ class Controller:
         if not self._started:
             raise RuntimeError("start() comes before the first tick")
         return self._arguments
-
-    @property
-    def coupling(self) -> float:
-        """Coupling term c about the skill's axis."""
-        return float(self._state.coupling[0])
 
     @property
     def primitive(self) -> int:

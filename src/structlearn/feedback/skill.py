@@ -1,18 +1,27 @@
-"""What a robot is given: primitives, expected sensor traces and feedback models, as saved files hold them."""
+"""What a robot is given: primitives, expected sensor traces, feedback models, and the bounds of all of it.
+
+A coupling term of several dimensions is made by as many phase-modulated networks, each trained by itself, all
+of the same sensors (IV.6.2.3.2): `networks["scrape"]["ry"]` corrects about the base frame's y axis while
+`scrape` runs.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
+from structlearn.feedback.axes import AXES, Axis, turns
+from structlearn.feedback.limits import Limits
+from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.workspace import Workspace
 from structlearn.ground.errors import InputError
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.orientation import QuaternionPrimitive
-from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
+
+Networks = Mapping[str, Mapping[Axis, PhaseModulatedNetwork]]
+"""Feedback models by the primitive's name, by axis; a primitive without them, or an axis, is left alone."""
 
 UNIT_TOLERANCE = 1e-6
 """How far the norm of an axis or a quaternion may be from 1."""
@@ -23,10 +32,13 @@ class ReactiveSkill:
     """Primitives in sequence, with feedback where they have a network.
 
     Attributes:
-        primitives: with orientations of the quaternion form, or all without orientation and networks.
+        primitives: with orientations of the quaternion form, or without orientation and networks that turn.
         expected: expected sensor traces by the primitive's name, all of the same channels.
-        networks: feedback models by the primitive's name; each takes all channels, or none (`open_loop`).
-        axis: (3,) unit vector in the base frame, about which the networks correct the orientation.
+        networks: each takes all channels, or none (`open_loop`).
+        limits: bounds of the feedback.
+        workspace: where runs may start and have their goals; None: anywhere.
+        sensors: names and numbers of channels of the sensors that make up a sample, in this order; may be
+            left out by those who know.
 
     Raises:
         InputError: the parts do not fit together; the message names the primitive.
@@ -34,8 +46,10 @@ class ReactiveSkill:
 
     primitives: Sequence[PosePrimitive]
     expected: Mapping[str, VectorPrimitive] = field(default_factory=dict)
-    networks: Mapping[str, PhaseModulatedNetwork] = field(default_factory=dict)
-    axis: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    networks: Networks = field(default_factory=dict)
+    limits: Limits = field(default_factory=Limits)
+    workspace: Workspace | None = None
+    sensors: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
         names = [primitive.name for primitive in self.primitives]
@@ -48,16 +62,27 @@ class ReactiveSkill:
             for name in parts:
                 if name not in names:
                     raise InputError(f"there are {kind} for '{name}', but no such primitive")
-        require_unit(self.axis, 3, "the axis of the feedback")
         for primitive in self.primitives:
-            _check_orientation(primitive, bool(self.networks))
+            _check_orientation(primitive, any(map(turns, self.axes)))
         for name, traces in self.expected.items():
             if len(traces.start) != self.channels:
                 raise InputError(
                     f"'{name}' has expected traces of {len(traces.start)} channels, others {self.channels}"
                 )
-        for name, network in self.networks.items():
-            _check_network(name, network, self.expected.get(name))
+        if self.sensors and sum(count for _, count in self.sensors) != self.channels:
+            raise InputError(f"sensors {dict(self.sensors)} do not make up {self.channels} channels")
+        for name, by_axis in self.networks.items():
+            for axis, network in by_axis.items():
+                if axis not in AXES:
+                    raise InputError(f"'{name}' has a network for '{axis}', no axis among {', '.join(AXES)}")
+                _check_network(f"the network of '{name}' for {axis}", network, self.expected.get(name))
+        self.limits.of(self.axes, 1.0)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Axes that some network corrects, in the order of `axes.AXES`."""
+        used = {axis for by_axis in self.networks.values() for axis in by_axis}
+        return tuple(axis for axis in AXES if axis in used)
 
     @property
     def channels(self) -> int:
@@ -78,29 +103,9 @@ class ReactiveSkill:
         return primitive
 
 
-def read_skill(
-    primitives_file: str | Path,
-    expected_folder: str | Path,
-    networks_file: str | Path,
-    axis: np.ndarray,
-) -> ReactiveSkill:
-    """Load a skill from the files that the pipeline writes.
-
-    Args:
-        primitives_file: of `primitives.primitive_files.write_primitives`.
-        expected_folder: one file of `write_vector_primitive` per primitive, `<primitive>.safetensors`; those
-            without a file have no expected traces.
-        networks_file: of `pmnn.write_networks`, by the primitives' names.
-        axis: (3,) unit vector in the base frame, about which the networks correct.
-
-    Raises:
-        InputError: a file is missing or of another kind, or the parts do not fit together.
-    """
-    folder = Path(expected_folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; run the stage that writes it")
-    expected = {file.stem: read_vector_primitive(file) for file in sorted(folder.glob("*.safetensors"))}
-    return ReactiveSkill(read_primitives(primitives_file), expected, read_networks(networks_file), axis)
+def on_axis(networks: Mapping[str, PhaseModulatedNetwork], axis: Axis) -> Networks:
+    """Networks by the primitive's name as those of a skill that corrects on one axis."""
+    return {name: {axis: network} for name, network in networks.items()}
 
 
 def open_loop(weights: np.ndarray) -> PhaseModulatedNetwork:
@@ -154,18 +159,17 @@ def _check_orientation(primitive: PosePrimitive, feedback: bool) -> None:
         )
 
 
-def _check_network(name: str, network: PhaseModulatedNetwork, expected: VectorPrimitive | None) -> None:
+def _check_network(what: str, network: PhaseModulatedNetwork, expected: VectorPrimitive | None) -> None:
     inputs, *widths = network.sizes
     if inputs and expected is None:
-        raise InputError(f"the network of '{name}' takes {inputs} channels, but there are no expected traces")
+        raise InputError(f"{what} takes {inputs} channels, but there are no expected traces")
     if inputs and inputs != len(expected.start):
         raise InputError(
-            f"the network of '{name}' takes {inputs} channels, but its expected traces have "
-            f"{len(expected.start)}"
+            f"{what} takes {inputs} channels, but its expected traces have {len(expected.start)}"
         )
     kernels = len(network.output_weights)
     if kernels < 2:
-        raise InputError(f"the network of '{name}' has {kernels} phase kernels, needs about {KERNEL_COUNT}")
+        raise InputError(f"{what} has {kernels} phase kernels, needs about {KERNEL_COUNT}")
     shapes = [(weights.shape, (width,)) for (weights, _), width in zip(network.hidden, widths, strict=True)]
     shapes += [(network.phase_weights.shape, network.phase_biases.shape)]
     wanted = [
@@ -173,8 +177,8 @@ def _check_network(name: str, network: PhaseModulatedNetwork, expected: VectorPr
         for before, width in zip([inputs, *widths], [*widths, kernels], strict=True)
     ]
     if network.input_scale.shape != (inputs,) or shapes != wanted:
-        raise InputError(f"the layers of the network of '{name}' do not fit together: {shapes}")
+        raise InputError(f"the layers of {what} do not fit together: {shapes}")
     arrays = [network.input_mean, network.input_scale, network.phase_weights, network.phase_biases]
     arrays += [network.output_weights, *(array for layer in network.hidden for array in layer)]
     if not all(np.isfinite(array).all() for array in arrays) or not (network.input_scale > 0).all():
-        raise InputError(f"the network of '{name}' holds a value that is not finite or a scale of 0")
+        raise InputError(f"{what} holds a value that is not finite or a scale of 0")

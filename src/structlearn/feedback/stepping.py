@@ -36,14 +36,14 @@ class Plan(NamedTuple):
         position_forcing: (R, 3) in the base frame.
         orientation_forcing: (R, 3).
         expected: (R, E) expected sensor traces; NaN where a primitive has none.
-        readout: (R, H) r of `compiled_pmnn.readout`.
-        offset: (R,) its s.
-        axis: (3,) about which the coupling turns.
+        readout: (R, D, H) r of `compiled_pmnn.readout`.
+        offset: (R, D) its s.
+        axes: (D,) places of the axes of the coupling in `axes.AXES`.
         values: packed networks, see `compiled_layers.PackedNetworks`.
-        first: (P,).
-        layers: (P,).
-        sizes: (P, L + 1).
-        limits: (2,) largest coupling, and its largest change in one tick.
+        first: (P, D).
+        layers: (P, D).
+        sizes: (P, D, L + 1).
+        limits: (2, D) largest coupling, and its largest change in one tick.
         ages: (2,) ticks until the offset must be known, and until a sample is stale.
     """
 
@@ -57,7 +57,7 @@ class Plan(NamedTuple):
     expected: np.ndarray
     readout: np.ndarray
     offset: np.ndarray
-    axis: np.ndarray
+    axes: np.ndarray
     values: np.ndarray
     first: np.ndarray
     layers: np.ndarray
@@ -75,7 +75,7 @@ class State(NamedTuple):
         turned: (1, 4) orientation at the row that is due.
         rate: (1, 3) tau w.
         remaining: (1, 3) rotation vector from the steady to the evolving goal.
-        coupling: (1,) c.
+        coupling: (D,) c on each axis.
         sample: (E,) newest sensor sample handed in.
         good: (E,) newest good one.
         zero: (E,) mean of the first samples: the offset of the run, complete after `OFFSET_SAMPLES`.
@@ -83,7 +83,7 @@ class State(NamedTuple):
         path: (3, 1, 1, 3) output: position, velocity, acceleration.
         orientation: (1, 1, 4) output.
         turning: (2, 1, 1, 3) output: angular velocity, angular acceleration.
-        held: (2, 1, 3) coupling vector of the position, always 0, and of the orientation.
+        held: (2, 1, 3) coupling vector of the position, and of the orientation; 0 but on the axes.
         window: (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation.
         work: `compiled_layers.layer_values` of the networks.
     """
@@ -116,7 +116,7 @@ def resting_state(plan: Plan) -> State:
         turned=turned,
         rate=np.zeros((1, 3)),
         remaining=np.zeros((1, 3)),
-        coupling=np.zeros(1),
+        coupling=np.zeros(len(plan.axes)),
         sample=np.full(channels, np.nan),
         good=np.zeros(channels),
         zero=np.zeros(channels),
@@ -126,7 +126,7 @@ def resting_state(plan: Plan) -> State:
         turning=np.zeros((2, 1, 1, 3)),
         held=np.zeros((2, 1, 3)),
         window=np.zeros((2, 1, 2, 3)),
-        work=layer_values(plan.sizes),
+        work=layer_values(plan.sizes.reshape(-1, plan.sizes.shape[-1])),
     )
 
 
@@ -142,14 +142,14 @@ def no_plan() -> tuple[tuple, tuple]:
         position_forcing=np.zeros((0, 3)),
         orientation_forcing=np.zeros((0, 3)),
         expected=np.zeros((0, 0)),
-        readout=np.zeros((0, 0)),
-        offset=none,
-        axis=np.zeros(3),
+        readout=np.zeros((0, 0, 0)),
+        offset=np.zeros((0, 0)),
+        axes=place,
         values=none,
-        first=place,
-        layers=place,
-        sizes=np.zeros((0, 1), dtype=np.int64),
-        limits=np.zeros(2),
+        first=place[None],
+        layers=place[None],
+        sizes=np.zeros((0, 0, 1), dtype=np.int64),
+        limits=np.zeros((2, 0)),
         ages=np.zeros(2, dtype=np.int64),
     )
     return tuple(plan), tuple(resting_state(plan))
@@ -161,7 +161,7 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
     plan, state = Plan(*plan_arrays), State(*state_arrays)
     row, tau = plan.rows[primitive], plan.tau[primitive]
     state.clock[ROW], state.clock[PRIMITIVE] = row, primitive
-    state.coupling[0] = 0.0  # the phase velocity is 0, and the goal absorbs what the predecessor's was
+    state.coupling[:] = 0.0  # the phase velocity is 0, and the goal absorbs what the predecessor's was
     state.turned[0] = state.orientation[0, 0]
     remaining = state.remaining[0]
     for d in range(3):
@@ -238,10 +238,14 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
         state.deviation[i] = state.good[i] - state.zero[i] - plan.expected[row, i]
     if sensor_flags & (WAITING | NO_OFFSET):
         state.deviation[:] = np.nan
-    c, flags = _bounded(plan, state, _coupling(plan, state, row, primitive, sensor_flags))
+    flags = 0
+    for place in range(len(plan.axes)):
+        wanted = _coupling(plan, state, row, primitive, place, sensor_flags)
+        axis = plan.axes[place]
+        state.held[axis // 3, 0, axis % 3], fault = _bounded(plan, state, place, wanted)
+        flags |= fault
     matrix, tau = plan.matrix[primitive], plan.tau[primitive]
     for d in range(3):
-        state.held[1, 0, d] = c * plan.axis[d]
         state.window[0, 0, 0, d] = plan.position_forcing[row, d]
         state.window[0, 0, 1, d] = plan.position_forcing[following, d]
         state.window[1, 0, 0, d] = plan.orientation_forcing[row, d]
@@ -253,32 +257,33 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
 
 
 @_part_of_a_tick
-def _coupling(plan: Plan, state: State, row: int, primitive: int, sensor_flags: int) -> float:
-    """What the primitive's network asks for; 0 without network or without a sensor that it needs."""
-    begin, layers, sizes = plan.first[primitive], plan.layers[primitive], plan.sizes[primitive]
+def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, sensor_flags: int) -> float:
+    """What the network of an axis asks for; 0 without network or without a sensor that it needs."""
+    begin, layers = plan.first[primitive, place], plan.layers[primitive, place]
+    sizes = plan.sizes[primitive, place]
     if begin < 0 or (sizes[0] > 0 and sensor_flags & (WAITING | NO_OFFSET | STALE)):
         return 0.0
     hidden_layers(plan.values, begin, layers, sizes, state.deviation, state.work)
-    features, c = state.work[layers], plan.offset[row]
+    features, c = state.work[layers], plan.offset[row, place]
     for j in range(sizes[layers]):
-        c += plan.readout[row, j] * features[j]
+        c += plan.readout[row, place, j] * features[j]
     return c
 
 
 @_part_of_a_tick
-def _bounded(plan: Plan, state: State, wanted: float) -> tuple[float, int]:
-    """The coupling term within its bounds in size and in change per tick, which is kept as the state's."""
-    largest, largest_change = plan.limits
+def _bounded(plan: Plan, state: State, place: int, wanted: float) -> tuple[float, int]:
+    """A coupling term within its bounds in size and in change per tick, which is kept as the state's."""
+    largest, largest_change = plan.limits[0, place], plan.limits[1, place]
     flags = 0
     if not np.isfinite(wanted):  # counts so large that the standardised input overflows
         wanted, flags = 0.0, REJECTED
     if abs(wanted) > largest:
         wanted, flags = np.copysign(largest, wanted), flags | SATURATED
-    change = wanted - state.coupling[0]
+    change = wanted - state.coupling[place]
     if abs(change) > largest_change:
-        wanted = state.coupling[0] + np.copysign(largest_change, change)
+        wanted = state.coupling[place] + np.copysign(largest_change, change)
         flags |= RATE_LIMITED
-    state.coupling[0] = wanted
+    state.coupling[place] = wanted
     return wanted, flags
 
 

@@ -154,7 +154,7 @@ def train_final(
     generator = seeded(parameters.seed)
     scale = target_scale(dataset.target, fold)
     if initial is None:
-        mean, spread = standardisation(dataset.deviation, fold)
+        mean, spread = standardisation(dataset.deviation, fold, dataset.groups)
         network = StackedPhaseModulatedNetworks(
             1, len(mean), hidden, dataset.modulation().shape[1], parameters.dropout, generator
         )
@@ -204,15 +204,28 @@ def predict(network: Stack, data: StackedData, rows: Tensor) -> np.ndarray:
     return torch.cat(found, dim=1).numpy()
 
 
-def standardisation(values: np.ndarray, fold: Fold) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (D,) of the training samples, and one scale for all columns, (D,): the rms of their std.
+def standardisation(
+    values: np.ndarray, fold: Fold, groups: Sequence[int] = ()
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (D,) of the training samples, and one scale for a group of columns, (D,): the rms of their std.
 
     The text feeds its networks with counts. One scale changes their unit alone, while a scale of its own
     would make as much of an electrode that hardly feels the tool, and is mostly noise, as of one below it.
+
+    Args:
+        values: (S, D) samples.
+        fold: which of them train.
+        groups: numbers of neighbouring columns that share a unit; none: all do.
     """
     found = values[fold.train]
-    spread = float(np.sqrt(found.var(axis=0).mean()))
-    return found.mean(axis=0), np.full(found.shape[1], spread if spread > 0.0 else 1.0)
+    scales = [_spread(part) for part in np.split(found, np.cumsum(groups)[:-1], axis=1)]
+    return found.mean(axis=0), np.repeat(scales, groups or found.shape[1])
+
+
+def _spread(values: np.ndarray) -> float:
+    """Root mean square of the columns' std; 1 where nothing varies."""
+    spread = float(np.sqrt(values.var(axis=0).mean()))
+    return spread if spread > 0.0 else 1.0
 
 
 def target_scale(target: np.ndarray, fold: Fold) -> float:

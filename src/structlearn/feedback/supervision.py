@@ -7,52 +7,68 @@ samples in between would be interpolations that count twice.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal
 
 import numpy as np
 import pandas as pd
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
-from structlearn.feedback.coupling import orientation_target
+from structlearn.feedback.axes import AXES, Axis, direction, turns
+from structlearn.feedback.coupling import orientation_target, reach_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
+from structlearn.ground.frames import local_frame
 from structlearn.ground.params import Parameters
 from structlearn.ground.signals import low_pass
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sensor_traces import deviation, fit_expected_traces, without_offset
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.primitives.trajectory import OrientationTrajectory, differentiated_orientation
+from structlearn.primitives.trajectory import (
+    OrientationTrajectory,
+    Trajectory,
+    differentiated,
+    differentiated_orientation,
+)
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.source import RunSourceParameters
 
 Cuts = Mapping[str, pd.DataFrame]
 """Segments by the primitive's name: index demonstration, columns `start_s` and `end_s`."""
 
 
-class ExpectedTracesParameters(RunSourceParameters):
+class ExpectedTracesParameters(Parameters):
     """Nominal executions in the default setting, and the expected traces learned from them.
 
     Attributes:
-        level_runs: further simulated ones; nothing is expected from them, but feedback may learn from them
-            that on the level board nothing is to be corrected.
+        runs: number of executions.
+        level_runs: further ones; nothing is expected from them, but feedback may learn from them that on the
+            level board nothing is to be corrected.
         smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
     """
 
+    runs: int = Field(ge=1, le=1000)
     level_runs: int = Field(ge=0, le=1000)
     smoothing_hz: float = Field(gt=0)
 
 
-class SupervisionParameters(Parameters):
-    """Parameters of the supervised data.
+TACTILE, WRENCH = "tactile", "wrench"
+
+Sensor = Literal["tactile", "wrench"]
+"""What is felt: counts of all electrodes, or force in N and torque in N m."""
+
+WRENCH_CHANNELS = 6
+
+
+class CorrectionParameters(Parameters):
+    """How corrections become supervised data.
 
     Attributes:
         primitives: which primitives get a feedback model.
-        settings_deg: settings whose corrections are learned from; the others test generalisation.
-        axis: (3,) base frame, about which they correct: the roll axis.
-        smoothing_hz: low-pass of orientations before they are differentiated twice, about that with which the
+        axes: along and about which they correct, of the base frame.
+        sensors: what the model feels; a sample has their channels in this order.
+        smoothing_hz: low-pass of poses before they are differentiated twice, about that with which the
             nominal primitive was fitted: what is smoothed more differs from it by a ripple.
         target_hz: low-pass of the coupling target itself, from which the nominal movement has cancelled;
             people correct in submovements of half a second and more, the rest is tremor times tau^2.
@@ -60,26 +76,49 @@ class SupervisionParameters(Parameters):
     """
 
     primitives: tuple[str, ...] = Field(min_length=1)
-    settings_deg: tuple[float, ...] = Field(min_length=1)
-    axis: tuple[float, float, float]
+    axes: tuple[Axis, ...] = Field(min_length=1)
+    sensors: tuple[Sensor, ...] = Field(min_length=1)
     smoothing_hz: float = Field(gt=0)
     target_hz: float = Field(gt=0)
     rate_hz: float = Field(gt=0)
 
-    @model_validator(mode="after")
-    def _axis_has_a_direction(self) -> Self:
-        if not np.linalg.norm(self.axis) > 0:
-            raise ValueError("axis must have a direction")
-        return self
+    @field_validator("axes", "sensors")
+    @classmethod
+    def _each_once(cls, values: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(values)) < len(values):
+            raise ValueError("holds one of them twice")
+        return values
+
+
+class SupervisionParameters(CorrectionParameters):
+    """The same on a board that tilts.
+
+    Attributes:
+        settings_deg: settings whose corrections are learned from; the others test generalisation.
+    """
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+
+    @field_validator("axes")
+    @classmethod
+    def _one_turn(cls, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+        if len(axes) != 1 or not turns(axes[0]):
+            raise ValueError("the board tilts about one axis: name one of rx, ry, rz")
+        return axes
+
+    @property
+    def axis(self) -> Axis:
+        """The roll axis."""
+        return self.axes[0]
 
     @property
     def unit_axis(self) -> np.ndarray:
-        """The axis with norm 1."""
-        return np.array(self.axis) / np.linalg.norm(self.axis)
+        """Its direction (3,)."""
+        return direction(self.axis)
 
 
 def learn_expected(
-    runs: Sequence[Demonstration], cuts: Cuts, smoothing_hz: float
+    runs: Sequence[Demonstration], cuts: Cuts, smoothing_hz: float, sensors: Sequence[Sensor]
 ) -> dict[str, VectorPrimitive]:
     """Expected traces of every primitive from nominal executions (associative skill memory).
 
@@ -87,14 +126,15 @@ def learn_expected(
         runs: executions in the default setting.
         cuts: of these runs; those that are not in it are left out.
         smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
+        sensors: whose traces, in this order.
 
     Returns:
         By primitive, a vector primitive with one dimension per channel.
 
     Raises:
-        InputError: a run has no tactile stream.
+        InputError: a run has no stream of a sensor.
     """
-    traces = {run.name: without_offset(_tactile(run)) for run in runs}
+    traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
     return {
         name: fit_expected_traces(
             [_part(traces[run.name], run, table.loc[run.name]) for run in runs if run.name in table.index],
@@ -107,17 +147,23 @@ def learn_expected(
 
 @dataclass(frozen=True)
 class CorrectedPrimitive:
-    """One primitive in one corrected demonstration.
+    """One primitive in one corrected demonstration; paths are None where no such axis is asked for.
 
     Attributes:
-        path: (T, 4) corrected orientation, smoothed.
-        deviation: (T, D) counts.
-        target: (T, 3) coupling term in the base frame.
+        time: (T,) s since the primitive's start.
+        point: (T, 3) corrected position, smoothed.
+        turn: (T, 4) corrected orientation, smoothed.
+        deviation: (T, D) of the sensors.
+        target: (T, 6) coupling term on each of `axes.AXES`; 0 where its path is None.
+        groups: of `CouplingDataset`.
     """
 
-    path: OrientationTrajectory
+    time: np.ndarray
+    point: Trajectory | None
+    turn: OrientationTrajectory | None
     deviation: np.ndarray
     target: np.ndarray
+    groups: tuple[int, ...]
 
 
 def corrected_primitive(
@@ -125,7 +171,7 @@ def corrected_primitive(
     cut: pd.Series,
     primitive: PosePrimitive,
     expected: VectorPrimitive,
-    parameters: SupervisionParameters,
+    parameters: CorrectionParameters,
 ) -> CorrectedPrimitive:
     """What one corrected demonstration says about one primitive.
 
@@ -134,29 +180,34 @@ def corrected_primitive(
         cut: `start_s` and `end_s` of the primitive in it.
         primitive: the nominal one.
         expected: its expected traces.
-        parameters: the low-passes.
+        parameters: axes, sensors and low-passes.
 
     Returns:
         Signals on the demonstration's clock, from the primitive's start to its end.
 
     Raises:
-        InputError: orientation or tactile stream is missing, or the primitive turns beyond half a circle.
+        InputError: orientation or a sensor's stream is missing, or the primitive turns beyond half a circle.
     """
-    if demonstration.orientation is None or not isinstance(primitive.orientation, QuaternionPrimitive):
-        raise InputError(
-            f"{demonstration.name}: '{primitive.name}' needs orientations, and a turn of less than half a "
-            "circle, to learn a correction"
-        )
-    dt = demonstration.dt
-    whole = differentiated_orientation(demonstration.orientation, dt, parameters.smoothing_hz)
-    path = whole.cut(*_ticks(demonstration, cut))
-    _, deviating = executed_primitive(demonstration, cut, expected)
-    target = low_pass(orientation_target(path, primitive.orientation), dt, parameters.target_hz)
-    return CorrectedPrimitive(path, deviating, target)
+    dt, ticks = demonstration.dt, _ticks(demonstration, cut)
+    time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
+    target, point, turn = np.zeros((len(time), len(AXES))), None, None
+    if not all(map(turns, parameters.axes)):
+        point = differentiated(demonstration.position, dt, parameters.smoothing_hz).cut(*ticks)
+        target[:, :3] = low_pass(reach_target(point, primitive.position), dt, parameters.target_hz)
+    if any(map(turns, parameters.axes)):
+        if demonstration.orientation is None or not isinstance(primitive.orientation, QuaternionPrimitive):
+            raise InputError(
+                f"{demonstration.name}: '{primitive.name}' needs orientations, and a turn of less than half "
+                "a circle, to learn a correction"
+            )
+        turn = differentiated_orientation(demonstration.orientation, dt, parameters.smoothing_hz).cut(*ticks)
+        target[:, 3:] = low_pass(orientation_target(turn, primitive.orientation), dt, parameters.target_hz)
+    groups = channel_groups(demonstration, parameters.sensors)
+    return CorrectedPrimitive(time, point, turn, deviating, target, groups)
 
 
 def executed_primitive(
-    run: Demonstration, cut: pd.Series, expected: VectorPrimitive
+    run: Demonstration, cut: pd.Series, expected: VectorPrimitive, sensors: Sequence[Sensor]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sensor deviations of one primitive in an execution.
 
@@ -164,20 +215,50 @@ def executed_primitive(
         run: complete, since the sensors' offset is taken at its start.
         cut: `start_s` and `end_s` of the primitive in it.
         expected: its expected traces.
+        sensors: that they are of.
 
     Returns:
-        (T,) s since the primitive's start, and (T, D) counts.
+        (T,) s since the primitive's start, and (T, D) deviations.
 
     Raises:
-        InputError: there is no tactile stream, or it has other channels than the expected traces.
+        InputError: a sensor's stream is missing, or has other channels than the expected traces.
     """
-    trace = _part(without_offset(_tactile(run)), run, cut)
+    trace = _part(without_offset(felt(run, sensors)), run, cut)
     if trace.shape[1] != len(expected.start):
         raise InputError(
-            f"{run.name}: has {trace.shape[1]} tactile channels, the expected traces have "
+            f"{run.name}: has {trace.shape[1]} channels of {' and '.join(sensors)}, the expected traces have "
             f"{len(expected.start)}"
         )
     return run.dt * np.arange(len(trace)), deviation(expected, trace, run.dt)
+
+
+def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
+    """Readings (T, D) of the sensors of a run, side by side.
+
+    Raises:
+        InputError: one was not recorded.
+    """
+    for sensor in sensors:
+        if getattr(run, sensor) is None:
+            raise InputError(f"{run.name}: has no {sensor} stream, which feedback is learned from")
+    return np.column_stack([getattr(run, sensor) for sensor in sensors])
+
+
+def channel_groups(run: Demonstration, sensors: Sequence[Sensor]) -> tuple[int, ...]:
+    """`CouplingDataset.groups` of what a run felt: counts, N and N m each are a group; none where all are."""
+    groups = [(3, 3) if sensor == WRENCH else (getattr(run, sensor).shape[1],) for sensor in sensors]
+    return sum(groups, ()) if sum(map(len, groups)) > 1 else ()
+
+
+def sensor_channels(
+    sensors: Sequence[Sensor], expected: Mapping[str, VectorPrimitive]
+) -> tuple[tuple[str, int], ...]:
+    """Sensors with their numbers of channels, of which expected traces have the sum; none without traces."""
+    if not expected:
+        return ()
+    total = len(next(iter(expected.values())).start)
+    tactile = total - WRENCH_CHANNELS * (WRENCH in sensors)
+    return tuple((sensor, WRENCH_CHANNELS if sensor == WRENCH else tactile) for sensor in sensors)
 
 
 def require_parts(
@@ -195,34 +276,35 @@ def require_parts(
                 f"coupling_dataset.primitives: there is no primitive '{name}' among {', '.join(known)}"
             )
         if name not in expected:
-            raise InputError(
-                f"no expected traces of '{name}': name your executions in expected_traces.source"
-            )
+            raise InputError(f"no expected traces of '{name}', which feedback is learned from")
 
 
 def coupling_dataset(
-    demonstrations: Mapping[float, Sequence[Demonstration]],
-    cuts: Mapping[float, pd.DataFrame],
+    demonstrations: Mapping[float | str, Sequence[Demonstration]],
+    cuts: Mapping[float | str, pd.DataFrame],
     primitive: PosePrimitive,
     expected: VectorPrimitive,
-    parameters: SupervisionParameters,
-) -> tuple[CouplingDataset, pd.DataFrame]:
+    parameters: CorrectionParameters,
+) -> tuple[dict[Axis, CouplingDataset], pd.DataFrame]:
     """Supervised data of one primitive, and how well they hold together.
 
     Args:
-        demonstrations: corrected ones by setting in degrees.
+        demonstrations: corrected ones by setting, in degrees or by label.
         cuts: the primitive's segments by setting; demonstrations that are not in it are left out.
         primitive: the nominal one.
         expected: its expected traces.
         parameters: see there.
 
     Returns:
-        The dataset, and one row per demonstration: `setting_deg`, `demonstration`, `name`;
-        `reproduction_deg`, largest distance between the demonstration and the primitive unrolled with the
-        target about the axis alone; `smoothing_deg`, rms of what the low-pass took away; `others`, rms of
-        the target about the other two axes relative to the rms about the axis.
+        The dataset of each axis, and one row per demonstration: `setting` (`setting_deg` if it is a number),
+        `demonstration`, `name`; with axes of rotation `reproduction_deg`, largest distance between the
+        demonstration and the primitive unrolled with the target on these axes alone; `smoothing_deg`, rms of
+        what the low-pass took away; `others`, rms of the target about the other axes relative to the rms
+        about these; with axes of position likewise `reproduction_m`, `smoothing_m` and `others_position`.
+
+    Raises:
+        InputError: no demonstration could be cut, or one lacks a stream.
     """
-    axis = parameters.unit_axis
     parts, checks = [], []
     for setting, runs in demonstrations.items():
         for number, run in enumerate(runs):
@@ -230,54 +312,79 @@ def coupling_dataset(
                 continue
             cut = cuts[setting].loc[run.name]
             corrected = corrected_primitive(run, cut, primitive, expected, parameters)
-            parts.append(coupling_samples(corrected, setting, number, axis, parameters.rate_hz))
+            parts.append(coupling_samples(corrected, setting, number, parameters))
+            key = "setting" if isinstance(setting, str) else "setting_deg"
             checks.append(
-                {"setting_deg": setting, "demonstration": number, "name": run.name}
-                | _checks(corrected, _raw(run, cut), primitive.orientation, axis)
+                {key: setting, "demonstration": number, "name": run.name}
+                | _turn_checks(corrected, run, cut, primitive, parameters.axes)
+                | _shift_checks(corrected, run, cut, primitive, parameters.axes)
             )
-    return concatenated(parts), pd.DataFrame(checks)
+    if not parts:
+        raise InputError(f"'{primitive.name}' was cut in none of the corrected demonstrations")
+    datasets = {axis: concatenated([part[axis] for part in parts]) for axis in parameters.axes}
+    return datasets, pd.DataFrame(checks)
 
 
 def coupling_samples(
-    corrected: CorrectedPrimitive, setting: float, number: int, axis: np.ndarray, rate_hz: float
-) -> CouplingDataset:
-    """What one corrected primitive adds to the supervised data.
+    corrected: CorrectedPrimitive, setting: float | str, number: int, parameters: CorrectionParameters
+) -> dict[Axis, CouplingDataset]:
+    """What one corrected primitive adds to the supervised data of each axis.
 
     Args:
         corrected: see there.
-        setting: in degrees.
+        setting: in degrees, or its label.
         number: of the demonstration within its setting.
-        axis: (3,) unit vector about which feedback corrects.
-        rate_hz: samples per second that are kept.
+        parameters: axes, and the samples per second that are kept.
     """
-    return _samples(
-        corrected.path.time, corrected.deviation, corrected.target @ axis, (setting, number), rate_hz
-    )
+    key, rate_hz = (setting, number), parameters.rate_hz
+    return {
+        axis: _samples(
+            corrected.time,
+            corrected.deviation,
+            corrected.target[:, AXES.index(axis)],
+            key,
+            rate_hz,
+            corrected.groups,
+        )
+        for axis in parameters.axes
+    }
 
 
 def level_dataset(
-    runs: Sequence[Demonstration], cuts: pd.DataFrame, expected: VectorPrimitive, rate_hz: float
+    runs: Sequence[Demonstration],
+    cuts: pd.DataFrame,
+    expected: VectorPrimitive,
+    parameters: CorrectionParameters,
+    setting: float | str = 0.0,
 ) -> CouplingDataset:
-    """What executions on the level board add to the data: nothing is to be corrected, c_target = 0.
+    """What executions in the default setting add to the data: nothing is to be corrected, c_target = 0.
 
     Args:
         runs: nominal executions in the default setting.
         cuts: the primitive's segments in them; executions that are not in it are left out.
         expected: the primitive's expected traces.
-        rate_hz: samples per second that are kept.
+        parameters: sensors, and the samples per second that are kept.
+        setting: the default one; that of a board is level.
     """
     parts = []
     for number, run in enumerate(runs):
         if run.name in cuts.index:
-            time, deviation = executed_primitive(run, cuts.loc[run.name], expected)
-            parts.append(_samples(time, deviation, np.zeros(len(time)), (0.0, number), rate_hz))
+            time, deviation = executed_primitive(run, cuts.loc[run.name], expected, parameters.sensors)
+            groups = channel_groups(run, parameters.sensors)
+            none = np.zeros(len(time))
+            parts.append(_samples(time, deviation, none, (setting, number), parameters.rate_hz, groups))
     return concatenated(parts)
 
 
 def _samples(
-    time: np.ndarray, deviation: np.ndarray, target: np.ndarray, key: tuple[float, int], rate_hz: float
+    time: np.ndarray,
+    deviation: np.ndarray,
+    target: np.ndarray,
+    key: tuple[float | str, int],
+    rate_hz: float,
+    groups: tuple[int, ...],
 ) -> CouplingDataset:
-    """Samples of one primitive in one execution; `key` is its setting in degrees and its number there."""
+    """Samples of one primitive in one execution; `key` is its setting and its number there."""
     kept = slice(None, None, max(1, round(1.0 / (rate_hz * (time[1] - time[0])))))
     duration, time = time[-1], time[kept]
     p, u = canonical.phase(time, canonical.time_constant(duration))
@@ -290,34 +397,75 @@ def _samples(
         setting=np.full(len(time), setting),
         demonstration=np.full(len(time), number),
         time=time,
+        groups=groups,
     )
 
 
-def _checks(
-    corrected: CorrectedPrimitive, raw: np.ndarray, primitive: QuaternionPrimitive, axis: np.ndarray
+def _turn_checks(
+    corrected: CorrectedPrimitive,
+    run: Demonstration,
+    cut: pd.Series,
+    primitive: PosePrimitive,
+    axes: Sequence[Axis],
 ) -> dict[str, float]:
-    path, along = corrected.path, corrected.target @ axis
-    again = primitive.unroll(
+    path = corrected.turn
+    if path is None:
+        return {}
+    chosen = np.isin(AXES[3:], axes)
+    along = np.where(chosen, corrected.target[:, 3:], 0.0)
+    again = primitive.orientation.unroll(
         path.dt,
         start=path.orientation[0],
         duration=path.duration,
         velocity=path.angular_velocity[0],
         acceleration=path.angular_acceleration[0],
-        coupling=lambda k, q, w: along[k] * axis,
+        coupling=lambda k, q, w: along[k],
     )
-    rest = corrected.target - along[:, None] * axis
-    smoothing = quaternion.angle_between(path.orientation, raw)
+    distance = quaternion.angle_between(again.orientation, path.orientation)
+    smoothing = quaternion.angle_between(path.orientation, _part(run.orientation, run, cut))
     return {
-        "reproduction_deg": float(
-            np.degrees(quaternion.angle_between(again.orientation, path.orientation).max())
-        ),
+        "reproduction_deg": float(np.degrees(distance.max())),
         "smoothing_deg": float(np.degrees(np.sqrt(np.mean(smoothing**2)))),
-        "others": float(np.sqrt(np.mean(rest**2) * 3 / 2) / max(np.sqrt(np.mean(along**2)), 1e-12)),
+        "others": _others(corrected.target[:, 3:], chosen),
     }
 
 
-def _raw(demonstration: Demonstration, cut: pd.Series) -> np.ndarray:
-    return _part(demonstration.orientation, demonstration, cut)
+def _shift_checks(
+    corrected: CorrectedPrimitive,
+    run: Demonstration,
+    cut: pd.Series,
+    primitive: PosePrimitive,
+    axes: Sequence[Axis],
+) -> dict[str, float]:
+    path = corrected.point
+    if path is None:
+        return {}
+    chosen = np.isin(AXES[:3], axes)
+    frame = local_frame(path.position[0], primitive.position.goal, primitive.position.frame)
+    along = np.where(chosen, corrected.target[:, :3], 0.0) @ frame
+    again = primitive.position.unroll(
+        path.dt,
+        start=path.position[0],
+        duration=path.duration,
+        velocity=path.velocity[0],
+        acceleration=path.acceleration[0],
+        coupling=lambda k, x, xd: along[k],
+    )
+    distance = np.linalg.norm(again.position - path.position, axis=1)
+    smoothing = np.linalg.norm(path.position - _part(run.position, run, cut), axis=1)
+    return {
+        "reproduction_m": float(distance.max()),
+        "smoothing_m": float(np.sqrt(np.mean(smoothing**2))),
+        "others_position": _others(corrected.target[:, :3], chosen),
+    }
+
+
+def _others(target: np.ndarray, chosen: np.ndarray) -> float:
+    """Root mean square of a target (T, 3) on axes that are not chosen (3,), relative to those that are."""
+    if chosen.all():
+        return 0.0
+    left = np.sqrt(np.mean(np.where(chosen, 0.0, target) ** 2) * 3 / np.sum(~chosen))
+    return float(left / max(np.sqrt(np.mean(target[:, chosen] ** 2)), 1e-12))
 
 
 def _ticks(demonstration: Demonstration, cut: pd.Series) -> tuple[int, int]:
@@ -329,9 +477,3 @@ def _ticks(demonstration: Demonstration, cut: pd.Series) -> tuple[int, int]:
 def _part(signal: np.ndarray, demonstration: Demonstration, cut: pd.Series) -> np.ndarray:
     first, last = _ticks(demonstration, cut)
     return signal[first : last + 1]
-
-
-def _tactile(demonstration: Demonstration) -> np.ndarray:
-    if demonstration.tactile is None:
-        raise InputError(f"{demonstration.name}: has no tactile stream, which feedback is learned from")
-    return demonstration.tactile

@@ -3,8 +3,12 @@
 Numba looks for changes only in the file of the function that is called. A compiled function that calls one of
 another module would go on with the old code of that module, silently, after an edit. With a folder of its own
 for every state of the sources, an edit compiles everything anew (half a minute) and nothing stale is run.
+
+It is kept beside the sources; where these may not be written, among the user's caches; where there are none,
+for this process alone. Never where others may write: what is kept is run.
 """
 
+import atexit
 import hashlib
 import os
 from pathlib import Path
@@ -21,7 +25,23 @@ def use_own_cache(package: Path) -> None:
         package: folder of the package; call before numba is imported.
     """
     if VARIABLE not in os.environ:
-        os.environ[VARIABLE] = str(package / "__pycache__" / f"compiled-{sources_digest(package)}")
+        os.environ[VARIABLE] = str(_kept_in(package) / f"compiled-{sources_digest(package)}")
+
+
+def _kept_in(package: Path) -> Path:
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for folder in (package / "__pycache__", Path(caches, package.name)):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    import tempfile  # seldom needed
+
+    own = tempfile.TemporaryDirectory(prefix=f"{package.name}-")
+    atexit.register(own.cleanup)
+    return Path(own.name)
 
 
 def sources_digest(package: Path, mark: bytes = MARK) -> str:

@@ -8,7 +8,7 @@ models share. The file is read by YAML's C loader, once per process:
 
 import re
 import reprlib
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -61,10 +61,24 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
         InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a value
             is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
     """
+    values = read_values(path)
+    for part in key.split("."):
+        if not isinstance(values, dict) or part not in values:
+            raise InputError(f"{path}: key '{key}' is missing")
+        values = values[part]
+    return checked(values, model, path, key)
+
+
+def read_values(path: str | Path) -> Any:
+    """All that a YAML file holds, not checked yet; nobody may change it.
+
+    Raises:
+        InputError: the file is missing or no YAML, or a key stands twice.
+    """
     path = Path(path)
     try:
         state = path.stat()
-        values = _tree(path.resolve(), state.st_mtime_ns, state.st_size)
+        return _tree(path.resolve(), state.st_mtime_ns, state.st_size)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such parameter file") from error
     except OSError as error:
@@ -73,14 +87,34 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
         raise InputError(f"{path}: {error}") from error
     except Exception as error:  # YAML's, or that of a date, a number, a tag or bytes that are none
         raise InputError(f"{path}: not a YAML file: {error}") from error
-    for part in key.split("."):
-        if not isinstance(values, dict) or part not in values:
-            raise InputError(f"{path}: key '{key}' is missing")
-        values = values[part]
+
+
+def checked(values: Any, model: type[ParametersType], path: str | Path, key: str) -> ParametersType:
+    """Values as their model has them.
+
+    Args:
+        values: what stands at the key.
+        model: its pydantic model.
+        path: of the file, for the message.
+        key: likewise.
+
+    Raises:
+        InputError: a value is missing, unknown, of the wrong type or out of range.
+    """
     try:
         return model.model_validate(values)
     except ValidationError as error:
         raise InputError(f"{path}: " + "; ".join(_reasons(key, error))) from error
+
+
+def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping with some values changed, those of nested mappings one by one."""
+    result = dict(values)
+    for name, change in changes.items():
+        before = result.get(name)
+        nested = isinstance(before, Mapping) and isinstance(change, Mapping)
+        result[name] = merged(before, change) if nested else change
+    return result
 
 
 @lru_cache(maxsize=4)

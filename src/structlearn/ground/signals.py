@@ -42,6 +42,13 @@ def standardise(signal: np.ndarray) -> np.ndarray:
     return (signal - signal.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
 
 
+def standardise_together(signal: np.ndarray) -> np.ndarray:
+    """Zero mean per column, and unit variance of all columns together; a constant becomes zero. (T, D)."""
+    centred = signal - signal.mean(axis=0)
+    spread = np.linalg.norm(centred) / np.sqrt(len(centred))
+    return centred / spread if spread > 0 else centred
+
+
 def time_normalised(signal: np.ndarray, count: int) -> np.ndarray:
     """Linear resampling from start to end at `count` points. Shape (T, ...) -> (count, ...)."""
     position = np.linspace(0.0, len(signal) - 1.0, count)

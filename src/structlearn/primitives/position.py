@@ -111,11 +111,14 @@ def fit_position(
 
 def in_local_frame(trajectory: Trajectory, kind: FrameKind) -> Trajectory:
     """A position path relative to its start, in the local frame from its start to its end."""
-    start, goal = trajectory.position[0], trajectory.position[-1]
-    axes = local_frame(start, goal, kind)
+    return from_start(trajectory, local_frame(trajectory.position[0], trajectory.position[-1], kind))
+
+
+def from_start(trajectory: Trajectory, axes: np.ndarray) -> Trajectory:
+    """A position path relative to its start, along the columns of axes (3, 3)."""
     return Trajectory(
         trajectory.time,
-        (trajectory.position - start) @ axes,
+        (trajectory.position - trajectory.position[0]) @ axes,
         trajectory.velocity @ axes,
         trajectory.acceleration @ axes,
     )

@@ -19,20 +19,12 @@ from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.primitives.vector import VectorPrimitive
 
 Tensors = dict[str, np.ndarray]
+Kind = dict[str, str | None]
 
 
 def write_primitives(primitives: Sequence[PosePrimitive], path: str | Path) -> None:
     """Publish a sequence of pose primitives."""
-    tensors: Tensors = {}
-    kinds = []
-    for primitive in primitives:
-        tensors |= _prefixed(f"{primitive.name}.position", _position_tensors(primitive.position))
-        form = None
-        if primitive.orientation is not None:
-            form = "quaternion" if isinstance(primitive.orientation, QuaternionPrimitive) else "twist_swing"
-            orientation = _orientation_tensors(primitive.orientation)
-            tensors |= _prefixed(f"{primitive.name}.orientation", orientation)
-        kinds.append({"name": primitive.name, "frame": primitive.position.frame, "orientation": form})
+    tensors, kinds = primitive_tensors(primitives)
     write_tensors(tensors, path, json.dumps({"pose_primitives": kinds}))
 
 
@@ -44,15 +36,14 @@ def read_primitives(path: str | Path) -> list[PosePrimitive]:
     """
     tensors = read_tensors(path)
     try:
-        kinds = json.loads(read_description(path))["pose_primitives"]
-        return [_pose_primitive(kind, tensors) for kind in kinds]
+        return pose_primitives(json.loads(read_description(path))["pose_primitives"], tensors)
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: holds no pose primitives (missing {error})") from error
 
 
 def write_vector_primitive(primitive: VectorPrimitive, path: str | Path, description: str) -> None:
     """Publish one vector primitive, e.g. the expected traces of a set of sensors."""
-    write_tensors(_vector_tensors(primitive), path, description)
+    write_tensors(vector_tensors(primitive), path, description)
 
 
 def read_vector_primitive(path: str | Path) -> VectorPrimitive:
@@ -63,33 +54,57 @@ def read_vector_primitive(path: str | Path) -> VectorPrimitive:
     """
     tensors = read_tensors(path)
     try:
-        return _vector_primitive(tensors)
+        return vector_primitive(tensors)
     except KeyError as error:
         raise InputError(f"{path}: holds no vector primitive (missing {error})") from error
 
 
-def _prefixed(prefix: str, tensors: Tensors) -> Tensors:
-    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, list[Kind]]:
+    """Arrays of a sequence of pose primitives, and what is not a number of each."""
+    tensors: Tensors = {}
+    kinds = []
+    for primitive in primitives:
+        tensors |= prefixed(f"{primitive.name}.position", _position_tensors(primitive.position))
+        form = None
+        if primitive.orientation is not None:
+            form = "quaternion" if isinstance(primitive.orientation, QuaternionPrimitive) else "twist_swing"
+            orientation = _orientation_tensors(primitive.orientation)
+            tensors |= prefixed(f"{primitive.name}.orientation", orientation)
+        kinds.append({"name": primitive.name, "frame": primitive.position.frame, "orientation": form})
+    return tensors, kinds
 
 
-def _part(prefix: str, tensors: Tensors) -> Tensors:
-    start = f"{prefix}."
-    return {name.removeprefix(start): array for name, array in tensors.items() if name.startswith(start)}
+def pose_primitives(kinds: Sequence[Kind], tensors: Tensors) -> list[PosePrimitive]:
+    """The inverse of `primitive_tensors`; KeyError where an array is missing."""
+    return [_pose_primitive(kind, tensors) for kind in kinds]
 
 
-def _vector_tensors(primitive: VectorPrimitive) -> Tensors:
+def vector_tensors(primitive: VectorPrimitive) -> Tensors:
+    """Arrays of a vector primitive."""
     return {name: np.asarray(value) for name, value in vars(primitive).items()}
 
 
-def _vector_primitive(tensors: Tensors) -> VectorPrimitive:
+def vector_primitive(tensors: Tensors) -> VectorPrimitive:
+    """The inverse of `vector_tensors`; KeyError where an array is missing."""
     names = ("weights", "start", "goal", "velocity", "acceleration", "scaled")
     arrays = {name: tensors[name] for name in names}
     return VectorPrimitive(duration=float(tensors["duration"]), **arrays)
 
 
+def prefixed(prefix: str, tensors: Tensors) -> Tensors:
+    """Arrays as `<prefix>.<name>`."""
+    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+
+
+def part(prefix: str, tensors: Tensors) -> Tensors:
+    """Those that are called `<prefix>.<name>`, by name."""
+    start = f"{prefix}."
+    return {name.removeprefix(start): array for name, array in tensors.items() if name.startswith(start)}
+
+
 def _position_tensors(primitive: PositionPrimitive) -> Tensors:
     return {
-        **_prefixed("local", _vector_tensors(primitive.local)),
+        **prefixed("local", vector_tensors(primitive.local)),
         "start": primitive.start,
         "goal": primitive.goal,
     }
@@ -99,22 +114,20 @@ def _orientation_tensors(primitive: OrientationPrimitive) -> Tensors:
     if isinstance(primitive, QuaternionPrimitive):
         return {name: np.asarray(value) for name, value in vars(primitive).items()}
     return {
-        **_prefixed("chart", _vector_tensors(primitive.chart)),
+        **prefixed("chart", vector_tensors(primitive.chart)),
         "axes": primitive.axes,
         "start": primitive.start,
         "goal": primitive.goal,
     }
 
 
-def _pose_primitive(kind: dict[str, str | None], tensors: Tensors) -> PosePrimitive:
-    position = _part(f"{kind['name']}.position", tensors)
-    local = _vector_primitive(_part("local", position))
+def _pose_primitive(kind: Kind, tensors: Tensors) -> PosePrimitive:
+    position = part(f"{kind['name']}.position", tensors)
+    local = vector_primitive(part("local", position))
     return PosePrimitive(
         name=kind["name"],
         position=PositionPrimitive(local, kind["frame"], position["start"], position["goal"]),
-        orientation=_orientation_primitive(
-            kind["orientation"], _part(f"{kind['name']}.orientation", tensors)
-        ),
+        orientation=_orientation_primitive(kind["orientation"], part(f"{kind['name']}.orientation", tensors)),
     )
 
 
@@ -122,7 +135,7 @@ def _orientation_primitive(form: str | None, tensors: Tensors) -> OrientationPri
     if form is None:
         return None
     if form == "twist_swing":
-        chart = _vector_primitive(_part("chart", tensors))
+        chart = vector_primitive(part("chart", tensors))
         return TwistSwingPrimitive(chart, tensors["axes"], tensors["start"], tensors["goal"])
     names = ("weights", "start", "goal", "velocity", "acceleration")
     arrays = {name: tensors[name] for name in names}

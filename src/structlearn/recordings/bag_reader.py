@@ -8,11 +8,13 @@ of chunks, data and summary, and how many messages a topic has. The library read
 
 import json
 import mmap
+import os
+import tempfile
 import zlib
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, TypeVar
@@ -42,6 +44,12 @@ from structlearn.recordings.bag_writer import MESSAGE_HEAD, METADATA, RECORD_PRE
 
 LARGEST_CHUNK = 2**28
 """Bytes of a chunk when it is unpacked; writers begin a new one after a few million."""
+
+COMPRESSED = ".zstd"
+"""End of the name of a file that is compressed as a whole."""
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""How a zstd frame begins."""
 
 Buffer = bytes | mmap.mmap
 RecordType = TypeVar("RecordType", bound=McapRecord)
@@ -83,19 +91,105 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
     """Read an MCAP file.
 
     Args:
-        path: the file, as `ros2 bag record -s mcap` or `write_bag` leaves it.
+        path: the file, as `ros2 bag record -s mcap` or `write_bag` leaves it; one that is compressed as a
+            whole has `COMPRESSED` at its end.
         topics: whose messages are wanted.
 
     Raises:
         InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
     """
     try:
-        with open(path, "rb") as file:
+        with open(path, "rb") as raw, uncompressed(path, raw) as file:
             _check_complete(path, file)
             with damage_named(path), mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 return _read(content, topics)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+@contextmanager
+def uncompressed(path: Path, file: BinaryIO) -> Iterator[BinaryIO]:
+    """What is in a file, or where it is compressed as a whole a file without a name that has it."""
+    if path.suffix != COMPRESSED:
+        yield file
+        return
+    with tempfile.TemporaryFile() as plain:
+        unpack_file(path, file, plain)
+        yield plain
+
+
+def unpack_file(path: Path, file: BinaryIO, plain: BinaryIO) -> None:
+    """Unpack a file that is one zstd frame, as `ros2 bag` leaves it.
+
+    Raises:
+        InputError: the frame is damaged or cut off.
+    """
+    unpacker = zstandard.ZstdDecompressor().decompressobj()
+    try:
+        while not unpacker.eof and (block := file.read(2**20)):
+            plain.write(unpacker.decompress(block))
+    except zstandard.ZstdError as error:
+        raise InputError(f"{path}: damaged zstd file: {error}") from error
+    if not unpacker.eof:
+        raise InputError(f"{path}: the zstd file is cut off at its end")
+    plain.flush()
+    plain.seek(0)
+
+
+def unpacked_messages(where: str, messages: RawMessages) -> RawMessages:
+    """Messages that were compressed one by one, as `ros2 bag record --compression-mode message` does it.
+
+    Each is a zstd frame then. No message begins like such a frame: its first byte is 0.
+
+    Raises:
+        InputError: a frame is damaged, or grows beyond `LARGEST_CHUNK`.
+    """
+    if not any(message.startswith(ZSTD_MAGIC) for message in messages.data):
+        return messages
+    unpacker = zstandard.ZstdDecompressor()
+    data = []
+    for row, message in enumerate(messages.data):
+        if message.startswith(ZSTD_MAGIC):
+            try:
+                if zstandard.frame_content_size(message) > LARGEST_CHUNK:
+                    raise zstandard.ZstdError(f"it grows beyond {LARGEST_CHUNK} bytes")
+                message = unpacker.decompress(message, max_output_size=LARGEST_CHUNK)
+            except (zstandard.ZstdError, MemoryError) as error:
+                raise InputError(f"{where}: row {row}: damaged compressed message: {error}") from error
+        data.append(message)
+    return replace(messages, data=data)
+
+
+def joined(bags: Sequence[Bag]) -> Bag:
+    """The parts of one bag that is split over several files; the origin is what the first says that does."""
+    if len(bags) == 1:
+        return bags[0]
+    topics: dict[str, list[str]] = {}
+    for bag in bags:
+        for topic, types in bag.topics.items():
+            its = topics.setdefault(topic, [])
+            its += [name for name in types if name not in its]
+    parts: dict[str, list[RawMessages]] = {}
+    for bag in bags:
+        for topic, messages in bag.messages.items():
+            parts.setdefault(topic, []).append(messages)
+    metadata = next((bag.metadata for bag in bags if bag.metadata is not None), None)
+    return Bag(topics, metadata, {topic: _behind_each_other(its) for topic, its in parts.items()})
+
+
+def _behind_each_other(parts: Sequence[RawMessages]) -> RawMessages:
+    """Messages of one topic in several files, in the order of their log times; channels get new numbers."""
+    schemas: dict[int, Schema] = {}
+    channels, places = [], []
+    for part in parts:
+        numbers = {number: len(schemas) + place for place, number in enumerate(part.schemas)}
+        schemas |= {numbers[number]: schema for number, schema in part.schemas.items()}
+        channels.append(np.array([numbers[number] for number in part.channels.tolist()]))
+        places += part.data
+    log_times = np.concatenate([part.log_times for part in parts])
+    order = np.argsort(log_times, kind="stable")
+    data = [places[place] for place in order.tolist()]
+    return RawMessages(schemas, np.concatenate(channels)[order], log_times[order], data)
 
 
 def own_provenance(bag: Bag, path: Path) -> dict[str, str]:
@@ -118,14 +212,14 @@ class _Damage(Exception):  # noqa: N818 - it is what is found
 
 
 @contextmanager
-def damage_named(where: str | Path) -> Iterator[None]:
+def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
     """Turn whatever is raised on damaged bytes into an InputError; only what reads them goes inside."""
     try:
         yield
     except _Damage as error:
-        raise InputError(f"{where}: damaged MCAP file: {error}") from error
+        raise InputError(f"{where}: damaged {what}: {error}") from error
     except Exception as error:
-        raise InputError(f"{where}: damaged MCAP file: {type(error).__name__}: {error}") from error
+        raise InputError(f"{where}: damaged {what}: {type(error).__name__}: {error}") from error
 
 
 def _check_complete(path: Path, file: BinaryIO) -> None:
@@ -133,7 +227,7 @@ def _check_complete(path: Path, file: BinaryIO) -> None:
     size = len(MCAP0_MAGIC)
     if file.read(size) != MCAP0_MAGIC:
         raise InputError(f"{path}: not an MCAP file")
-    file.seek(max(size, path.stat().st_size - size))
+    file.seek(max(size, os.fstat(file.fileno()).st_size - size))
     if file.read() != MCAP0_MAGIC:
         raise InputError(f"{path}: the MCAP file is cut off at its end; `mcap recover` saves what is there")
     file.seek(0)

@@ -48,6 +48,32 @@ def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleN
         that of every message. None where the messages differ in a length or a string, are big-endian, or have
         a definition with something else than numbers, strings, sequences and nested types.
     """
+    found = _of_first(message_type, definition, messages)
+    if found is None:
+        return None
+    fields, shaping = found
+    return fields if (messages[:, shaping] == messages[0, shaping]).all() else None
+
+
+def like_the_first(message_type: str, definition: str, messages: np.ndarray) -> np.ndarray | None:
+    """Which messages have the layout of the first one.
+
+    Args:
+        message_type: as for `columns`.
+        definition: likewise.
+        messages: likewise.
+
+    Returns:
+        (T,) bool; None where the first one has no layout that `columns` could follow.
+    """
+    found = _of_first(message_type, definition, messages)
+    return None if found is None else (messages[:, found[1]] == messages[0, found[1]]).all(axis=1)
+
+
+def _of_first(
+    message_type: str, definition: str, messages: np.ndarray
+) -> tuple[SimpleNamespace, np.ndarray] | None:
+    """Fields as the first message has them, and the bytes (L,) bool that shape it."""
     if messages.shape[1] < 4 or messages[0, 1] != LITTLE_ENDIAN:
         return None
     layout = _Layout(messages)
@@ -55,8 +81,7 @@ def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleN
         fields = layout.message(dict(_definitions(message_type, definition)), short_name(message_type))
     except (LookupError, ValueError):  # a type that is not defined; a line, text or end that is not expected
         return None
-    shaping = layout.shaping
-    return fields if (messages[:, shaping] == messages[0, shaping]).all() else None
+    return fields, layout.shaping
 
 
 class _Layout:

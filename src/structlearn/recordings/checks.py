@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.recording import WIDTHS, Recording, Stream
+from structlearn.recordings.recording import JOINT_KINDS, WIDTHS, Kind, Recording, Stream
 
 NORM_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
@@ -19,7 +19,8 @@ def check_recording(recording: Recording) -> None:
     """Check streams one by one and together.
 
     Raises:
-        InputError: there is no pose stream or more than one stream of a kind other than tactile; a stream has
+        InputError: there is no pose stream or more than one stream of a kind other than tactile, but for
+            those of joints with different names; kinds of joint signals have other joints; a stream has
             fewer than two samples, the wrong number of columns, a stamp that repeats or runs back, a value
             that is NaN or infinite, or a quaternion whose norm is off by more than `NORM_TOLERANCE`; or two
             shapes have one name. The message names recording, topic and row (counted from 0).
@@ -28,9 +29,22 @@ def check_recording(recording: Recording) -> None:
     if counts["pose"] == 0:
         raise InputError(f"{recording.name}: has no pose stream")
     for kind, count in counts.items():
-        if count > 1 and kind != "tactile":
+        if count > 1 and kind != "tactile" and not _of_different_joints(recording, kind):
             topics = ", ".join(stream.topic for stream in recording.streams if stream.kind == kind)
             raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
+    for stream in recording.streams:
+        if stream.joints and len(stream.joints) != stream.values.shape[-1]:
+            raise InputError(
+                f"{recording.name}: {stream.topic}: names {len(stream.joints)} joints, has "
+                f"{stream.values.shape[-1]} columns"
+            )
+    for kind in JOINT_KINDS:
+        names = recording.joints_of(kind)
+        if names and set(names) != set(recording.joint_names):
+            raise InputError(
+                f"{recording.name}: {kind} are of the joints {', '.join(names)}, other signals of "
+                f"{', '.join(recording.joint_names)}"
+            )
     shapes = Counter(shape.name for shape in recording.shapes)
     if repeated := [name for name, count in shapes.items() if count > 1]:
         raise InputError(f"{recording.name}: several shapes have the name {', '.join(repeated)}")
@@ -48,6 +62,23 @@ def at_row(row: int, stamps: np.ndarray) -> str:
     return f"row {row} (stamp {sign}{stamp // 10**9}.{stamp % 10**9:09d} s)"
 
 
+def _of_different_joints(recording: Recording, kind: Kind) -> bool:
+    """Whether all streams of a kind of joint signals name their joints, and none is named twice."""
+    names = recording.joints_of(kind)
+    named = all(stream.joints for stream in recording.streams if stream.kind == kind)
+    return kind in JOINT_KINDS and named and len(set(names)) == len(names)
+
+
+def disorder(stamps: np.ndarray) -> str | None:
+    """Words for the first of (T,) stamps that does not come after the one before it; None: all do."""
+    steps = np.diff(stamps)
+    if (steps > 0).all():
+        return None
+    row = int(np.argmax(steps <= 0)) + 1
+    fault = "repeats the stamp before it" if steps[row - 1] == 0 else "runs back in time"
+    return f"{at_row(row, stamps)} {fault}"
+
+
 def _check_shape(where: str, stream: Stream) -> None:
     width = WIDTHS[stream.kind]
     if stream.values.ndim != 2 or stream.values.shape[1] == 0 or len(stream.stamps) != len(stream.values):
@@ -62,11 +93,8 @@ def _check_shape(where: str, stream: Stream) -> None:
 
 
 def _check_clock(where: str, stamps: np.ndarray) -> None:
-    steps = np.diff(stamps)
-    if (steps <= 0).any():
-        row = int(np.argmax(steps <= 0)) + 1
-        fault = "repeats the stamp before it" if steps[row - 1] == 0 else "runs back in time"
-        raise InputError(f"{where}: {at_row(row, stamps)} {fault}")
+    if fault := disorder(stamps):
+        raise InputError(f"{where}: {fault}")
 
 
 def _check_values(where: str, stream: Stream) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings.folders import natural_order
+from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance, uniform_stamps
 

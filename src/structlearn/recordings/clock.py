@@ -43,9 +43,9 @@ def synchronise(
 
     Returns:
         All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
-        streams stand side by side in the order of the streams. True segments are counted from the new start
-        and clipped to the clock. Where provenance says that the orientation was not recorded
-        (`"orientation": "not recorded"`), orientation and angular velocity are None.
+        streams, and joint signals of several sources, stand side by side in the order of the streams. True
+        segments are counted from the new start and clipped to the clock. Where provenance says that the
+        orientation was not recorded (`"orientation": "not recorded"`), it and angular velocity are None.
 
     Raises:
         InputError: the rate is not positive, a stream fails `check_recording`, has a gap longer than
@@ -60,23 +60,24 @@ def synchronise(
         check_speed(recording.name, pose)
     ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
     signals: dict[str, np.ndarray] = {}
-    tactile: list[np.ndarray] = []
+    side_by_side: dict[str, list[np.ndarray]] = {}
     for stream in recording.streams:
         stamps = (stream.stamps - start).astype(float)  # ns; exact: int64 before the difference
         if stream.kind == "pose":
-            signals["position"] = _linear(ticks, stamps, stream.values[:, :3])
-            signals["orientation"] = _slerp(ticks, stamps, stream.values[:, 3:])
+            signals["position"] = linear(ticks, stamps, stream.values[:, :3])
+            signals["orientation"] = slerp(ticks, stamps, stream.values[:, 3:])
         elif stream.kind == "twist":
-            twist = _linear(ticks, stamps, stream.values)
+            twist = linear(ticks, stamps, stream.values)
             signals["velocity"], signals["angular_velocity"] = twist[:, :3], twist[:, 3:]
         elif stream.kind == "tool_to_board":
-            signals["tool_to_board"] = _slerp(ticks, stamps, stream.values)
-        elif stream.kind == "tactile":
-            tactile.append(_linear(ticks, stamps, stream.values))
+            signals["tool_to_board"] = slerp(ticks, stamps, stream.values)
         else:
-            signals[stream.kind] = _linear(ticks, stamps, stream.values)
-    if tactile:
-        signals["tactile"] = np.hstack(tactile)
+            side_by_side.setdefault(stream.kind, []).append(linear(ticks, stamps, stream.values))
+    for kind, columns in side_by_side.items():
+        signals[kind] = np.hstack(columns)
+        names = recording.joints_of(kind)
+        if names != recording.joint_names and names:
+            signals[kind] = signals[kind].take([names.index(name) for name in recording.joint_names], axis=1)
     if recording.provenance.get("orientation") == "not recorded":
         signals.pop("orientation")
         signals.pop("angular_velocity", None)
@@ -87,6 +88,7 @@ def synchronise(
         true_segments=_shifted(recording.true_segments, (start - int(pose.stamps[0])) * 1e-9, time[-1]),
         provenance=dict(recording.provenance),
         shapes=recording.shapes,
+        joint_names=recording.joint_names,
         **signals,
     )
 
@@ -112,7 +114,7 @@ def on_one_clock(
     for stream in streams:
         _check_gaps(name, stream, start, end, max_gap_s)
     ticks = _ticks(name, end - start, _rate(name, streams[0], rate_hz))
-    sampled = [_linear(ticks, (stream.stamps - start).astype(float), stream.values) for stream in streams]
+    sampled = [linear(ticks, (stream.stamps - start).astype(float), stream.values) for stream in streams]
     return ticks * 1e-9, sampled
 
 
@@ -130,8 +132,47 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
     """
     stamps = (stream.stamps - stream.stamps[0]).astype(float)
     values = stream.values[:, :3] if stream.kind == "pose" else stream.values
-    error = _linear(stamps[1:-1:2], stamps[::2], values[::2]) - values[1:-1:2]
+    error = linear(stamps[1:-1:2], stamps[::2], values[::2]) - values[1:-1:2]
     return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
+
+
+def shared_stamps(sources: Sequence[np.ndarray]) -> np.ndarray:
+    """The clock on which several sources are put together: that of the slowest one.
+
+    It leaves out times at which another source has a hole, more than two mean steps of the slowest one: what
+    is put together has that hole too, and whoever samples it finds it.
+
+    Args:
+        sources: (T,) int64 ns of each, increasing.
+
+    Returns:
+        (M,) int64 ns: stamps of the source that has the fewest of them in the time that all cover; of several
+        with as few, the first. There may be none.
+    """
+    start, end = max(int(one[0]) for one in sources), min(int(one[-1]) for one in sources)
+    inside = [one[(one >= start) & (one <= end)] for one in sources]
+    ticks = min(inside, key=len)
+    if len(ticks) < 2:
+        return ticks
+    longest = 2.0 * float(np.mean(np.diff(ticks)))  # in bursts most steps are short
+    bridged = np.ones(len(ticks), dtype=bool)
+    for stamps in sources:
+        after = np.searchsorted(stamps, ticks)  # the first stamp that is not before the tick
+        met = stamps[after] == ticks
+        bridged &= met | (stamps[after] - stamps[np.maximum(after - 1, 0)] <= longest)
+    return ticks[bridged]
+
+
+def linear(ticks: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Linear interpolation of all columns between the stamps: (M,), (T,), (T, D) -> (M, D)."""
+    return np.stack([np.interp(ticks, stamps, column) for column in values.T], axis=1)
+
+
+def slerp(ticks: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """Interpolation of orientations: (M,), (T,), (T, 4) -> (M, 4) of unit norm, without sign flips."""
+    path = quaternion.sign_continuous(quaternion.normalised(path))
+    ticks = np.clip(ticks, stamps[0], stamps[-1])  # the last tick may be rounded past the end
+    return quaternion.sign_continuous(quaternion.normalised(quaternion.interpolate(ticks, stamps, path)))
 
 
 def _rate(name: str, pose: Stream, rate_hz: float | None) -> float:
@@ -157,18 +198,6 @@ def _ticks(name: str, duration: int, rate_hz: float) -> np.ndarray:
     return np.arange(count) * (1e9 / rate_hz)
 
 
-def _linear(ticks: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Linear interpolation of all columns: (M,), (T,), (T, D) -> (M, D)."""
-    return np.stack([np.interp(ticks, stamps, column) for column in values.T], axis=1)
-
-
-def _slerp(ticks: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray:
-    """Interpolation of orientations: (M,), (T,), (T, 4) -> (M, 4) of unit norm, without sign flips."""
-    path = quaternion.sign_continuous(quaternion.normalised(path))
-    ticks = np.clip(ticks, stamps[0], stamps[-1])  # the last tick may be rounded past the end
-    return quaternion.sign_continuous(quaternion.normalised(quaternion.interpolate(ticks, stamps, path)))
-
-
 def _check_gaps(name: str, stream: Stream, start: int, end: int, max_gap_s: float) -> None:
     """Raise if a step that the clock crosses is too long; before start and after end nothing is needed."""
     before, after = stream.stamps[:-1], stream.stamps[1:]
@@ -190,7 +219,8 @@ def _shared_time(name: str, streams: Sequence[Stream]) -> tuple[int, int]:
     if end <= start:
         raise InputError(
             f"{name}: {late.topic} starts at {at_row(0, late.stamps)}, when {early.topic} has ended at "
-            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin"
+            f"{at_row(len(early.stamps) - 1, early.stamps)}; the streams need clocks of one origin, which "
+            "`clock: log` under `stamps` gives them"
         )
     return start, end
 

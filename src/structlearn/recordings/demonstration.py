@@ -28,6 +28,7 @@ class Demonstration:
         wrench: (T, 6) force in N, torque in N m, where recorded.
         tactile: (T, E) sensor counts, where recorded.
         tool_to_board: (T, 4) orientation of the tool relative to the board, sign-continuous, where recorded.
+        joint_names: (J,) of the joints in the order of the columns, where known.
         true_segments: (P, 2) start and end of each primitive in s, known only when simulated.
         provenance: what is known of the origin (simulated or recorded, seed, source, licence).
         shapes: solids at rest around the movement, where recorded.
@@ -45,6 +46,7 @@ class Demonstration:
     wrench: np.ndarray | None = None
     tactile: np.ndarray | None = None
     tool_to_board: np.ndarray | None = None
+    joint_names: tuple[str, ...] = ()
     true_segments: np.ndarray | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     shapes: tuple[NamedShape, ...] = ()

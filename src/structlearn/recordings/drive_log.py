@@ -17,8 +17,10 @@ from structlearn.recordings.bag_reader import own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.clock import MAX_GAP_S, on_one_clock
 from structlearn.recordings.joint_log import JOINT_STATES, check_signals
-from structlearn.recordings.messages import check_readable, joint_states, joint_topic
+from structlearn.recordings.joint_series import joint_series
+from structlearn.recordings.messages import check_readable, joint_topic
 from structlearn.recordings.recording import Kind, Stream
+from structlearn.recordings.stamps import AS_WRITTEN
 
 STATES = {"joint_positions": "positions", "joint_velocities": "velocities"}
 """Fields of a log that stand in the joint states, by kind of stream."""
@@ -133,12 +135,15 @@ def read_drive_log(path: str | Path) -> DriveLog:
         if topic not in bag.messages:
             raise InputError(f"{path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}")
         check_readable(where, "joint_states", bag.topics[topic])
-        names, stamps, values = joint_states(where, bag.messages[topic])
+        series, _ = joint_series(where, topic, bag.messages[topic], AS_WRITTEN)
+        if len(series) > 1:
+            raise InputError(f"{where} has joints that come at different times")
+        (one,) = series
         for kind, name in fields.items():
-            if kind not in values:
+            if kind not in one.values:
                 raise InputError(f"{where} has no {name.replace('_', ' ')}")
-            found[name] = values[kind]
-        clocks.append((tuple(names), stamps))
-        if names != list(clocks[0][0]) or not np.array_equal(stamps, clocks[0][1]):
+            found[name] = one.values[kind]
+        clocks.append((one.names, one.stamps))
+        if one.names != clocks[0][0] or not np.array_equal(one.stamps, clocks[0][1]):
             raise InputError(f"{where} has other joints or stamps than '{JOINT_STATES}'")
     return DriveLog(path.stem, *clocks[0], **found, provenance=own_provenance(bag, path))

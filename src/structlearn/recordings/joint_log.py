@@ -12,10 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import own_provenance, read_bag
+from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
+from structlearn.recordings.bag_reader import own_provenance
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
-from structlearn.recordings.messages import JOINT_KINDS, check_readable, joint_states, joint_topic
+from structlearn.recordings.joint_series import chosen, joint_series
+from structlearn.recordings.messages import check_readable, joint_topic
+from structlearn.recordings.recording import JOINT_KINDS
+from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
 
 JOINT_STATES = "/joint_states"
 """Where drivers publish joint states unless told otherwise."""
@@ -103,34 +107,68 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
     write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
 
 
-def read_joint_log(path: str | Path, topic: str = JOINT_STATES) -> JointLog:
-    """Read a log from an MCAP file of ROS 2 messages, ours or a robot's.
+def read_joint_logs(
+    source: str | Path,
+    topic: str = JOINT_STATES,
+    joints: Sequence[str] | None = None,
+    stamps: StampPolicy = AS_WRITTEN,
+) -> list[JointLog]:
+    """Read the logs of a source of any format (`bag_files`), in natural order of their names.
+
+    Raises:
+        InputError: the source fails `bag_files.recording_files`, or a log `read_joint_log`.
+    """
+    return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
+
+
+def read_joint_log(
+    path: str | Path | RecordingFile,
+    topic: str = JOINT_STATES,
+    joints: Sequence[str] | None = None,
+    stamps: StampPolicy = AS_WRITTEN,
+) -> JointLog:
+    """Read a log from a file of any format (`bag_files`), ours or a robot's.
 
     Args:
-        path: the file, as `ros2 bag record -s mcap` or `write_joint_log` leaves it.
+        path: the file, e.g. as `ros2 bag record -s mcap` or `write_joint_log` leaves it, or one of
+            `bag_files.recording_files`.
         topic: has joint states with names, positions, velocities and efforts.
+        joints: names of those that are taken; None: those of the publisher that has the most.
+        stamps: how stamps are taken.
 
     Returns:
         The log, named after the file's stem, columns in the order of the first message's names.
 
     Raises:
-        InputError: the file is missing, cut off or no MCAP; it lacks the topic, or the topic is of another
-            type; joints have no names; positions, velocities or efforts are not filled, or not finite.
+        InputError: the file is missing, cut off or of another kind; it lacks the topic, or the topic is of
+            another type; joints have no names, one is missing, or they come at different times; positions,
+            velocities or efforts are not filled, or not finite.
     """
-    path = Path(path)
-    where = f"{path}: topic '{topic}'"
-    bag = read_bag(path, [topic])
+    file = path if isinstance(path, RecordingFile) else as_recording_file(Path(path))
+    where = f"{file.path}: topic '{topic}'"
+    bag = open_bag(file, [topic])
     if topic not in bag.messages:
-        raise InputError(f"{path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}")
+        present = sorted(bag.topics)
+        raise InputError(f"{file.path}: has no joint states on '{topic}'; its topics are {present}")
     check_readable(where, "joint_states", bag.topics[topic])
-    names, stamps, values = joint_states(where, bag.messages[topic])
-    if not names:
+    series, note = joint_series(where, topic, bag.messages[topic], stamps)
+    if not series[0].names:
         raise InputError(f"{where} does not name the joints")
+    series, others = chosen(where, series, joints)
+    if len(series) > 1:
+        parts = " and ".join(", ".join(one.names) for one in series)
+        raise InputError(f"{where} has joints that come at different times: {parts}")
+    (one,) = series
     for kind in JOINT_KINDS:
-        if kind not in values:
+        if kind not in one.values:
             raise InputError(
                 f"{where} has no {kind.replace('_', ' ')}; a dynamics model is learned from "
                 "position, velocity and effort"
             )
-    signals = (values[kind] for kind in JOINT_KINDS)
-    return JointLog(path.stem, tuple(names), stamps, *signals, provenance=own_provenance(bag, path))
+    provenance = own_provenance(bag, file.path)
+    if note is not None:
+        provenance["stamps"] = f"{topic}: {note}"
+    if others:
+        provenance["joints"] = f"{topic}: without {', '.join(others)}"
+    signals = (one.values[kind] for kind in JOINT_KINDS)
+    return JointLog(file.name, one.names, one.stamps, *signals, provenance=provenance)

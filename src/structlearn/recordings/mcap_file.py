@@ -1,25 +1,16 @@
-"""One recording in one MCAP file of ROS 2 messages, ours or a robot's."""
+"""One recording written as an MCAP file of ROS 2 messages; `bag_recording` reads it."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import damage_named, own_provenance, read_bag
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import check_recording
-from structlearn.recordings.messages import (
-    JOINT_KINDS,
-    check_readable,
-    shapes_topic,
-    to_shapes,
-    to_streams,
-    to_topic,
-)
-from structlearn.recordings.recording import Kind, Recording
-from structlearn.recordings.topics import MAX_FINGERS, OWN_TOPICS, TopicMap
+from structlearn.recordings.messages import shapes_topic, to_topic
+from structlearn.recordings.recording import JOINT_KINDS, Kind, Recording
+from structlearn.recordings.topics import MAX_FINGERS, OWN_TOPICS
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
@@ -46,53 +37,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     if recording.shapes:
         start = min(int(stream.stamps[0]) for stream in recording.streams)
         raw.append(shapes_topic(OWN_TOPICS.obstacles, start, recording.shapes))
-    write_bag(path, _to_metadata(recording), raw)
-
-
-def read_recording(path: str | Path, topics: TopicMap = OWN_TOPICS) -> Recording:
-    """Read a recording from an MCAP file of ROS 2 messages.
-
-    Which message types are understood, and which clock stamps a message, is told in `messages`.
-
-    Args:
-        path: an MCAP file, as `ros2 bag record -s mcap` or `write_recording` leaves it.
-        topics: which topic carries which signal.
-
-    Returns:
-        The recording, named after the file's stem, streams in the order of the topic map. A file without our
-        metadata has the provenance origin "recorded" and its file name as source.
-
-    Raises:
-        InputError: the file is missing, not an MCAP file, cut off or damaged; a topic is missing, empty or of
-            a type that cannot be read as its signal; messages differ in length; two topics give the same
-            signal. The message names file and topic.
-    """
-    path = Path(path)
-    roles = topics.roles()
-    bag = read_bag(path, [topic for topic, _ in roles])
-    with damage_named(path):
-        segments = _true_segments(bag.metadata)
-    streams, shapes = [], ()
-    for topic, role in roles:
-        where = f"{path}: topic '{topic}'"
-        if topic in bag.topics:
-            check_readable(where, role, bag.topics[topic])
-            if topic not in bag.messages:
-                raise InputError(f"{where} has no messages")
-            if role == "obstacles":
-                shapes = to_shapes(where, bag.messages[topic])
-            else:
-                streams += to_streams(where, topic, role, bag.messages[topic])
-        elif topics.must_exist or role == "pose":
-            listing = ", ".join(
-                f"{name} ({' and '.join(types)})" for name, types in sorted(bag.topics.items())
-            )
-            raise InputError(f"{path}: has no topic '{topic}' for {role}; it has {listing or 'no topics'}")
-    for kind in JOINT_KINDS:
-        sources = [stream.topic for stream in streams if stream.kind == kind]
-        if len(sources) > 1:
-            raise InputError(f"{path}: {kind} come from several topics: {', '.join(sources)}")
-    return Recording(path.stem, tuple(streams), segments, own_provenance(bag, path), shapes)
+    write_bag(path, to_metadata(recording), raw)
 
 
 def _own_topics(recording: Recording) -> list[str]:
@@ -112,15 +57,10 @@ def _own_topics(recording: Recording) -> list[str]:
     ]
 
 
-def _to_metadata(recording: Recording) -> dict[str, str]:
+def to_metadata(recording: Recording) -> dict[str, str]:
     """The metadata record, values as JSON with sorted keys; numbers keep all their digits."""
     segments = recording.true_segments
     return {
         "provenance": json.dumps(dict(recording.provenance), sort_keys=True),
         "true_segments": json.dumps(None if segments is None else np.asarray(segments, dtype=float).tolist()),
     }
-
-
-def _true_segments(metadata: Mapping[str, str] | None) -> np.ndarray | None:
-    segments = None if metadata is None else json.loads(metadata["true_segments"])
-    return None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)

@@ -1,13 +1,14 @@
 """Between raw ROS 2 messages and streams: what each message type means.
 
 Stamps. A topic whose messages have a header is stamped by the header: when the sample was taken. Where no
-header stamp of the topic is set (all are zero), and for types without a header, MCAP's log time stands in:
-when the recorder got it. The choice is made per topic, so that a simulator's clock may start at zero.
+header stamp of the topic is set (all are zero), for types without a header, and where the user says so, the
+log time stands in: when the recorder got it. The choice is made per topic, so that a simulator's clock may
+start at zero. Joint states are told apart by joint, see `joint_series`.
 
 Shapes. A topic of markers gives named shapes: cubes, spheres and cylinders at rest. Its first message counts.
 
 Frames. Poses, twists and wrenches are taken as published; that their frame is the robot's base is up to the
-user. No transforms are looked up.
+user, unless the pose is named by its frames (see `transforms`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,20 +16,27 @@ from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from mcap.reader import make_reader
-from mcap.well_known import MessageEncoding
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import cdr
 from structlearn.recordings.bag_reader import RawMessages, damage_named
 from structlearn.recordings.bag_writer import RawTopic
-from structlearn.recordings.checks import at_row
-from structlearn.recordings.recording import Form, Kind, NamedShape, Stream
+from structlearn.recordings.decoding import (
+    decoded,
+    fields_named,
+    header_stamps,
+    sample_stamps,
+    sequence,
+    table,
+)
+from structlearn.recordings.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
 from structlearn.recordings.schemas import MESSAGE_TYPES, SHAPES_TYPE, definition
+from structlearn.recordings.stamps import StampPolicy, in_order
 from structlearn.recordings.topics import Role
 
 FRAME = "base"
@@ -38,7 +46,7 @@ LAST_STAMP = 2**31 * 10**9 - 1
 """ns: seconds of a header are int32."""
 
 
-def check_readable(where: str, role: Role, types: Sequence[str]) -> None:
+def check_readable(where: str, role: Role | Literal["transforms"], types: Sequence[str]) -> None:
     """Check that messages can be read as what the user says the topic is.
 
     Args:
@@ -57,65 +65,45 @@ def check_readable(where: str, role: Role, types: Sequence[str]) -> None:
         )
 
 
-def to_streams(where: str, topic: str, role: Role, messages: RawMessages) -> list[Stream]:
-    """Streams of one topic.
-
-    A pose, twist, wrench or tactile topic gives one stream. Joint states give one for each of position,
-    velocity and effort that the messages fill; a field that is NaN throughout counts as not filled, since
-    drivers put NaN for what they do not measure.
+def to_stream(
+    where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
+) -> tuple[Stream, str | None]:
+    """Stream of one topic.
 
     Args:
         where: file and topic, for error messages.
         topic: its name.
-        role: what the topic is, a role in which its messages can be read.
+        role: what the topic is, one in which its messages can be read; joint states and shapes are not of
+            them.
         messages: its messages.
+        policy: how stamps are taken.
+
+    Returns:
+        The stream, and what was done about its stamps, if anything (`stamps.in_order`).
 
     Raises:
         InputError: a message cannot be decoded, lacks a field of its type or has another length than the
-            first one, or joint states change their set of joints; the error names the row.
+            first one, or stamps do not increase; the error names the row.
     """
-    if role == "joint_states":
-        _, stamps, values = joint_states(where, messages)
-        return [Stream(topic, kind, stamps, table) for kind, table in values.items()]
-    stamps, parts = _parts(where, role, messages)
-    values = _table(where, stamps, parts)
+    with damage_named(where, "message"):
+        groups = decoded(messages)
+    short = cdr.short_name(next(iter(messages.schemas.values())).name)
+    read = READERS[role][short]
+    with fields_named(where):
+        header = None if short in WITHOUT_HEADER else header_stamps(groups)
+        parts = [(group.rows, read(group.message)) for group in groups]
+    stamps = sample_stamps(messages.log_times, header, policy)
+    values = table(where, stamps, parts)
     if values.shape[1] == 0:
         raise InputError(f"{where}: messages have no values")
     if role == "pose":
         values = np.hstack([values[:, :3], quaternion.from_xyzw(values[:, 3:])])
     elif role == "tool_to_board":
         values = quaternion.from_xyzw(values)
-    return [Stream(topic, role, stamps, values)]
-
-
-def joint_states(where: str, messages: RawMessages) -> tuple[list[str], np.ndarray, dict[Kind, np.ndarray]]:
-    """Joint states of one topic.
-
-    Args:
-        where: file and topic, for error messages.
-        messages: its messages.
-
-    Returns:
-        names: (J,) of the joints in the order of the columns, that of the first message; or none.
-        stamps: (T,) int64 ns.
-        values: (T, J) of each kind that is filled.
-
-    Raises:
-        InputError: as `to_streams`.
-    """
-    stamps, parts = _parts(where, "joint_states", messages)
-    names = parts[0][0]
-    order = _joint_order(where, stamps, [part[0] for part in parts])
-    values: dict[Kind, np.ndarray] = {}
-    for place, kind in enumerate(JOINT_KINDS, start=1):
-        table = _table(where, stamps, [part[place] for part in parts])
-        if names and table.shape[1] not in (0, len(names)):
-            raise InputError(f"{where} names {len(names)} joints and has {table.shape[1]} {kind} per message")
-        if not np.isnan(table).all():  # also where there are no columns
-            values[kind] = table if order is None else np.take_along_axis(table, order, axis=1)
-    if not values:
-        raise InputError(f"{where} has joint states without position, velocity and effort")
-    return names, stamps, values
+    rows, note = in_order(where, stamps, policy)
+    if note is not None:
+        stamps, values = stamps[rows], values[rows]
+    return Stream(topic, role, stamps, values), note
 
 
 def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
@@ -134,7 +122,7 @@ def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
     """
     values = stream.values
     if stream.kind in JOINT_KINDS:
-        names = [f"joint_{joint + 1}" for joint in range(values.shape[1])]
+        names = stream.joints or [f"joint_{joint + 1}" for joint in range(values.shape[1])]
         return joint_topic(where, topic, names, stream.stamps, {stream.kind: values})
     if stream.kind == "pose":
         values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
@@ -167,10 +155,10 @@ def joint_topic(
         InputError: a stamp is negative or beyond what a header holds.
     """
     fields = {("position", "velocity", "effort")[JOINT_KINDS.index(kind)]: values[kind] for kind in values}
-    lengths = {field: table.shape[1] for field, table in fields.items()}
+    lengths = {field: columns.shape[1] for field, columns in fields.items()}
     raw, columns = _blank(where, topic, MESSAGE_TYPES["joint_positions"], stamps, names, lengths)
-    for field, table in fields.items():
-        getattr(columns, field)[:] = table
+    for field, its in fields.items():
+        getattr(columns, field)[:] = its
     return raw
 
 
@@ -188,13 +176,11 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
         InputError: a message cannot be decoded or lacks a field of its type, or a shape is not finite, has no
             extent, or no orientation.
     """
-    with damage_named(where):
-        first = _decoded(replace(messages, channels=messages.channels[:1], data=messages.data[:1]))[0]
+    with damage_named(where, "message"):
+        (first,) = decoded(replace(messages, channels=messages.channels[:1], data=messages.data[:1]))
     short = cdr.short_name(next(iter(messages.schemas.values())).name)
-    try:
-        markers = [one for one in READERS["obstacles"][short](first) if one[2] in FORMS]
-    except AttributeError as error:
-        raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
+    with fields_named(where):
+        markers = [one for one in READERS["obstacles"][short](first.message) if one[2] in FORMS]
     spaces = [space for space, *_ in markers]
     shapes = []
     for space, number, kind, values in markers:
@@ -279,69 +265,6 @@ def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
     return record.data
 
 
-def _parts(where: str, role: Role, messages: RawMessages) -> tuple[np.ndarray, list[Sequence]]:
-    """Stamps (T,) in ns, and what the reader of the role gives: once for all messages, or once for each."""
-    with damage_named(where):
-        decoded = _decoded(messages)
-    short = cdr.short_name(next(iter(messages.schemas.values())).name)
-    read = READERS[role][short]
-    header = np.zeros(1)
-    try:
-        if short not in WITHOUT_HEADER:
-            clocks = [message.header.stamp for message in decoded]
-            seconds, rest = ([getattr(clock, part) for clock in clocks] for part in ("sec", "nanosec"))
-            header = (
-                np.array(seconds, dtype=np.int64).ravel() * 10**9 + np.array(rest, dtype=np.int64).ravel()
-            )
-        parts = [read(message) for message in decoded]
-    except AttributeError as error:
-        raise InputError(f"{where}: a message lacks a field of its type: {error}") from error
-    return header if header.any() else messages.log_times, parts
-
-
-def _decoded(messages: RawMessages) -> list[Any]:
-    """One message whose fields are columns over all of them; all of them where there are no columns."""
-    numbers = np.unique(messages.channels).tolist()
-    if len(numbers) == len(set(map(len, messages.data))) == 1:
-        schema = messages.schemas[numbers[0]]
-        table = np.frombuffer(b"".join(messages.data), dtype=np.uint8).reshape(len(messages.data), -1)
-        columns = cdr.columns(schema.name, schema.data.decode(), table)
-        if columns is not None:
-            return [columns]
-    from mcap_ros2.decoder import DecoderFactory  # seldom needed
-
-    factory = DecoderFactory()
-    decoders = {
-        number: factory.decoder_for(MessageEncoding.CDR, messages.schemas[number]) for number in numbers
-    }
-    pairs = zip(messages.channels.tolist(), messages.data, strict=True)
-    return [decoders[number](message) for number, message in pairs]
-
-
-def _table(where: str, stamps: np.ndarray, parts: Sequence[Any]) -> np.ndarray:
-    """(T, D) float64 from D columns, of all rows or of each; rows must be of one length."""
-    width = len(parts[0])
-    for row, part in enumerate(parts):
-        if len(part) != width:
-            raise InputError(f"{where}: {at_row(row, stamps)} has {len(part)} values, the first has {width}")
-    table = np.array(parts, dtype=float)
-    return table if table.ndim == 2 else np.ascontiguousarray(table[0].T)
-
-
-def _joint_order(where: str, stamps: np.ndarray, rows: Sequence[list[str]]) -> np.ndarray | None:
-    """(T, J) columns that bring each message into the first one's order; None where nothing is to do."""
-    names = rows[0]
-    if all(row == names for row in rows):
-        return None
-    for index, row in enumerate(rows):
-        if sorted(row) != sorted(names):
-            raise InputError(
-                f"{where}: {at_row(index, stamps)} has the joints {', '.join(row) or '(none)'}, "
-                f"the first has {', '.join(names) or '(none)'}"
-            )
-    return np.array([[row.index(name) for name in names] for row in rows])
-
-
 def _of_pose(pose: Any) -> Sequence:
     """x, y, z, then the quaternion in ROS's order x, y, z, w."""
     p, q = pose.position, pose.orientation
@@ -367,16 +290,8 @@ def _of_wrench(message: Any) -> Sequence:
     return (f.x, f.y, f.z, m.x, m.y, m.z)
 
 
-def _of_joint_state(message: Any) -> Sequence:
-    return (message.name, *map(_of_sequence, (message.position, message.velocity, message.effort)))
-
-
 def _of_array(message: Any) -> Sequence:
-    return _of_sequence(message.data)
-
-
-def _of_sequence(field: Any) -> Sequence:
-    return field.T if isinstance(field, np.ndarray) else field
+    return sequence(message.data)
 
 
 def _of_markers(markers: Sequence[Any]) -> list[tuple[str, int, int, list[float]]]:
@@ -395,16 +310,13 @@ FORMS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}
 _MARKERS = {form: kind for kind, form in FORMS.items()}
 
 
-JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
-"""Kinds of stream that the fields position, velocity and effort of a joint state give."""
-
 WITHOUT_HEADER = frozenset(
     {"geometry_msgs/Pose"}
     | {f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")}
 )
 """Understood types that have no header."""
 
-READERS: Mapping[Role, Mapping[str, Callable[[Any], Any]]] = {
+READERS: Mapping[Role | Literal["transforms"], Mapping[str, Callable[[Any], Any]]] = {
     "pose": {
         "geometry_msgs/PoseStamped": lambda message: _of_pose(message.pose),
         "geometry_msgs/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),
@@ -414,7 +326,8 @@ READERS: Mapping[Role, Mapping[str, Callable[[Any], Any]]] = {
         "geometry_msgs/Pose": _of_pose,
     },
     "twist": {"geometry_msgs/TwistStamped": _of_twist},
-    "joint_states": {"sensor_msgs/JointState": _of_joint_state},
+    "joint_states": {"sensor_msgs/JointState": lambda message: message},
+    "transforms": dict.fromkeys(("tf2_msgs/TFMessage", "tf/tfMessage"), lambda message: message.transforms),
     "wrench": {"geometry_msgs/WrenchStamped": _of_wrench},
     "tactile": {
         f"std_msgs/{number}MultiArray": _of_array

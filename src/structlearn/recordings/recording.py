@@ -29,6 +29,8 @@ WIDTHS: Mapping[str, int | None] = {
 }
 """Columns of each kind of stream; None: any number, constant within the stream."""
 
+JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_torques")
+"""Kinds of stream that the fields position, velocity and effort of a joint state give."""
 
 Form = Literal["cube", "sphere", "cylinder"]
 """What a shape is; a cuboid is a cube of unequal sides, as in ROS."""
@@ -65,12 +67,14 @@ class Stream:
             quaternion w, x, y, z of the tool relative to the board.
         stamps: (T,) int64 ns, as recorded.
         values: (T, D) float64.
+        joints: (D,) names of the joints whose signals the columns are, where known.
     """
 
     topic: str
     kind: Kind
     stamps: np.ndarray
     values: np.ndarray
+    joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,8 @@ class Recording:
 
     Attributes:
         name: unique within its set.
-        streams: at most one of each kind, except tactile: several fingers are several streams.
+        streams: at most one of each kind, except tactile: several fingers are several streams, and
+            joint signals, where those of a robot and of its hand have a clock each.
         true_segments: (P, 2) start and end of each primitive in s since the first stamp of the pose stream,
             known only when simulated.
         provenance: what is known of the origin, string to string; `origin` is `simulated` or `recorded`.
@@ -91,3 +96,12 @@ class Recording:
     true_segments: np.ndarray | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
     shapes: tuple[NamedShape, ...] = ()
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Of the joints whose signals there are, in the order of the first kind's streams; or none."""
+        return next((names for kind in JOINT_KINDS if (names := self.joints_of(kind))), ())
+
+    def joints_of(self, kind: Kind) -> tuple[str, ...]:
+        """Names of the joints that the streams of one kind have, side by side."""
+        return tuple(name for stream in self.streams if stream.kind == kind for name in stream.joints)

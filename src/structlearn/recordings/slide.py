@@ -10,7 +10,7 @@ import numpy as np
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import MissingInputError
-from structlearn.recordings.folders import natural_order
+from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.text_log import read_stamped_table, source_provenance
 

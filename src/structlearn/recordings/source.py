@@ -1,4 +1,4 @@
-"""Where the demonstrations of a pipeline come from, and the clock they are read on."""
+"""Where public recordings come from, and the clock that demonstrations are read on."""
 
 import os
 from pathlib import Path
@@ -6,51 +6,8 @@ from pathlib import Path
 from pydantic import Field
 
 from structlearn.ground.params import Parameters
-from structlearn.recordings.topics import TopicMap
 
-SIMULATED = "simulated"
 PUBLIC_SOURCE_VARIABLE = "RECORDED_DATA"
-
-
-class SourceParameters(Parameters):
-    """Source of the raw demonstrations.
-
-    Attributes:
-        source: `simulated`, or the path of your own bags (see `folders.read_demonstrations`).
-        topics: which topic of your bags carries which signal; not looked at when simulated.
-    """
-
-    source: str = Field(min_length=1)
-    topics: TopicMap
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the demonstrations are simulated."""
-        return self.source == SIMULATED
-
-
-class RunSourceParameters(Parameters):
-    """Source of further runs of the same task: executions, corrected demonstrations.
-
-    Attributes:
-        source: folder of your own bags, read with the topics of `SourceParameters`; None: simulated where the
-            demonstrations are, and nothing where they are your own.
-        runs: number of simulated runs, per setting where there are several.
-    """
-
-    source: str | None = Field(min_length=1)
-    runs: int = Field(ge=1, le=1000)
-
-
-class CorrectionSourceParameters(RunSourceParameters):
-    """Source of corrected demonstrations.
-
-    Attributes:
-        settings_deg: settings of the environment, roll of the board in degrees. Your own bags of each are in
-            a sub-folder that has the number as its name, e.g. `2.5`.
-    """
-
-    settings_deg: tuple[float, ...] = Field(min_length=1)
 
 
 class PublicSourceParameters(Parameters):

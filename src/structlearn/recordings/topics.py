@@ -1,8 +1,9 @@
 """Which topic of a bag carries which signal."""
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from structlearn.ground.params import Parameters
 
@@ -21,14 +22,70 @@ Topic = Annotated[str, Field(min_length=1)]
 Topics = Annotated[tuple[Topic, ...], BeforeValidator(_one_or_many)]
 
 
-class TopicMap(Parameters):
-    """The topics of a demonstration in a robot's bag; each topic is named once.
+class TransformPose(Parameters):
+    """A pose that is a chain of transforms, as /tf has them.
 
     Attributes:
-        pose: end-effector pose, the one signal that every demonstration has.
+        parent: frame in which the pose is given, usually the robot's base.
+        child: frame whose pose it is.
+        topic: has the transforms; those at rest are looked up on the topic of this name with `_static` too.
+    """
+
+    parent: Topic
+    child: Topic
+    topic: Topic
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Where transforms may be."""
+        return self.topic, f"{self.topic}_static"
+
+
+class JointPose(Parameters):
+    """A pose that follows from joint positions by the robot's kinematics, in the frame of the URDF's root.
+
+    Attributes:
+        urdf: file of the robot; `~` is the home folder.
+        tip: link whose pose it is.
+        topic: has the joint states; joints are matched by their names.
+    """
+
+    urdf: str = Field(min_length=1)
+    tip: Topic
+    topic: Topic
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Where joint states are."""
+        return (self.topic,)
+
+
+def _pose_form(value: object) -> str:
+    """Which form of pose a value is meant to be, so that what is wrong with it is told of that form alone."""
+    if isinstance(value, Mapping):
+        return "joints" if "urdf" in value else "transforms"
+    return {JointPose: "joints", TransformPose: "transforms"}.get(type(value), "topic")
+
+
+Pose = Annotated[
+    Annotated[Topic, Tag("topic")]
+    | Annotated[TransformPose, Tag("transforms")]
+    | Annotated[JointPose, Tag("joints")],
+    Discriminator(_pose_form),
+]
+
+
+class TopicMap(Parameters):
+    """The topics of a demonstration in a robot's bag; each topic has one role.
+
+    Attributes:
+        pose: end-effector pose, the one signal that every demonstration has: its topic, or what it is
+            computed from. Joint states may be of the topic that gives the pose.
         twist: end-effector velocity.
         joint_states: joint positions, velocities and torques; one topic usually has all three, several topics
             may share them.
+        joints: names of the joints that are taken from joint states, in this order; None: those of whoever
+            publishes the most joints.
         wrench: force and torque at the wrist.
         tactile: one topic per tactile sensor, in the order in which their channels are put side by side.
         tool_to_board: orientation of the tool relative to the board, e.g. from motion capture.
@@ -37,9 +94,10 @@ class TopicMap(Parameters):
     must_exist: ClassVar[bool] = True
     """Whether a topic named here that a file does not have is an error; the pose always is."""
 
-    pose: Topic
+    pose: Pose
     twist: Topic | None
     joint_states: Topics
+    joints: tuple[Topic, ...] | None = Field(min_length=1)
     wrench: Topic | None
     tactile: Topics
     tool_to_board: Topic | None
@@ -50,11 +108,20 @@ class TopicMap(Parameters):
         repeated = sorted({name for name in names if names.count(name) > 1})
         if repeated:
             raise ValueError(f"topic named more than once: {', '.join(repeated)}")
+        if self.joints and len(set(self.joints)) < len(self.joints):
+            raise ValueError(f"joint named more than once in: {', '.join(self.joints)}")
         return self
 
+    @property
+    def topics(self) -> list[str]:
+        """Every topic that has to be read, once."""
+        of_pose = () if isinstance(self.pose, str) else self.pose.topics
+        return list(dict.fromkeys([*of_pose, *(topic for topic, _ in self.roles())]))
+
     def roles(self) -> list[tuple[str, Role]]:
-        """Every named topic with what it is read as, in a fixed order."""
-        pairs: list[tuple[str | None, Role]] = [(self.pose, "pose"), (self.twist, "twist")]
+        """Every topic that is a signal by itself with what it is read as, in a fixed order."""
+        pose = self.pose if isinstance(self.pose, str) else None
+        pairs: list[tuple[str | None, Role]] = [(pose, "pose"), (self.twist, "twist")]
         pairs += [(topic, "joint_states") for topic in self.joint_states]
         pairs += [(self.wrench, "wrench")]
         pairs += [(topic, "tactile") for topic in self.tactile]
@@ -72,7 +139,7 @@ class SceneTopicMap(TopicMap):
     obstacles: Topic | None
 
     def roles(self) -> list[tuple[str, Role]]:
-        """Every named topic with what it is read as, in a fixed order."""
+        """Every topic that is a signal by itself with what it is read as, in a fixed order."""
         return super().roles() + ([(self.obstacles, "obstacles")] if self.obstacles else [])
 
 
@@ -86,6 +153,7 @@ OWN_TOPICS = OptionalTopicMap(
     pose="/pose",
     twist="/twist",
     joint_states=("/joint_states/positions", "/joint_states/velocities", "/joint_states/torques"),
+    joints=None,
     wrench="/wrench",
     tactile=tuple(f"/tactile/{finger}" for finger in range(MAX_FINGERS)),
     tool_to_board="/tool_to_board",

@@ -72,4 +72,7 @@ def _read_log(folder: Path, path: Path) -> DriveLog:
         name: values[:, place * joints : (place + 1) * joints].copy() for place, name in enumerate(SIGNALS)
     }
     provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [path])
-    return DriveLog(path.stem.removeprefix("ur-"), JOINTS, stamps, **parts, provenance=provenance)
+    try:
+        return DriveLog(path.stem.removeprefix("ur-"), JOINTS, stamps, **parts, provenance=provenance)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

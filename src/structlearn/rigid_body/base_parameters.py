@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr
 
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
@@ -16,6 +17,7 @@ SYMBOLS = ("m", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 """Of the columns of a link; inertias about the joint origin."""
 
 _STATES = 200
+_MOST_SAMPLES = 3000  # of a motion whose condition number is asked for: more would change its third digit
 _DEPENDENT = 1e-4  # of a column; rounding leaves 1e-15, and URDFs write a right angle as 1.5708 rad
 _NO_SHARE = 1e-9  # factors below are rounding
 _NOT_WORTH_A_WORD = 1e-5  # factors below are not written
@@ -62,6 +64,30 @@ def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
     combination = np.linalg.lstsq(triangle[:, columns], triangle, rcond=None)[0]
     combination[np.abs(combination) < _NO_SHARE] = 0.0
     return BaseParameters(columns, combination)
+
+
+def condition_number(tree: KinematicTree, motion: Motion) -> float:
+    """Condition number of the regressor of the base parameters over a motion, columns scaled to unit length.
+
+    By so much errors of the torques may grow on their way to the parameters; below 100 counts as well
+    excited.
+
+    Args:
+        tree: n joints.
+        motion: of these joints, in the tree's order.
+
+    Returns:
+        At least 1; infinite where a parameter does not show at all, or there are fewer torques than
+        parameters.
+    """
+    part = motion.part(np.unique(np.linspace(0, len(motion) - 1, _MOST_SAMPLES).round().astype(int)))
+    columns = base_parameters(tree).columns
+    stacked = torque_regressor(tree, part.q, part.qd, part.qdd).reshape(part.q.size, -1)[:, columns]
+    lengths = np.linalg.norm(stacked, axis=0)
+    if len(stacked) < len(columns) or not lengths.all():
+        return float("inf")
+    values = np.linalg.svd(stacked / lengths, compute_uv=False)
+    return float(values[0] / values[-1]) if values[-1] > 0.0 else float("inf")
 
 
 def _random_states(

@@ -111,6 +111,22 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
             than revolute, continuous or prismatic, limits are absent or crossed, or a moving link has no
             positive mass or no positive definite inertia; the message names file and joint.
     """
+    model = read_model(path, locked)
+    robot = robot_of(model)
+    _check_inertias(robot, path)
+    return robot
+
+
+def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
+    """Pinocchio's model of a robot with a fixed base; its links need neither mass nor inertia.
+
+    Args:
+        path: the URDF file; meshes are not read.
+        locked: names of joints held at zero position.
+
+    Raises:
+        InputError: see `read_urdf`, but for what is said of masses and inertias.
+    """
     check_urdf(path, locked)
     try:
         model = pinocchio.buildModelFromUrdf(str(path))
@@ -121,9 +137,7 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
         model = pinocchio.buildReducedModel(model, joints, pinocchio.neutral(model))
     if model.nv == 0:
         raise InputError(f"{path}: the robot has no joint that moves")
-    robot = robot_of(model)
-    _check_inertias(robot, path)
-    return robot
+    return model
 
 
 def robot_of(model: pinocchio.Model) -> Robot:

@@ -41,12 +41,30 @@ def moving_interval(
         raise InputError(f"its speed never exceeds {threshold:g} m/s (largest {peak:.3g} m/s)")
     runs = np.split(above, np.flatnonzero(np.diff(above) > bridge + 1) + 1)
     run = max(runs, key=lambda samples: smooth_speed[samples].max())
-    s, e = int(run[0]), int(run[-1])
+    rest = REST_FRACTION * threshold
+    return cut_points(speed, (int(run[0]), int(run[-1])), threshold, rest, (first, len(speed) - 1))
+
+
+def cut_points(
+    speed: np.ndarray, run: tuple[int, int], threshold: float, rest: float, limits: tuple[int, int]
+) -> tuple[int, int]:
+    """Where a movement starts and ends, from a run of its heavily smoothed speed above the threshold.
+
+    Args:
+        speed: (T,) lightly smoothed speed.
+        run: its first and last sample.
+        threshold: above which it moves, in the unit of the speed.
+        rest: below which it counts as resting.
+        limits: first and last sample that may be cut at.
+
+    Returns:
+        s, e: first and last sample of the movement.
+    """
+    s, e = run
     moving = np.flatnonzero(speed[s : e + 1] > threshold)
     if len(moving) > 0:  # smoothing reaches beyond the movement: come back to the crossing itself
         s, e = s + int(moving[0]), s + int(moving[-1])
-    rest = REST_FRACTION * threshold
-    return _descend(speed, s, -1, first, rest), _descend(speed, e, +1, len(speed) - 1, rest)
+    return _descend(speed, s, -1, limits[0], rest), _descend(speed, e, +1, limits[1], rest)
 
 
 def _descend(speed: np.ndarray, sample: int, step: int, limit: int, rest: float) -> int:

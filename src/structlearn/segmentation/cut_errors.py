@@ -8,7 +8,8 @@ import pandas as pd
 
 from structlearn.ground import metrics, signals
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.parameters import AXES, SegmentParameters
+from structlearn.segmentation.motion_runs import path
+from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 from structlearn.segmentation.segments import cut
 
@@ -67,10 +68,10 @@ def aligned_segments(
         segmentation: of these demonstrations.
         primitive: which.
         method: which estimate of the cut points.
-        axis: `x`, `y`, `z` or `xyz`.
+        axis: one of `parameters.Axis`.
 
     Returns:
-        (L, SPREAD_SAMPLES, D) m, and the names of the L demonstrations.
+        (L, SPREAD_SAMPLES, D) m, of an orientation rad, and the names of the L demonstrations.
     """
     cuts = segmentation.result(primitive, method)
     curves, names = [], []
@@ -78,8 +79,7 @@ def aligned_segments(
         if demonstration.name in cuts.index:
             start, end = cuts.loc[demonstration.name, ["start_s", "end_s"]].to_numpy(dtype=float)
             times = np.linspace(start, max(end, start), SPREAD_SAMPLES)
-            position = demonstration.position[:, AXES[axis]]
-            columns = [np.interp(times, demonstration.time, column) for column in position.T]
+            columns = [np.interp(times, demonstration.time, column) for column in path(demonstration, axis).T]
             curves.append(np.column_stack(columns))
             names.append(demonstration.name)
     return np.array(curves), names

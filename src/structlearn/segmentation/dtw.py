@@ -6,12 +6,12 @@ Only two rows of the cost table are kept; the way back needs no more than one by
 import numba
 import numpy as np
 
-from structlearn.ground.signals import standardise
+from structlearn.ground.signals import standardise, standardise_together
 
 INSERTION, MATCHING, DELETION = 0, 1, 2  # ties are broken in this order, as the text's list of ancestors
 
 
-def correspondences(reference: np.ndarray, guess: np.ndarray) -> np.ndarray:
+def correspondences(reference: np.ndarray, guess: np.ndarray, one_scale: bool = False) -> np.ndarray:
     """Corresponding samples of two signals: the matching moves of the cheapest warping path.
 
     Both signals are standardised first; the cost of a pair is the Euclidean distance. As in the text the path
@@ -20,14 +20,17 @@ def correspondences(reference: np.ndarray, guess: np.ndarray) -> np.ndarray:
     Args:
         reference: (N,) or (N, D) samples.
         guess: (M,) or (M, D) samples.
+        one_scale: standardise all columns by their common variance, so that one that hardly moves is no more
+            than its noise; else each by its own.
 
     Returns:
         (K, 2) indices into reference and guess, both strictly increasing.
     """
-    columns = [
-        np.ascontiguousarray(standardise(np.asarray(signal, dtype=float).reshape(len(signal), -1)))
-        for signal in (reference, guess)
-    ]
+    columns = []
+    for signal in (reference, guess):
+        table = np.asarray(signal, dtype=float).reshape(len(signal), -1)
+        scaled = standardise_together(table) if one_scale else standardise(table)
+        columns.append(np.ascontiguousarray(scaled))
     moves = np.empty((len(columns[0]), len(columns[1])), dtype=np.uint8)
     if columns[0].shape[1] == 1:
         _fill_moves_1d(columns[0][:, 0].copy(), columns[1][:, 0].copy(), moves)

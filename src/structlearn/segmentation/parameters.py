@@ -1,14 +1,42 @@
 """What a user says about the primitives in the demonstrations, and how they are to be cut."""
 
 from itertools import pairwise
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from structlearn.ground.params import Name, Parameters
 
+Axis = Literal["x", "y", "z", "xyz", "rot"]
+"""What shows a primitive: the position along an axis or in space, or the orientation (`motion_runs.path`)."""
+
 AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
 """Columns of the position that show a primitive."""
+
+BETWEEN = "between"
+
+
+class BoundParameters(Parameters):
+    """An event at which a primitive ends.
+
+    Attributes:
+        signal: what is looked at: `force`, the size of the wrist's force in N, `tactile`, the largest change
+            of a sensor's counts since the start, or the name of a joint, e.g. a gripper's, in rad or m.
+        above, below: value that it passes; one of them.
+    """
+
+    signal: str = Field(min_length=1)
+    above: float | None = None
+    below: float | None = None
+
+    @model_validator(mode="after")
+    def _one_value(self) -> "BoundParameters":
+        if (self.above is None) == (self.below is None):
+            raise ValueError("needs either `above` or `below`")
+        return self
+
+    def __str__(self) -> str:
+        return f"above {self.above:g}" if self.below is None else f"below {self.below:g}"
 
 
 class PrimitiveParameters(Parameters):
@@ -16,27 +44,46 @@ class PrimitiveParameters(Parameters):
 
     Attributes:
         name: of the primitive.
-        axis: position signal that shows it, or `between`: what lies between its neighbours.
-        threshold_m_s: speed along the axis above which it moves; needs none when between.
+        axis: what shows it, or `between`: what lies between its neighbours.
+        threshold_m_s: speed along the axis above which it moves; None: found from the data
+            (`motion_runs.thresholds`). An orientation's always is, and what is between has none.
+        until: an event that ends it; None: it ends where its motion does.
     """
 
     name: Name
-    axis: Literal["x", "y", "z", "xyz", "between"]
-    threshold_m_s: float | None = Field(gt=0)
+    axis: Literal[Axis, "between"] = "xyz"
+    threshold_m_s: float | None = Field(None, gt=0)
+    until: BoundParameters | None = None
 
     @model_validator(mode="after")
-    def _threshold_where_needed(self) -> "PrimitiveParameters":
-        if (self.axis == "between") != (self.threshold_m_s is None):
-            raise ValueError("threshold_m_s is needed for an axis, and only there")
+    def _threshold_where_it_means_something(self) -> "PrimitiveParameters":
+        if self.axis in (BETWEEN, "rot") and self.threshold_m_s is not None:
+            raise ValueError(f"threshold_m_s must be null for the axis {self.axis}")
+        if self.axis == BETWEEN and self.until is not None:
+            raise ValueError("what lies between its neighbours ends where the next begins, not `until`")
         return self
+
+
+def _in_full(primitives: Any) -> Any:
+    """Primitives of which only their number or their names are said, as mappings."""
+    if isinstance(primitives, int) and not isinstance(primitives, bool):
+        primitives = [f"move_{place + 1}" for place in range(min(primitives, MOST))]
+    if isinstance(primitives, list | tuple):
+        return tuple({"name": one} if isinstance(one, str) else one for one in primitives)
+    return primitives
+
+
+MOST = 100
+"""Primitives of a task; a larger number is a slip."""
 
 
 class SegmentParameters(Parameters):
     """Parameters of the segmentation.
 
     Attributes:
-        primitives: in order of time.
-        reference: name of the demonstration that is cut first; None: the first one.
+        primitives: in order of time; their number, their names, or what is known of each.
+        reference: name of the demonstration that is cut first; None: the first one, or where runs of motion
+            are assigned (`assigns_runs`) the one that the others are most like.
         guess_cutoff_hz: low-pass of the speed that finds a movement.
         cut_cutoff_hz: low-pass of the speed that places its cut points.
         align_cutoff_hz: low-pass of positions and velocities for the alignment.
@@ -50,7 +97,9 @@ class SegmentParameters(Parameters):
         skip_failures: go on without demonstrations that cannot be cut; the report lists them.
     """
 
-    primitives: tuple[PrimitiveParameters, ...] = Field(min_length=1)
+    primitives: Annotated[tuple[PrimitiveParameters, ...], BeforeValidator(_in_full)] = Field(
+        min_length=1, max_length=MOST
+    )
     reference: str | None
     guess_cutoff_hz: float = Field(gt=0)
     cut_cutoff_hz: float = Field(gt=0)
@@ -73,3 +122,15 @@ class SegmentParameters(Parameters):
         if between[0] or between[-1] or any(a and b for a, b in pairwise(between)):
             raise ValueError("a primitive `between` needs a neighbour with an axis on either side")
         return self
+
+    @property
+    def assigns_runs(self) -> bool:
+        """Whether primitives are told apart by the order of the runs of motion (`run_assignment`).
+
+        They need not be where each has an axis of its own and its threshold is given: there it is the largest
+        movement along its axis after the one before.
+        """
+        moving = [primitive for primitive in self.primitives if primitive.axis != BETWEEN]
+        axes = {primitive.axis for primitive in moving}
+        given = all(primitive.threshold_m_s and primitive.until is None for primitive in moving)
+        return len(axes) < len(moving) or not given

@@ -22,12 +22,14 @@ class Segmentation:
         pairs: one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the
             start of either demonstration), `weight`.
         left_out: `demonstration`, `reason` of those that could not be cut.
+        doubts: `demonstration`, `primitive`, `reason`, `number` of what speaks against a cut (`doubts`).
         reference: name of the reference demonstration.
     """
 
     cuts: pd.DataFrame
     pairs: pd.DataFrame
     left_out: pd.DataFrame
+    doubts: pd.DataFrame
     reference: str
 
     @property
@@ -53,6 +55,7 @@ def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
         write_table(segmentation.cuts, path / "cuts.parquet")
         write_table(segmentation.pairs, path / "pairs.parquet")
         write_table(segmentation.left_out, path / "left_out.parquet")
+        write_table(segmentation.doubts, path / "doubts.parquet")
         write_table(pd.DataFrame({"reference": [segmentation.reference]}), path / "reference.parquet")
 
 
@@ -63,6 +66,8 @@ def read_segmentation(folder: str | Path) -> Segmentation:
         InputError: a table is missing or not readable.
     """
     folder = Path(folder)
-    tables = {name: read_table(folder / f"{name}.parquet") for name in ("cuts", "pairs", "left_out")}
+    tables = {
+        name: read_table(folder / f"{name}.parquet") for name in ("cuts", "pairs", "left_out", "doubts")
+    }
     reference = read_table(folder / "reference.parquet")["reference"][0]
     return Segmentation(reference=reference, **tables)

@@ -8,7 +8,6 @@ correspondences too (`wls`), which is the result.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -16,22 +15,13 @@ import pandas as pd
 from structlearn.ground import signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.alignment import Alignment, least_squares, velocity_weights, with_crossings
-from structlearn.segmentation.crossing import moving_interval
-from structlearn.segmentation.dtw import correspondences
-from structlearn.segmentation.parameters import AXES, SegmentParameters
+from structlearn.segmentation.crossings import Crossings, find_crossings
+from structlearn.segmentation.doubts import COLUMNS as DOUBT_COLUMNS
+from structlearn.segmentation.doubts import doubts
+from structlearn.segmentation.motion_runs import path
+from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
+from structlearn.segmentation.refinement import Movement, Refined, refine
 from structlearn.segmentation.result import METHODS, RESULT, Segmentation
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """Filtered signals of one primitive's axis in one demonstration, and its crossing."""
-
-    dt: float
-    position: np.ndarray  # (T, D)
-    velocity: np.ndarray  # (T, D)
-    start: int
-    end: int
 
 
 def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
@@ -48,25 +38,32 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         InputError: there is no demonstration of the reference's name, the sampling intervals differ, the
             reference cannot be cut, or another cannot and failures are not to be skipped.
     """
-    reference = _reference(demonstrations, parameters)
+    first = demonstrations[0]
     for demonstration in demonstrations:
-        if abs(demonstration.dt - reference.dt) > 1e-6 * reference.dt:
+        if abs(demonstration.dt - first.dt) > 1e-6 * first.dt:
             raise InputError(
                 f"{demonstration.name}: sampling interval {demonstration.dt:g} s differs from "
-                f"{reference.dt:g} s of the reference {reference.name}"
+                f"{first.dt:g} s of {first.name}"
             )
-    reference_motions = _guess(reference, parameters)
-    cuts, pairs, left_out = [], [], {}
-    for demonstration in demonstrations:
+    place, crossings = find_crossings(demonstrations, parameters)
+    reference = demonstrations[place]
+    reference_movements = _movements(reference, crossings[place], parameters)
+    cuts, pairs, doubted, left_out = [], [], [], {}
+    for demonstration, found in zip(demonstrations, crossings, strict=True):
         try:
-            motions = reference_motions if demonstration is reference else _guess(demonstration, parameters)
-            aligned = {
-                name: _align(demonstration.name, name, reference_motions[name], motion, parameters)
-                for name, motion in motions.items()
+            movements = (
+                reference_movements
+                if demonstration is reference
+                else _movements(demonstration, found, parameters)
+            )
+            refined = {
+                name: _refined(demonstration.name, name, reference_movements[name], movement, parameters)
+                for name, movement in movements.items()
             }
-            cuts.append(_cut_rows(demonstration, aligned, parameters))
+            cuts.append(_cut_rows(demonstration, refined, parameters))
+            doubted += doubts(demonstration.name, refined, demonstration is reference)
             if demonstration is not reference:
-                pairs.append(_pair_rows(demonstration, aligned))
+                pairs.append(_pair_rows(demonstration, refined))
         except InputError as error:
             if demonstration is reference or not parameters.skip_failures:
                 raise
@@ -75,6 +72,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),
         left_out=pd.DataFrame(left_out.items(), columns=["demonstration", "reason"]),
+        doubts=pd.DataFrame(doubted, columns=DOUBT_COLUMNS).astype({"number": float}),
         reference=reference.name,
     )
 
@@ -82,103 +80,41 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
 PAIR_COLUMNS = ["demonstration", "primitive", "reference_s", "guess_s", "weight"]
 
 
-@dataclass(frozen=True)
-class _Aligned:
-    """How one primitive of one demonstration lies relative to the reference; times in samples."""
-
-    reference: _Motion
-    motion: _Motion
-    pairs: np.ndarray  # (K, 2) reference, guess
-    weights: np.ndarray  # (K,)
-    alignments: dict[str, Alignment]  # by method
-
-    def ends(self, method: str) -> np.ndarray:
-        """(2,) start and end by a method."""
-        reference_ends = np.array([self.reference.start, self.reference.end], dtype=float)
-        if method == "zvc":
-            return np.array([self.motion.start, self.motion.end], dtype=float)
-        if method == "dtw":
-            return np.interp(reference_ends, self.pairs[:, 0], self.pairs[:, 1])
-        return self.alignments[method].guess_time(reference_ends)
+def _movements(
+    demonstration: Demonstration, found: Crossings | InputError, parameters: SegmentParameters
+) -> dict[str, Movement]:
+    """What is aligned of every primitive with an axis; raises what stands in place of the crossings."""
+    if isinstance(found, InputError):
+        raise found
+    dt, movements = demonstration.dt, {}
+    axes = {primitive.name: primitive.axis for primitive in parameters.primitives}
+    for name, crossing in found.items():
+        smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
+        movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
+    return movements
 
 
-def _reference(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Demonstration:
-    if parameters.reference is None:
-        return demonstrations[0]
-    for demonstration in demonstrations:
-        if demonstration.name == parameters.reference:
-            return demonstration
-    raise InputError(f"segment.reference: there is no demonstration named '{parameters.reference}'")
-
-
-def _guess(demonstration: Demonstration, parameters: SegmentParameters) -> dict[str, _Motion]:
-    """Zero-velocity crossing of every primitive with an axis, each looked for after the one before."""
-    dt, motions, first = demonstration.dt, {}, 0
-    for primitive in parameters.primitives:
-        if primitive.axis == "between":
-            continue
-        position = demonstration.position[:, AXES[primitive.axis]]
-        speeds = [
-            np.linalg.norm(signals.derivative(signals.low_pass(position, dt, cutoff), dt), axis=1)
-            for cutoff in (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
-        ]
-        try:
-            start, end = moving_interval(
-                *speeds, primitive.threshold_m_s, round(parameters.bridge_s / dt), first
-            )
-        except InputError as error:
-            raise InputError(f"{demonstration.name}: primitive '{primitive.name}': {error}") from error
-        smooth = signals.low_pass(position, dt, parameters.align_cutoff_hz)
-        motions[primitive.name] = _Motion(dt, smooth, signals.derivative(smooth, dt), start, end)
-        first = end
-    return motions
-
-
-def _align(
-    demonstration: str, primitive: str, reference: _Motion, guess: _Motion, parameters: SegmentParameters
-) -> _Aligned:
-    """Lines 11 to 24 of algorithm IV.1 for one primitive."""
-    extension = round(parameters.extension_s / reference.dt)
-    g = parameters.downsampling
-    # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.
-    firsts = [max(0, motion.start - extension) for motion in (reference, guess)]
-    parts = [
-        motion.position[first : motion.end + extension + 1 : g]
-        for motion, first in zip((reference, guess), firsts, strict=True)
-    ]
-    pairs = g * correspondences(*parts) + np.array(firsts)
-    weights = velocity_weights(
-        reference.velocity[pairs[:, 0]],
-        guess.velocity[pairs[:, 1]],
-        parameters.near_zero,
-        parameters.decay,
-    )
-    crossings = np.array([[reference.start, guess.start], [reference.end, guess.end]])
-    tolerance = parameters.crossing_tolerance_s / reference.dt
+def _refined(
+    demonstration: str, primitive: str, reference: Movement, own: Movement, parameters: SegmentParameters
+) -> Refined:
     try:
-        text = least_squares(pairs, weights)
-        alignments = {
-            "ls": least_squares(pairs),
-            "wls_text": text,
-            "wls": with_crossings(text, pairs, weights, crossings, parameters.crossing_weight, tolerance),
-        }
+        return refine(reference, own, parameters)
     except InputError as error:
         raise InputError(f"{demonstration}: primitive '{primitive}': {error}") from error
-    return _Aligned(reference, guess, pairs, weights, alignments)
 
 
 def _cut_rows(
     demonstration: Demonstration,
-    aligned: dict[str, _Aligned],
+    refined: dict[str, Refined],
     parameters: SegmentParameters,
 ) -> pd.DataFrame:
     """Rows of `Segmentation.cuts`, with the primitives in between filled in, clipped to the recording."""
     dt, duration = demonstration.dt, demonstration.time[-1]
     rows = []
     for method in METHODS:
-        found = {name: one.ends(method) for name, one in aligned.items()}
+        found = {name: one.ends(method) for name, one in refined.items()}
         for index, primitive in enumerate(parameters.primitives):
-            if primitive.axis == "between":
+            if primitive.axis == BETWEEN:
                 before, after = parameters.primitives[index - 1], parameters.primitives[index + 1]
                 start, end = found[before.name][1], found[after.name][0]
             else:
@@ -193,7 +129,7 @@ def _cut_rows(
     return pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
 
 
-def _pair_rows(demonstration: Demonstration, aligned: dict[str, _Aligned]) -> pd.DataFrame:
+def _pair_rows(demonstration: Demonstration, refined: dict[str, Refined]) -> pd.DataFrame:
     """Rows of `Segmentation.pairs`."""
     tables = [
         pd.DataFrame(
@@ -201,10 +137,10 @@ def _pair_rows(demonstration: Demonstration, aligned: dict[str, _Aligned]) -> pd
                 "demonstration": demonstration.name,
                 "primitive": primitive,
                 "reference_s": one.reference.dt * one.pairs[:, 0],
-                "guess_s": one.motion.dt * one.pairs[:, 1],
+                "guess_s": one.own.dt * one.pairs[:, 1],
                 "weight": one.weights,
             }
         )
-        for primitive, one in aligned.items()
+        for primitive, one in refined.items()
     ]
     return pd.concat(tables, ignore_index=True)

@@ -181,13 +181,6 @@ def true_contacts(run: TouchRun, person: ToucherParameters) -> pd.DataFrame:
     return pd.DataFrame(dict(zip(TRUTH, columns, strict=True)))
 
 
-def no_contacts() -> pd.DataFrame:
-    """The table of `true_contacts` without rows: of recordings that are not simulated nothing is known."""
-    return pd.DataFrame(
-        {name: np.empty(0, dtype=object if name == "trial" else np.float32) for name in TRUTH}
-    )
-
-
 def covered(person: ToucherParameters, skin: Skin) -> tuple[tuple[float, float], tuple[float, float]]:
     """Ranges of the surface coordinates along and across the finger that are demonstrated, m."""
     low, high = 1e-3 * np.array(person.along_mm)

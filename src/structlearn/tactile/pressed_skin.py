@@ -24,6 +24,10 @@ STILL = 0.01
 """A component of the action that is smaller than this share of the largest (root mean squares) is none."""
 
 
+ROUNDING = 1e-3
+"""Of a block's side: commanded places are exact to tenths of a micrometre only."""
+
+
 @dataclass(frozen=True)
 class PressedSkin:
     """N presses, as `touch_dataset.TouchSamples`.
@@ -64,6 +68,37 @@ def pressed_skin(
     """
     signals, pressure = sensor.seen(counts if copies == 1 else sensor.drifted(counts, copies, rng))
     return PressedSkin(signals, pressure, np.tile(place, (copies, 1)), np.tile(split, copies))
+
+
+def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
+    """Blocks of a plate; what is left over at the far edges belongs to the last ones.
+
+    Args:
+        place: (N, 2) m.
+        side: m of a block.
+
+    Returns:
+        (N,) column and (N,) row of each place's block, from 0.
+    """
+    start, extent = place.min(axis=0), np.ptp(place, axis=0)
+    count = np.maximum(np.floor(extent / side + ROUNDING), 1)
+    found = np.minimum(np.floor((place - start) / side + ROUNDING), count - 1).astype(int)
+    return found[:, 0], found[:, 1]
+
+
+def held_out(place: np.ndarray, side: float, folds: int) -> tuple[np.ndarray, np.ndarray]:
+    """Blocks and the folds that hold them out: no two neighbours at once, nor all corners.
+
+    Args:
+        place: (N, 2) m.
+        side: m of a block.
+        folds: F >= 4 keeps neighbours apart.
+
+    Returns:
+        block: (N,) numbers.   fold: (N,) 0 to F - 1.
+    """
+    column, row = block_numbers(place, side)
+    return column * (row.max() + 1) + row, (column + 2 * row) % folds
 
 
 def plate_pairs(skin: PressedSkin, split: int, count: int, rng: np.random.Generator) -> Pairs:

@@ -45,7 +45,7 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
 
 
 def robots() -> list[int]:
-    """Seeds of the robots whose logs there are; 0 is your own."""
+    """Seeds of the robots whose logs there are."""
     return sorted(int(folder.name) for folder in ROBOT_LOGS.iterdir())
 
 

@@ -5,8 +5,6 @@ Keys are those of the protocols' tables; they stand here as text, so that drawin
 
 from typing import NamedTuple
 
-import numpy as np
-
 from structlearn.palette import (
     BLACK,
     BLUE,
@@ -136,15 +134,3 @@ TOUCH_WORLDS = {
     "slides, recorded": GREEN,
 }
 """Colours of the sets of touch that are set beside each other."""
-
-PLATE_CORNERS = ((BLUE, GREEN), (VERMILION, ORANGE))
-"""Colours of a plate's corners, by x and y, between which places are blended."""
-
-
-def place_colours(places: np.ndarray) -> np.ndarray:
-    """Colours (N, 3) of bytes of places (N, 2) on a plate: the same in all pictures of it."""
-    corners = np.array([[[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in row] for row in PLATE_CORNERS])
-    part = (places - places.min(axis=0)) / np.maximum(np.ptp(places, axis=0), 1e-12)
-    weights = np.stack([1.0 - part, part], axis=-1)  # (N, 2, 2): axis, end
-    mixed = np.einsum("ni,nj,ijc->nc", weights[:, 0], weights[:, 1], corners)
-    return np.rint(mixed).astype(np.uint8)

@@ -52,7 +52,7 @@ def touch() -> TouchDataset:
 
 
 def true_contacts() -> pd.DataFrame:
-    """See `simulation.touch_demonstrator.true_contacts`; empty where the demonstrations were recorded."""
+    """See `simulation.touch_demonstrator.true_contacts`."""
     return read_table(MADE_BY["contacts"][0])
 
 
@@ -62,12 +62,12 @@ def model_scores() -> ModelScores:
 
 
 def closed_loops() -> Comparison:
-    """Closed loops of all controllers; only where the demonstrations were simulated."""
+    """Closed loops of all controllers."""
     return Comparison(**_tables("loops", Comparison))
 
 
 def other_skins() -> OtherSkinTables:
-    """What was learned and servoed with other skins; always simulated."""
+    """What was learned and servoed with other skins."""
     learned = MADE_BY["skins"][0]
     return OtherSkinTables(
         read_table(f"{learned}/latent.parquet"),

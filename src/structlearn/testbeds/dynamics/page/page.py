@@ -49,7 +49,7 @@ def dynamics_page(
         sources=SOURCES,
         parameters=parameters,
         recordings="../recordings/dynamics",
-        simulated=results.simulated,
+        simulated=True,
     )
 
 
@@ -77,7 +77,6 @@ def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, obj
     return metrics(results) | {
         "results": results,
         "published": published(),
-        "simulated": results.simulated,
         "training": results.training,
         "overspeed": OVERSPEED,
         "compared_s": COMPARED_S,
@@ -120,11 +119,9 @@ def _stopped(results: DynamicsResults, arm: str) -> list[str]:
 
 
 def _friction(results: DynamicsResults) -> dict[str, float]:
-    """Median relative errors of learned coefficients; `factor` of viscous ones alone; empty: no truth."""
-    known = results.friction.dropna(subset="truth")
+    """Median relative errors of learned coefficients; `factor` of viscous ones alone."""
+    known = results.friction
     ratio = (known["value"] / known["truth"]).groupby([known["model"], known["term"]])
-    if known.empty:
-        return {}
     median = ratio.median()
     off = (ratio.obj - 1.0).abs().groupby([known["model"], known["term"]]).median()
     return off[f"cov{COULOMB}"].to_dict() | {"factor": median["cov", "viscous"]}

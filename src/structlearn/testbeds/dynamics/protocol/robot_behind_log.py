@@ -22,23 +22,23 @@ RESIDUAL_RATE_HZ = 10.0
 """Of residual torques that are kept to be drawn."""
 
 
-def known_errors(robot: Robot, mechanics: Mechanics | None, motion: Motion) -> pd.DataFrame:
+def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
     """Errors of models that are known instead of learned.
 
     Args:
         robot: as its URDF describes it: the default model.
-        mechanics: what really moved; None: nobody knows.
+        mechanics: what really moved.
         motion: of the log.
 
     Returns:
         `model`, `joint` (from 1), `nmse`.
     """
-    torques = {}
-    if mechanics is not None:
-        rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
-        friction = np.einsum("tjk,jk->tj", friction_columns(motion.qd, TERMS), rubbing)
-        torques[GROUND_TRUTH] = rigid_body_torques(robot.tree, mechanics.inertias, motion) + friction
-    torques[DEFAULT] = rigid_body_torques(robot.tree, robot.inertias, motion)
+    rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
+    friction = np.einsum("tjk,jk->tj", friction_columns(motion.qd, TERMS), rubbing)
+    torques = {
+        GROUND_TRUTH: rigid_body_torques(robot.tree, mechanics.inertias, motion) + friction,
+        DEFAULT: rigid_body_torques(robot.tree, robot.inertias, motion),
+    }
     tables = [
         pd.DataFrame(
             {"model": name, "joint": np.arange(1, motion.joints + 1), "nmse": nmse(found, motion.torque)}
@@ -48,12 +48,12 @@ def known_errors(robot: Robot, mechanics: Mechanics | None, motion: Motion) -> p
     return pd.concat(tables, ignore_index=True)
 
 
-def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics | None) -> pd.DataFrame:
+def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -> pd.DataFrame:
     """Friction that models learned of one robot.
 
     Args:
         models: by name, the first one of each; those that learned no friction have no rows.
-        mechanics: what really rubs; None: nobody knows.
+        mechanics: what really rubs.
 
     Returns:
         `model`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
@@ -63,7 +63,7 @@ def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics | 
         coefficients = its.friction_coefficients()[0]
         learned = friction_rows(coefficients, its.friction)
         for term in (term for term in TERMS if term in its.friction):
-            true = np.full(len(coefficients), np.nan) if mechanics is None else getattr(mechanics, term)
+            true = getattr(mechanics, term)
             for joint, value in enumerate(learned[TERMS.index(term)]):
                 rows.append((name, joint + 1, term, value, true[joint]))
     return pd.DataFrame(rows, columns=["model", "joint", "term", "value", "truth"])

@@ -38,8 +38,7 @@ class DynamicsResults:
         engines: how far the compiled arm is from PyBullet's, see `world.controlled_arm.agreement`.
         known, friction: of robots' logs, see `protocol.robot_behind_log`, with `seed`.
         residuals: likewise, of the first robot.
-        simulated: whether robots are; else the one log is your own.
-        stand_in: what simulated robots have in common.
+        stand_in: what robots have in common.
         motion: the sines.
         training, learning_online, tracking: how models were trained, how online, how put to the test.
         carried: the payload.
@@ -59,7 +58,6 @@ class DynamicsResults:
     known: pd.DataFrame
     friction: pd.DataFrame
     residuals: pd.DataFrame
-    simulated: bool
     stand_in: StandInParameters
     motion: SineParameters
     training: DynamicsTrainingParameters

@@ -1,8 +1,7 @@
-"""Joint logs of the simulated arms, and a robot's own log checked against its URDF."""
+"""Joint logs of the simulated arms."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,11 +10,10 @@ from pydantic import Field
 import structlearn
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.recordings.checks import at_row
-from structlearn.recordings.joint_log import JointLog, read_joint_log
+from structlearn.recordings.joint_log import JointLog
 from structlearn.rigid_body.any_model import bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order
+from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Engine, Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
     SineParameters,
@@ -25,8 +23,6 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
 )
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, agreement, run
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, measured_torques, stand_in
-
-SIMULATED = "simulated"
 
 STAND_IN = "stand-in with friction, ripple, latency and other inertias"
 
@@ -55,19 +51,13 @@ class PayloadParameters(Parameters):
         return Payload(self.mass_kg, self.point_m, self.radius_m)
 
 
-class MotionSourceParameters(Parameters):
-    """Where the log of the robot comes from.
+class RecordMotionParameters(Parameters):
+    """What is recorded beside the sines.
 
     Attributes:
-        source: `simulated`: the stand-ins'; or your robot's own log, an .mcap file or a folder with one.
-        topic: joint states of your log, with position, velocity and effort.
-        max_gap_s: longest hole in your log that is bridged by interpolation.
         payload: picked up by the stand-ins in logs of their own.
     """
 
-    source: str = Field(min_length=1)
-    topic: str = Field(min_length=1)
-    max_gap_s: float = Field(gt=0)
     payload: PayloadParameters
 
 
@@ -126,38 +116,6 @@ def log_agreement(log: Callable[[SineParameters, Engine], JointLog], motion: Sin
         return made.positions, made.torques
 
     return pd.DataFrame([agreement(both)])
-
-
-def own_log(source: str | Path, topic: str, tree: KinematicTree, max_gap_s: float) -> JointLog:
-    """A robot's own log with the URDF's joints in the URDF's order.
-
-    Args:
-        source: an .mcap file, or a folder with one.
-        topic: its joint states.
-        tree: of the URDF; joints of the log that it lacks are left out.
-        max_gap_s: longest step in s between neighbouring samples.
-
-    Raises:
-        InputError: there is no file, or more than one; it fails `read_joint_log`; a joint of the URDF is not
-            in it, or it has a longer gap.
-    """
-    path = Path(source)
-    if path.is_dir():
-        files = sorted(file for file in path.glob("*.mcap") if not file.name.startswith("."))
-        if len(files) != 1:
-            raise InputError(f"{path}: holds {len(files)} .mcap files, one log of the robot is needed")
-        path = files[0]
-    log = read_joint_log(path, topic)
-    order = joint_order(tree, log.joints, path)
-    steps = np.diff(log.stamps)
-    if steps.max() > max_gap_s * 1e9:
-        row = int(np.argmax(steps))
-        raise InputError(
-            f"{path}: {at_row(row, log.stamps)} is followed by a gap of {steps[row] * 1e-9:.3g} s, "
-            f"longer than max_gap_s = {max_gap_s:g}"
-        )
-    columns = (log.positions[:, order], log.velocities[:, order], log.torques[:, order])
-    return JointLog(log.name, tree.names, log.stamps, *columns, provenance=log.provenance)
 
 
 def _sine_log(name: str, arm: SimulatedArm, motion: SineParameters, remark: Mapping[str, str]) -> JointLog:

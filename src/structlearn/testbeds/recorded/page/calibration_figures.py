@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, CATEGORICAL_COLOURS, GREY
 from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded.names import TOUCH_WORLDS
-from structlearn.testbeds.recorded.page.drawing import legend, panel
 from structlearn.testbeds.recorded.protocol.touch_calibration import REFERENCE, SIMULATED
 
 SHOWN = 4

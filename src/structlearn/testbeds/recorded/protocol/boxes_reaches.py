@@ -1,63 +1,22 @@
 """Recorded trials past boxes as reaches: from their onset to the target, in their own local frames."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
+from structlearn.avoidance.scene_parameters import SceneReachParameters
+from structlearn.avoidance.scene_reaches import SceneReach, cut_reach
+from structlearn.avoidance.shapes import recorded_obstacle
 from structlearn.ground.errors import InputError
-from structlearn.ground.frames import local_frame
-from structlearn.primitives.trajectory import Trajectory, differentiated
+from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.reaches_past_boxes import BOUNDARY, BOX
-from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxReachParameters
-
-
-@dataclass(frozen=True)
-class BoxReach:
-    """One person's reach past boxes.
-
-    Attributes:
-        name: of the trial.
-        person: who.
-        path: (T, 3) in the local frame, relative to the start; time in durations, from 0 to 1.
-        start: (3,) m, base frame.
-        frame: (3, 3) local to base.
-        duration_s: s.
-        boxes: base frame.
-        walls: of the shelf, base frame.
-    """
-
-    name: str
-    person: str
-    path: Trajectory
-    start: np.ndarray
-    frame: np.ndarray
-    duration_s: float
-    boxes: tuple[Obstacle, ...]
-    walls: tuple[Obstacle, ...]
-
-    @property
-    def goal(self) -> np.ndarray:
-        """(3,) m, local frame: where the target was reached."""
-        return self.path.position[-1]
-
-    @property
-    def in_base_frame(self) -> np.ndarray:
-        """(T, 3) m."""
-        return self.start + self.path.position @ self.frame.T
-
-    @property
-    def shapes(self) -> tuple[Obstacle, ...]:
-        """Everything that is in the way."""
-        return (*self.boxes, *self.walls)
 
 
 def reaches_past_boxes(
-    trials: Sequence[Demonstration], parameters: BoxReachParameters
-) -> tuple[list[BoxReach], pd.DataFrame]:
+    trials: Sequence[Demonstration], parameters: SceneReachParameters
+) -> tuple[list[SceneReach], pd.DataFrame]:
     """The reaches of some trials, and which were left out.
 
     A trial says when its hand had moved, well after it began to: the reach begins where its speed, looked at
@@ -84,7 +43,7 @@ def reaches_past_boxes(
     return reaches, pd.DataFrame(left_out, columns=["trial", "person", "reason"])
 
 
-def _reach(trial: Demonstration, parameters: BoxReachParameters) -> BoxReach | str:
+def _reach(trial: Demonstration, parameters: SceneReachParameters) -> SceneReach | str:
     """The reach of a trial, or why there is none."""
     try:
         person = trial.provenance["person"]
@@ -105,25 +64,4 @@ def _reach(trial: Demonstration, parameters: BoxReachParameters) -> BoxReach | s
     slow = np.flatnonzero(before < parameters.onset_share * speed[begins : ends + 1].max())
     onset = int(slow[-1]) if len(slow) else int(before.argmin())
     part = slice(onset, ends + 1)
-    duration = float(trial.time[ends] - trial.time[onset])
-    jump = np.linalg.norm(np.diff(trial.position[part], axis=0), axis=1).max() / trial.dt
-    if jump > parameters.fastest_m_s:
-        return f"tracking jumps, {jump:.1f} m/s"
-    if duration > parameters.longest_s:
-        return f"takes {duration:.1f} s"
-    start, goal = smooth.position[part][[0, -1]]
-    frame = local_frame(start, goal)
-    time = (trial.time[part] - trial.time[part][0]) / duration
-    signals = (
-        smooth.position[part] - start,
-        duration * smooth.velocity[part],
-        duration**2 * smooth.acceleration[part],
-    )
-    grid = np.linspace(0.0, 1.0, parameters.samples)
-    path = Trajectory(grid, *(_resampled(grid, time, signal @ frame) for signal in signals))
-    return BoxReach(trial.name, person, path, start, frame, duration, boxes, walls)
-
-
-def _resampled(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(T, 3) at the times of a grid (T,), linearly: the signal is smooth over many samples."""
-    return np.stack([np.interp(grid, time, column) for column in values.T], axis=1)
+    return cut_reach(trial, trial.name, person, smooth, part, boxes, walls, parameters)

@@ -5,11 +5,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from structlearn.recordings.joint_log import JointLog
-from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import LearningParameters
-from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.rigid_body.tree import Robot
-from structlearn.testbeds.recorded.protocol.arm_identification import (
+from structlearn.rigid_body.arm_identification import (
     NETWORKS,
     TRAIN,
     NetworkTraining,
@@ -19,6 +15,10 @@ from structlearn.testbeds.recorded.protocol.arm_identification import (
     identify_arm,
     trace_table,
 )
+from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.motion import Motion, measured_motion
+from structlearn.rigid_body.tree import Robot
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 
 TEST = "test"

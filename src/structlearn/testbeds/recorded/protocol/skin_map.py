@@ -19,7 +19,14 @@ from structlearn.recordings.eflesh import ProbeRun
 from structlearn.tactile.flat_maps import map_laying
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_spaces import learn_from
-from structlearn.tactile.pressed_skin import PLANE, PressedSkin, plate_pairs, pressed_skin, walks
+from structlearn.tactile.pressed_skin import (
+    PLANE,
+    PressedSkin,
+    held_out,
+    plate_pairs,
+    pressed_skin,
+    walks,
+)
 from structlearn.tactile.sensor_description import SensorDescription
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains
 from structlearn.tactile.units import TouchUnits, touch_units
@@ -46,9 +53,6 @@ BY_BLOCK = dict.fromkeys(("map_nmse", "pressure_nmse", "signal_nmse", "depth_nms
     ("laid_mm", "latent_mm"), "median"
 )
 """How errors of presses become one of their block."""
-
-ROUNDING = 1e-3
-"""Of a block's side: commanded places are exact to tenths of a micrometre only."""
 
 NEVER_VARIES = 1e-4
 """m, standard deviation below which the depth of a run is taken for one and the same."""
@@ -92,37 +96,6 @@ class Reading:
     laid: np.ndarray | None = None
     pressure: np.ndarray | None = None
     decoded: np.ndarray | None = None
-
-
-def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks of a plate; what is left over at the far edges belongs to the last ones.
-
-    Args:
-        place: (N, 2) m.
-        side: m of a block.
-
-    Returns:
-        (N,) column and (N,) row of each place's block, from 0.
-    """
-    start, extent = place.min(axis=0), np.ptp(place, axis=0)
-    count = np.maximum(np.floor(extent / side + ROUNDING), 1)
-    found = np.minimum(np.floor((place - start) / side + ROUNDING), count - 1).astype(int)
-    return found[:, 0], found[:, 1]
-
-
-def held_out(place: np.ndarray, side: float, folds: int) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks and the folds that hold them out: no two neighbours at once, nor all corners.
-
-    Args:
-        place: (N, 2) m.
-        side: m of a block.
-        folds: F >= 4 keeps neighbours apart.
-
-    Returns:
-        block: (N,) numbers.   fold: (N,) 0 to F - 1.
-    """
-    column, row = block_numbers(place, side)
-    return column * (row.max() + 1) + row, (column + 2 * row) % folds
 
 
 def map_errors(runs: Sequence[ProbeRun], parameters: SkinParameters) -> pd.DataFrame:

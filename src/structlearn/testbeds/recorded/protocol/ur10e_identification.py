@@ -3,17 +3,25 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from structlearn.ground import signals
-from structlearn.ground.block_bootstrap import block_count, block_sums
+from structlearn.ground.block_bootstrap import block_count
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.drive_log import DriveLog, on_clock
-from structlearn.rigid_body.agreement import torque_differences
+from structlearn.rigid_body.arm_identification import (
+    TRAIN,
+    WRITTEN,
+    Identified,
+    body_table,
+    error_table,
+    friction_table,
+    identify_arm,
+    trace_table,
+)
 from structlearn.rigid_body.body_intervals import drawn_fits
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.load_identification import identify_load
@@ -23,18 +31,8 @@ from structlearn.rigid_body.motion import Motion, excited, smoothed_motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.seeded_training import FRICTIONS
 from structlearn.rigid_body.structured_learning import MotionRegressor
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
-from structlearn.rigid_body.urdf_writer import write_urdf
-from structlearn.testbeds.recorded.protocol.arm_identification import (
-    TRAIN,
-    Identified,
-    ModelKey,
-    body_table,
-    error_table,
-    friction_table,
-    identify_arm,
-    trace_table,
-)
+from structlearn.rigid_body.torque_blocks import block_table
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.testbeds.recorded.protocol.network_choice import choose_networks
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
@@ -52,9 +50,6 @@ LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with
 
 FRICTION = FRICTIONS["offset"]
 """Of an arm whose drives and load are looked for: sensors of currents need not be zeroed."""
-
-WRITTEN: ModelKey = ("cov", "coulomb")
-"""The model that becomes a URDF: bodies that can exist, and friction that a URDF knows."""
 
 TRACE_STRIDE = 10
 """Every so manieth sample of a test is kept for figures: 10 Hz."""
@@ -152,7 +147,7 @@ def identify_ur10e(
         delay_curves=delay_curves,
         motions=_motion_table(logs, {name: cut for name, (_, cut) in cuts.items()}, parts, parameters),
         errors=error_table(identified, parts),
-        blocks=block_table(identified, parts, parameters.block),
+        blocks=block_table(identified.torques, parts, parameters.block),
         friction=friction_table(identified),
         links=body_table(identified, robot),
         traces=trace_table(identified, parameters.test, parts[parameters.test], rate, TRACE_STRIDE),
@@ -162,31 +157,6 @@ def identify_ur10e(
         carried=pd.concat(carried, ignore_index=True) if carried else _nothing_carried(),
         bodies=_bodies(robot, parts[TRAIN], identified.models[WRITTEN], parameters),
     )
-
-
-def block_table(identified: Identified, parts: Mapping[str, Motion], length: int) -> pd.DataFrame:
-    """What errors on each part rest on, block by block.
-
-    Returns:
-        `part`, `block`, `joint`, `samples`, sums `torque` and `torque_squared`, and a column of summed
-        squared errors, mean over seeds, per model: `KIND/FRICTION`.
-    """
-    tables = []
-    for name, part in parts.items():
-        count = block_count(len(part), length)
-        sums = {"samples": np.ones_like(part.torque), "torque": part.torque, "torque_squared": part.torque**2}
-        sums |= {
-            "/".join(key): ((torques[name] - part.torque) ** 2).mean(axis=0)
-            for key, torques in identified.torques.items()
-        }
-        columns = {key: block_sums(values, length).ravel() for key, values in sums.items()}
-        keys = {
-            "part": name,
-            "block": np.repeat(np.arange(count), part.joints),
-            "joint": np.tile(np.arange(1, part.joints + 1), count),
-        }
-        tables.append(pd.DataFrame(keys | columns))
-    return pd.concat(tables, ignore_index=True)
 
 
 def _drives(
@@ -430,19 +400,3 @@ def _columns(inertias: LinkInertias[np.ndarray]) -> dict[str, np.ndarray]:
 def _rubbing(coefficients: np.ndarray, terms: Sequence[str]) -> dict[str, np.ndarray]:
     """(..., n) of each term."""
     return {term: coefficients[..., place] for place, term in enumerate(terms)}
-
-
-def write_identified(source: Path, target: Path, robot: Robot, identified: Identified) -> pd.DataFrame:
-    """The model `WRITTEN` as a URDF from the tree of the maker's, and what comes back from the file.
-
-    Returns:
-        `joint`, `difference_n_m`: largest difference at random states between torques of the model and those
-        of Pinocchio's recursive Newton-Euler with the file.
-    """
-    model = identified.models[WRITTEN]
-    its = model.inertias()
-    inertias = LinkInertias(its.mass[0], its.first_moment[0], its.inertia[0])
-    viscous, coulomb = model.friction_coefficients()[0].T
-    write_urdf(source, target, robot.tree, inertias, viscous, coulomb)
-    differences = torque_differences(read_urdf(target), inertias)
-    return pd.DataFrame({"joint": np.arange(1, len(differences) + 1), "difference_n_m": differences})

@@ -126,4 +126,4 @@ def joined(parts: Sequence[Demonstration]) -> tuple[Demonstration, Segmentation]
         for part, start, end in zip(parts, starts[:-1], starts[1:], strict=True)
     ]
     cuts = pd.DataFrame(rows, columns=["demonstration", "primitive", "method", "start_s", "end_s"])
-    return whole, Segmentation(cuts, pd.DataFrame(), pd.DataFrame(), EXECUTION)
+    return whole, Segmentation(cuts, pd.DataFrame(), pd.DataFrame(), pd.DataFrame(), EXECUTION)

@@ -8,9 +8,8 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
-from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION
+from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION, place_colours
 from structlearn.testbeds.recorded.files import shown_map
-from structlearn.testbeds.recorded.names import place_colours
 from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import entity, flat_view, layout, plot, recording, rgba, send_curve, time_column
 

@@ -7,9 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from structlearn.ground import quaternion, signals
+from structlearn.ground import quaternion
 from structlearn.palette import (
-    AXIS_COLOURS,
     BLACK,
     CATEGORICAL_COLOURS,
     DEMONSTRATION_COLOUR,
@@ -20,33 +19,23 @@ from structlearn.palette import (
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, finish_space, styled
-from structlearn.reporting.prose import capitalised
+from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
+from structlearn.reporting.movement_figures import (
+    draw_axes,
+    draw_cuts,
+    fit_panel,
+    headroom,
+    shade_primitives,
+    space_panels,
+    speed,
+)
 from structlearn.segmentation.result import Segmentation
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
-
-SPEED_CUTOFF_HZ = 5.0
-"""Low-pass of the speeds that are drawn; differences of raw positions are mostly noise."""
 
 ELECTRODES_SHOWN = 4
 FORCING_SAMPLES = 300
 LINES = ("-", (0, (4, 1.5)))
 """Line styles of the sequences in one figure."""
-
-
-def speed(demonstration: Demonstration) -> np.ndarray:
-    """Speed of the end effector for drawing, (T,) in m/s."""
-    smooth = signals.low_pass(demonstration.position, demonstration.dt, SPEED_CUTOFF_HZ)
-    return np.linalg.norm(signals.derivative(smooth, demonstration.dt), axis=1)
-
-
-def shade_primitives(panel: Axes, segments: Sequence[tuple[float, float]], names: Sequence[str] = ()) -> None:
-    """Colour the time of every primitive; write their names at the top."""
-    for place, (start, end) in enumerate(segments):
-        panel.axvspan(start, end, color=primitive_colour(place), alpha=0.13, linewidth=0)
-        if names:
-            where = {"transform": panel.get_xaxis_transform(), "ha": "center", "va": "bottom"}
-            panel.text(0.5 * (start + end), 1.02, names[place], **where, fontsize=8.0)
 
 
 def busiest_electrodes(runs: Sequence[Demonstration], count: int = ELECTRODES_SHOWN) -> np.ndarray:
@@ -62,12 +51,6 @@ def draw_electrodes(panel: Axes, run: Demonstration, channels: Sequence[int]) ->
         panel.plot(run.time, counts, color=colour, linewidth=1.0, label=f"{channel + 1}")
     headroom(panel)
     panel.legend(title="channel", ncols=4, loc="upper left")
-
-
-def headroom(panel: Axes, share: float = 0.5) -> None:
-    """Room for a legend above what is drawn."""
-    low, high = panel.get_ylim()
-    panel.set_ylim(low, high + share * (high - low))
 
 
 @styled
@@ -97,12 +80,12 @@ def one_demonstration_figure(demonstration: Demonstration, segmentation: Segment
     """Position, speed and, where recorded, force and touch of one demonstration with its cut points."""
     time, names = demonstration.time, segmentation.primitives
     draws: list[Callable[[Axes], None]] = [
-        lambda panel: _draw_axes(panel, time, 1e3 * (demonstration.position - demonstration.position[0])),
+        lambda panel: draw_axes(panel, time, 1e3 * (demonstration.position - demonstration.position[0])),
         lambda panel: panel.plot(time, 1e3 * speed(demonstration), color=BLACK),
     ]
     labels = ["way from start (mm)", "speed (mm/s)"]
     if demonstration.wrench is not None:
-        draws.append(lambda panel: _draw_axes(panel, time, demonstration.wrench[:, :3]))
+        draws.append(lambda panel: draw_axes(panel, time, demonstration.wrench[:, :3]))
         labels.append("force (N)")
     if demonstration.tactile is not None:
         channels = busiest_electrodes([demonstration])
@@ -118,26 +101,9 @@ def one_demonstration_figure(demonstration: Demonstration, segmentation: Segment
             draw(panel)
             panel.set_ylabel(labels[first + place])
             shade_primitives(panel, cuts, names if place == 0 else ())
-            _draw_cuts(panel, cuts, demonstration)
+            draw_cuts(panel, cuts, demonstration)
         panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
     return figures
-
-
-def _draw_axes(panel: Axes, time: np.ndarray, values: np.ndarray) -> None:
-    """Three columns in the colours of the axes."""
-    for name, column, colour in zip("xyz", values.T, AXIS_COLOURS, strict=True):
-        panel.plot(time, column, color=colour, linewidth=1.0, label=name)
-    headroom(panel, 0.25)
-    panel.legend(loc="upper left", ncols=3)
-
-
-def _draw_cuts(panel: Axes, cuts: Sequence[tuple[float, float]], demonstration: Demonstration) -> None:
-    """Lines at the cut points found, dotted ones at the true cut points."""
-    for cut in np.ravel(cuts):
-        panel.axvline(cut, color=BLACK, linewidth=0.9)
-    if demonstration.true_segments is not None:
-        for cut in np.unique(demonstration.true_segments):
-            panel.axvline(cut, color=BLACK, linewidth=1.2, linestyle=":")
 
 
 @styled
@@ -153,7 +119,7 @@ def space_figure(results: SegmentationResults) -> list[Figure]:
                 label = name if one.name == results.reference.name else None
                 look = {"color": primitive_colour(place), "linewidth": 1.0, "label": label}
                 paths.append((part, look))
-    return _space(paths)
+    return space_panels(paths)
 
 
 @styled
@@ -165,21 +131,7 @@ def sequence_space_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]
             label = f"{name}, {title}" if number == 0 or place == 0 else None
             look = {"color": primitive_colour(place), "linestyle": line, "linewidth": 2.0, "label": label}
             paths.append((part[["x", "y", "z"]].to_numpy(), look))
-    return _space(paths)
-
-
-def _space(paths: Sequence[tuple[np.ndarray, Mapping[str, object]]]) -> list[Figure]:
-    """Paths (T, 3) in m: a panel in 3-D, and one from above."""
-    figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
-    figures[0].set_layout_engine("none")
-    space = figures[0].add_axes((0.1, 0.14, 0.8, 0.84), projection="3d")  # with room for its labels
-    above = figures[1].add_subplot()
-    for path, look in paths:
-        space.plot(*(1e3 * path.T), **look)
-        above.plot(1e3 * path[:, 1], 1e3 * path[:, 0], **look)
-    finish_space(space, above, 1e3 * np.concatenate([path for path, _ in paths]))
-    above.legend()
-    return figures
+    return space_panels(paths)
 
 
 @styled
@@ -187,7 +139,7 @@ def position_fit_figure(results: SegmentationResults) -> list[Figure]:
     """Segments of all demonstrations relative to their goal, and the primitives unrolled, per primitive."""
     dt = results.reference.dt
     return [
-        _fit_panel(
+        fit_panel(
             one.name,
             place,
             [1e3 * (path.position - path.position[-1]) for path, _ in results.segments[one.name]],
@@ -203,7 +155,7 @@ def orientation_fit_figure(results: SegmentationResults) -> list[Figure]:
     """The same for orientations, as rotation vectors from the goal in the base frame."""
     dt = results.reference.dt
     return [
-        _fit_panel(
+        fit_panel(
             one.name,
             place,
             [_from_goal(turn.orientation, turn.orientation[-1]) for _, turn in results.segments[one.name]],
@@ -217,25 +169,6 @@ def orientation_fit_figure(results: SegmentationResults) -> list[Figure]:
 def _from_goal(orientation: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """Rotation vectors (T, 3) in degrees that turn the goal into the orientations (T, 4)."""
     return np.degrees(quaternion.difference(orientation, goal))
-
-
-def _fit_panel(
-    name: str, place: int, demonstrated: Sequence[np.ndarray], unrolled: np.ndarray, labels: Sequence[str]
-) -> Figure:
-    """One primitive, one row per axis, over normalised time."""
-    figure = canvas(4.2, PANEL_WIDTH)
-    panels = figure.subplots(3, 1, sharex=True)
-    for axis, panel in enumerate(panels):
-        for segment in demonstrated:
-            time = np.linspace(0.0, 1.0, len(segment))
-            panel.plot(time, segment[:, axis], color=DEMONSTRATION_COLOUR, linewidth=0.8, alpha=0.7)
-        time = np.linspace(0.0, 1.0, len(unrolled))
-        panel.plot(time, unrolled[:, axis], color=primitive_colour(place), linewidth=2.2)
-        panel.set_ylabel(labels[axis])
-    panels[0].set_title(capitalised(name))
-    panels[-1].set_xlabel("time / duration")
-    figure.align_ylabels(panels)
-    return figure
 
 
 @styled
@@ -262,37 +195,8 @@ def _rows(title: str, rows: Mapping[str, np.ndarray], fraction: np.ndarray) -> F
         if values.ndim == 1:
             panel.plot(fraction, values, color=GREY)
         else:
-            _draw_axes(panel, fraction, values)
+            draw_axes(panel, fraction, values)
         panel.set_ylabel(label)
     panels[0].set_title(title)
     panels[-1].set_xlabel("time / duration")
     return figure
-
-
-@styled
-def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
-    """Position, speed and acceleration of unrolled sequences over time, with the switches; a panel each.
-
-    Args:
-        sequences: by title, of `primitives.sequence.sequence_table`.
-    """
-    figures = []
-    for title, table in sequences.items():
-        figures.append(canvas(4.6, PANEL_WIDTH))
-        panels = figures[-1].subplots(3, 1, sharex=True)
-        time = table["time_s"].to_numpy()
-        position = 1e3 * table[["x", "y", "z"]].to_numpy()
-        _draw_axes(panels[0], time, position - position[0])
-        speeds = 1e3 * np.linalg.norm(table[["vx", "vy", "vz"]].to_numpy(), axis=1)
-        panels[1].plot(time, speeds, color=BLACK)
-        _draw_axes(panels[2], time, table[["ax", "ay", "az"]].to_numpy())
-        parts = table.groupby("primitive", sort=False)["time_s"].agg(["first", "last"])
-        for panel in panels:
-            segments = parts.itertuples(index=False, name=None)
-            shade_primitives(panel, list(segments), list(parts.index) if panel is panels[0] else ())
-        for panel, label in zip(panels, ("from start (mm)", "speed (mm/s)", "accel. (m/s²)"), strict=True):
-            panel.set_ylabel(label)
-        panels[0].set_title(capitalised(title), pad=18)
-        panels[-1].set(xlabel="time (s)", xlim=(time[0], time[-1]))
-        figures[-1].align_ylabels(panels)
-    return figures

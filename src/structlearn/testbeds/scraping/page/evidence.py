@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, difference, exact
+from structlearn.reporting.claims import UNKNOWN, Evidence, Found, difference
 from structlearn.segmentation.method_comparison import errors_by_seed
 from structlearn.segmentation.result import METHODS, RESULT
 from structlearn.testbeds.scraping.names import CUT_METHODS
@@ -26,29 +26,6 @@ def weakest(found: Iterable[Evidence]) -> Evidence:
     if not found or unknown:
         return unknown[0] if unknown else UNKNOWN
     return min(refuted, key=lambda one: one.high) if refuted else min(found, key=lambda one: one.low)
-
-
-def segmentation_evidence(results: SegmentationResults) -> dict[str, Found]:
-    """Of the page on segmentation and primitives, where demonstrations are your own; and of the sweep."""
-    found: dict[str, Found] = {}
-    if results.alignment is not None:
-        for name, method in (("aligned_as_printed", "wls_text"), ("aligned_with_crossings", RESULT)):
-            found[name] = {
-                row.primitive: Evidence(row.gain_mm, row.low_mm, row.high_mm, len(results.guesses))
-                for row in results.alignment[results.alignment["method"] == method].itertuples()
-            }
-    if results.downsampling_worst is not None:
-        shift, work = results.downsampling_worst
-        found["downsampling"] = {
-            "shift in coarse samples": exact(shift, len(results.was_cut)),
-            "work times g²": exact(work, len(results.was_cut)),
-        }
-    if results.acceleration_jumps:
-        switches = len(results.primitives) - 1
-        found["smooth"] = {
-            name: exact(100.0 * jump, switches) for name, jump in results.acceleration_jumps.items()
-        }
-    return found | sweep_evidence(results)
 
 
 def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:

@@ -14,14 +14,10 @@ from structlearn.ground import signals
 from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, VERMILION
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
+from structlearn.reporting.movement_figures import headroom, shade_primitives
 from structlearn.reporting.prose import capitalised
 from structlearn.testbeds.scraping.names import CORRECTED, REPRESENTATIONS, RUNS, primitive_title
-from structlearn.testbeds.scraping.page.demonstration_figures import (
-    busiest_electrodes,
-    draw_electrodes,
-    headroom,
-    shade_primitives,
-)
+from structlearn.testbeds.scraping.page.demonstration_figures import busiest_electrodes, draw_electrodes
 from structlearn.testbeds.scraping.page.execution_results import (
     ExecutionResults,
     hand_roll_deg,

@@ -163,13 +163,13 @@ class FeedbackResults:
         unrolls: nominal executions in the default setting.
         unroll_cuts: of these.
         expected: expected traces by primitive.
-        datasets: by primitive, of all settings; empty where nothing was corrected.
+        datasets: by primitive, of all settings.
         checks: of `supervision.coupling_dataset`, by primitive.
         networks: the pointwise models by primitive.
-        comparison: of `model_comparison.compare_representations`, with `primitive`; empty where not made.
+        comparison: of `model_comparison.compare_representations`, with `primitive`.
         orderings: of `representation_orderings.paired_orderings`, with `primitive`.
         seen_deg: settings that are learned from.
-        board: what was executed with the models; None where there is no simulation.
+        board: what was executed with the models.
     """
 
     primitives: Sequence[str]
@@ -182,12 +182,7 @@ class FeedbackResults:
     comparison: pd.DataFrame
     orderings: pd.DataFrame
     seen_deg: Sequence[float]
-    board: BoardResults | None
-
-    @cached_property
-    def simulated(self) -> bool:
-        """Whether the executions were simulated."""
-        return any(run.simulated for run in self.unrolls)
+    board: BoardResults
 
     @cached_property
     def adapted(self) -> list[str]:
@@ -210,12 +205,9 @@ class FeedbackResults:
         return {name: informative_channel(self.datasets[name]) for name in self.adapted}
 
     def channel_name(self, channel: int) -> str:
-        """`channel 25`, and in the simulation whose electrode it is."""
-        name = f"channel {channel + 1}"
-        if self.simulated:
-            finger, electrode = divmod(channel, len(ELECTRODES_MM))
-            name += f" ({FINGERS[finger]} finger, electrode {electrode + 1})"
-        return name
+        """`channel 25`, and whose electrode it is."""
+        finger, electrode = divmod(channel, len(ELECTRODES_MM))
+        return f"channel {channel + 1} ({FINGERS[finger]} finger, electrode {electrode + 1})"
 
     @cached_property
     def expected_errors(self) -> tuple[float, float]:
@@ -300,13 +292,13 @@ class FeedbackResults:
             return list(self.primitives).index(name) + 1
 
         values: Metrics = {}
-        for row in self.model_errors.itertuples() if len(self.comparison) else ():
+        for row in self.model_errors.itertuples():
             suffix = "" if row.stopping == "validation" else "_best_step"
             key = f"{REPRESENTATION_KEYS[row.representation]}_prim{number(row.primitive)}"
             values[f"{key}_generalization_nmse{suffix}"] = float(row.generalization_mean)
         for name in self.networks:
             values[f"shared_nodes_prim{number(name)}"] = self.dominant(name)[2]
-        return values | (self.board.metrics(number) if self.board is not None else {})
+        return values | self.board.metrics(number)
 
 
 def _smallest_step(values: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""The scraping report: its pages, as far as there are data for them, with figures, tables and metrics."""
+"""The scraping report: its pages with figures, tables and metrics."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,13 +10,13 @@ from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.reporting import segmentation_figures
+from structlearn.reporting import movement_figures, segmentation_figures
 from structlearn.reporting.claims import UNKNOWN, Found, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.prose import listing
 from structlearn.reporting.studies import Study
-from structlearn.segmentation.execution_cuts import execution_cuts
+from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.segmentation.result import read_segmentation
 from structlearn.testbeds.scraping import files, names
 from structlearn.testbeds.scraping.page import (
@@ -38,10 +38,10 @@ Drawings = dict[str, Drawing | list[Drawing]]
 PACKAGE = "structlearn.testbeds.scraping.page"
 STAGE = "report_scraping"
 PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
-"""Title by file name; one without data says so, since a stage makes all its outs."""
+"""Title by file name."""
 
 PARAMETERS = {
-    "index": ("clock", "record", "simulate", "segment", "segment_sweep", "fit_primitives", "generalise"),
+    "index": ("clock", "simulate", "segment", "segment_sweep", "fit_primitives", "generalise"),
     "feedback": (
         *("scraping_people", "testbed", "expected_traces", "record_corrections", "coupling_dataset"),
         *("train_feedback", "compare_models", "evaluate_feedback"),
@@ -98,8 +98,8 @@ def published() -> Mapping[str, object]:
 
 def scraping_report(
     segmentation: SegmentationResults,
-    feedback: FeedbackResults | None,
-    refinement: RefinementResults | None,
+    feedback: FeedbackResults,
+    refinement: RefinementResults,
     engines: Metrics,
     studies: Mapping[str, Study | None],
     parameters: Mapping[str, Parameters],
@@ -107,22 +107,20 @@ def scraping_report(
     """The report.
 
     Args:
-        segmentation: always there.
-        feedback: None where nothing was executed, as with nominal bags of your own alone.
-        refinement: None where nothing was refined.
+        segmentation: of the first page.
+        feedback: of the second.
+        refinement: of the third.
         engines: of `ScrapingFiles.engine_differences`.
         studies: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
         parameters: all of `PARAMETERS` by key.
     """
     report, printed = ScrapingReport(), published()
-    results = {"index": segmentation, "feedback": feedback, "refinement": refinement}
-    shown = {name: title for name, title in PAGES.items() if results[name] is not None}
     primitives = [primitive.name for primitive in segmentation.primitives]
-    people_study = studies.get(people_results.STUDY) if segmentation.simulated else None
+    people_study = studies.get(people_results.STUDY)
     studied = people_results.People.of_study(people_study, primitives) if people_study is not None else None
     shown_one = people_results.People.of_one(report.metrics, primitives)
     shared = {
-        "pages": shown,
+        "pages": PAGES,
         "published": printed,
         "params": parameters,
         "results": segmentation,
@@ -137,9 +135,7 @@ def scraping_report(
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
     }
 
-    def add(
-        page: str, found: Mapping[str, Found], simulated: bool, shown: Mapping[str, Found] | None = None
-    ) -> None:
+    def add(page: str, found: Mapping[str, Found], shown: Mapping[str, Found] | None = None) -> None:
         claims = read_claims(Path(__file__).with_name(f"{page.replace('index', 'segmentation')}_claims.yaml"))
         claims = people_results.beside(claims, shown or {}, parameters["scraping_people"].shown)
         whole = {claim.evidence: UNKNOWN for claim in claims} | found
@@ -154,44 +150,37 @@ def scraping_report(
             sources=SOURCES,
             parameters={key: parameters[key] for key in PARAMETERS[page]},
             recordings="../recordings/scraping",
-            simulated=simulated,
+            simulated=True,
         )
 
     report.drawings |= segmentation_drawings(segmentation)
     report.tables |= tables.segmentation_tables(segmentation)
     report.metrics |= segmentation.metrics()
     report.metrics |= {f"engines_differ_{name}": value for name, value in engines.items()}
-    if segmentation.simulated:
-        aligned = [primitive.name for primitive in segmentation.found_primitives]
-        found = people_results.known(people_results.segmentation_evidence, studied, aligned)
-        of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)
-        add("index", found | evidence.sweep_evidence(segmentation), True, of_one)
-    else:
-        add("index", evidence.segmentation_evidence(segmentation), False)
-    if feedback is not None:
-        report.drawings |= feedback_drawings(feedback, studied)
-        report.tables |= tables.feedback_tables(feedback, printed)
-        report.metrics |= feedback.metrics()
-        report.metrics |= people_results.known(people_results.summary, studied)
-        settings = feedback.board.settings_deg if feedback.board is not None else []
-        found, of_one = (
-            people_results.known(people_results.feedback_evidence, one, feedback.adapted, settings)
-            for one in (studied, shown_one if feedback.simulated else None)
-        )
-        add("feedback", found, feedback.simulated, of_one)
-    if refinement is not None:
-        report.drawings |= refinement_drawings(refinement, primitives)
-        report.tables |= tables.refinement_tables(refinement, primitives, printed)
-        numbers = {name: primitives.index(name) + 1 for name in primitives}
-        refined = {name: numbers[name] for name in refinement.refined}
-        report.tables |= refinement_studies.study_tables(studies, refined)
-        report.metrics |= refinement.metrics(numbers.get)
-        report.metrics |= refinement_studies.population_metrics(studies, list(refined.values()))
-        found = refinement_studies.refinement_evidence(refinement, studies, numbers.get)
-        add("refinement", found, True)
-    for name in set(PAGES) - set(shown):
-        facts = {"pages": shown, "page": name, "title": PAGES[name]}
-        report.pages[name] = Document("no_data.html.jinja", PACKAGE, STAGE, facts)
+    aligned = [primitive.name for primitive in segmentation.found_primitives]
+    found = people_results.known(people_results.segmentation_evidence, studied, aligned)
+    of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)
+    add("index", found | evidence.sweep_evidence(segmentation), of_one)
+
+    report.drawings |= feedback_drawings(feedback, studied)
+    report.tables |= tables.feedback_tables(feedback, printed)
+    report.metrics |= feedback.metrics()
+    report.metrics |= people_results.known(people_results.summary, studied)
+    settings = feedback.board.settings_deg
+    found, of_one = (
+        people_results.known(people_results.feedback_evidence, one, feedback.adapted, settings)
+        for one in (studied, shown_one)
+    )
+    add("feedback", found, of_one)
+
+    report.drawings |= refinement_drawings(refinement, primitives)
+    report.tables |= tables.refinement_tables(refinement, primitives, printed)
+    numbers = {name: primitives.index(name) + 1 for name in primitives}
+    refined = {name: numbers[name] for name in refinement.refined}
+    report.tables |= refinement_studies.study_tables(studies, refined)
+    report.metrics |= refinement.metrics(numbers.get)
+    report.metrics |= refinement_studies.population_metrics(studies, list(refined.values()))
+    add("refinement", refinement_studies.refinement_evidence(refinement, studies, numbers.get))
     return report
 
 
@@ -206,11 +195,11 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
         "downsampling": segmentation_figures.downsampling_figure(results.downsampling),
         "position_fit": demonstration_figures.position_fit_figure(results),
         "forcing": demonstration_figures.forcing_figure(results),
-        "sequence": demonstration_figures.sequence_figure(results.sequences),
+        "sequence": movement_figures.sequence_figure(results.sequences),
         "sequence_space": demonstration_figures.sequence_space_figure(results.sequences),
+        "noise_sweep": segmentation_figures.noise_figure(results.sweep, results.sweep_comparison),
+        "orientation_fit": demonstration_figures.orientation_fit_figure(results),
     }
-    if len(results.sweep):
-        made["noise_sweep"] = segmentation_figures.noise_figure(results.sweep, results.sweep_comparison)
     if results.guesses:
         first = results.found_primitives[0]
         guess = results.most_refined_guess(first.name)
@@ -220,32 +209,27 @@ def segmentation_drawings(results: SegmentationResults) -> Drawings:
         made["alignment"] = segmentation_figures.alignment_figure(
             results.was_cut, results.segmentation, results.found_primitives
         )
-    if results.has_orientation:
-        made["orientation_fit"] = demonstration_figures.orientation_fit_figure(results)
     return made
 
 
 def feedback_drawings(results: FeedbackResults, studied: people_results.People | None) -> Drawings:
-    """Figures of the page on feedback models, as far as the data go; two of them show the people studied."""
-    made: Drawings = {"expected_traces": feedback_figures.expected_figure(results)}
-    if results.datasets:
-        made["coupling_targets"] = feedback_figures.targets_figure(results)
-    if len(results.comparison):
-        made["models"] = feedback_figures.models_figure(results, studied)
-        made["weights"] = feedback_figures.weights_figure(results)
-    board = results.board
-    if board is not None:
-        run = board.examples[POINTWISE][0]
-        made["still"] = scraping_still(run, board.example_deg)
-        made["executions"] = feedback_figures.executions_figure(board, results.primitives)
-        for name in results.adapted:
-            panels = feedback_figures.closed_loop_figure(results, name)
-            made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # lines by the hundred
-        made["board_roll"] = feedback_figures.roll_figure(results)
-        known = (*results.seen_deg, 0.0)
-        made["board_cost"] = feedback_figures.cost_figure(
+    """Figures of the page on feedback models; two of them show the people studied."""
+    board, known = results.board, (*results.seen_deg, 0.0)
+    made: Drawings = {
+        "expected_traces": feedback_figures.expected_figure(results),
+        "coupling_targets": feedback_figures.targets_figure(results),
+        "models": feedback_figures.models_figure(results, studied),
+        "weights": feedback_figures.weights_figure(results),
+        "still": scraping_still(board.examples[POINTWISE][0], board.example_deg),
+        "executions": feedback_figures.executions_figure(board, results.primitives),
+        "board_roll": feedback_figures.roll_figure(results),
+        "board_cost": feedback_figures.cost_figure(
             board, results.primitives, lambda setting: "" if setting in known else "unseen", studied
-        )
+        ),
+    }
+    for name in results.adapted:
+        panels = feedback_figures.closed_loop_figure(results, name)
+        made[f"closed_loop_{name}"] = [Raster(panel) for panel in panels]  # lines by the hundred
     return made
 
 
@@ -264,8 +248,8 @@ def refinement_drawings(results: RefinementResults, primitives: list[str]) -> Dr
 
 def read_results(
     found: files.ScrapingFiles, parameters: Mapping[str, Parameters]
-) -> tuple[SegmentationResults, FeedbackResults | None, RefinementResults | None]:
-    """What the stages wrote, as far as they had data."""
+) -> tuple[SegmentationResults, FeedbackResults, RefinementResults]:
+    """What the stages wrote."""
     primitives = found.primitives()
     segmentation = SegmentationResults(
         demonstrations=found.demonstrations(),
@@ -285,20 +269,17 @@ def read_results(
 
 def read_feedback(
     found: files.ScrapingFiles, primitives: list[str], parameters: Mapping[str, Parameters]
-) -> FeedbackResults | None:
-    """What the feedback stages wrote; None where nothing was executed."""
-    expected = found.expected()
-    if not expected:
-        return None
+) -> FeedbackResults:
+    """What the feedback stages wrote."""
     unrolls, datasets = found.unrolls(), found.datasets()
     return FeedbackResults(
         primitives=primitives,
         unrolls=unrolls,
-        unroll_cuts=execution_cuts(unrolls, primitives, parameters["segment"]),
-        expected=expected,
+        unroll_cuts=commanded_cuts(unrolls, primitives),
+        expected=found.expected(),
         datasets=datasets,
         checks={name: found.checks(name) for name in datasets},
-        networks=found.networks(POINTWISE) if datasets else {},
+        networks=found.networks(POINTWISE),
         comparison=found.table("comparison"),
         orderings=found.table("orderings"),
         seen_deg=parameters["coupling_dataset"].settings_deg,
@@ -306,14 +287,11 @@ def read_feedback(
     )
 
 
-def _board(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> BoardResults | None:
-    """What was executed on the board; None where the task is not the simulated one."""
-    scores = found.table("scores")
-    if scores.empty:
-        return None
+def _board(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> BoardResults:
+    """What was executed on the board."""
     largest = max(parameters["evaluate_feedback"].settings_deg)
     return BoardResults(
-        scores=scores,
+        scores=found.table("scores"),
         traces=found.table("traces"),
         path_errors=found.table("path_errors"),
         examples={model: found.runs(files.CLOSED_LOOP, largest, model) for model in (NOMINAL, POINTWISE)},
@@ -324,21 +302,16 @@ def _board(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> 
     )
 
 
-def read_refinement(
-    found: files.ScrapingFiles, parameters: Mapping[str, Parameters]
-) -> RefinementResults | None:
-    """What the stages of the refinement wrote; None where no primitive was refined."""
-    history, scores = found.table("history"), found.table("refined_scores")
-    if history.empty or scores.empty:
-        return None
+def read_refinement(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> RefinementResults:
+    """What the stages of the refinement wrote."""
     tilt = parameters["refine"].setting_deg
     examples = {model: found.runs(files.REFINED, tilt, model) for model in (NOMINAL, BEFORE, AFTER)}
     return RefinementResults(
-        scores=scores,
+        scores=found.table("refined_scores"),
         examples={model: runs for model, runs in examples.items() if runs},
         example_deg=tilt,
         axis=parameters["coupling_dataset"].unit_axis,
-        history=history,
+        history=found.table("history"),
         search=found.table("search"),
         parameters=parameters["refine"],
     )

@@ -27,7 +27,7 @@ class SegmentationResults:
     Attributes:
         demonstrations: the complete ones, those that could not be cut among them.
         segmentation: their cuts.
-        noise: of `cut_sweep.noise_sweep`; empty where the task is not the simulated one.
+        noise: of `cut_sweep.noise_sweep`.
         downsampling: of `cut_errors.downsampling_effect`.
         primitives: learned from all demonstrations that were cut.
         reproduction: of `fitting.cross_validation`.
@@ -47,11 +47,6 @@ class SegmentationResults:
     generalised: pd.DataFrame
     segment_parameters: SegmentParameters
     fit_parameters: FitParameters
-
-    @cached_property
-    def simulated(self) -> bool:
-        """Whether any demonstration was simulated."""
-        return any(demonstration.simulated for demonstration in self.demonstrations)
 
     @cached_property
     def found_primitives(self) -> list[PrimitiveParameters]:
@@ -78,11 +73,6 @@ class SegmentationResults:
     def example(self) -> Demonstration:
         """The demonstration shown in detail: the first that was aligned."""
         return (self.guesses or [self.reference])[0]
-
-    @cached_property
-    def has_orientation(self) -> bool:
-        """Whether the primitives turn the tool too."""
-        return all(primitive.orientation is not None for primitive in self.primitives)
 
     @cached_property
     def sequences(self) -> dict[str, pd.DataFrame]:
@@ -163,7 +153,7 @@ class SegmentationResults:
         return self.fit[chosen & (self.fit["left_out"] == left_out)]
 
     def metrics(self) -> Metrics:
-        """Flat; what is not known (true cut points, orientations) is left out.
+        """Flat.
 
         `fit_<primitive>_*` are of primitives learned from all demonstrations by the chosen regression: the
         mean over demonstrations of the mean error, the largest of the largest and of the end errors.
@@ -172,16 +162,15 @@ class SegmentationResults:
         values: Metrics = {
             "demonstrations": len(self.was_cut),
             "demonstrations_left_out": len(self.segmentation.left_out),
-            "simulated": self.simulated,
+            "simulated": True,
         }
         if self.errors_of_cuts is not None:
             for row in self.errors_of_cuts.itertuples():
                 values[f"cut_error_ms_{row.method}"] = row.mean_ms
         for row in self.sweep.itertuples():
             values[f"sweep_cut_error_ms_{row.method}_{level_name(row.noise_mm)}mm"] = row.mean_ms
-        if len(self.sweep):
-            wins = method_comparison.wins_at_every_noise_level(self.sweep)
-            values["wls_wins_at_every_noise_level"] = wins
+        wins = method_comparison.wins_at_every_noise_level(self.sweep)
+        values["wls_wins_at_every_noise_level"] = wins
         if self.alignment is not None:
             for row in self.alignment.itertuples():
                 values[f"spread_mm_{row.method}_{row.primitive}"] = row.spread_mm

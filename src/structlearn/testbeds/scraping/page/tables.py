@@ -101,25 +101,19 @@ def segmentation_tables(results: SegmentationResults) -> dict[str, Table]:
 
 def feedback_tables(results: FeedbackResults, published: Mapping) -> dict[str, Table]:
     """Of the page on feedback models."""
-    frames = {}
-    if results.datasets:
-        frames["coupling_checks"] = results.coupling_checks
-    if len(results.comparison):
-        frames |= {
-            "model_errors": results.model_errors,
-            "model_orderings": results.orderings,
-            "model_nmse": nmse_beside_published(results, published),
-        }
-    if results.board is not None:
-        frames |= {
-            "board_nominal": results.board.nominal.reset_index(),
-            "board_costs": results.board.costs,
-            "board_cost_ratios": results.board.ratios,
-            "board_coupling": results.board.coupling,
-            "board_hand_roll": results.board.hand_roll,
-            "path_errors": results.board.path_comparison(results.seen_deg),
-            "hand_roll": hand_rolls(results.board, results.primitives, published),
-        }
+    frames = {
+        "coupling_checks": results.coupling_checks,
+        "model_errors": results.model_errors,
+        "model_orderings": results.orderings,
+        "model_nmse": nmse_beside_published(results, published),
+        "board_nominal": results.board.nominal.reset_index(),
+        "board_costs": results.board.costs,
+        "board_cost_ratios": results.board.ratios,
+        "board_coupling": results.board.coupling,
+        "board_hand_roll": results.board.hand_roll,
+        "path_errors": results.board.path_comparison(results.seen_deg),
+        "hand_roll": hand_rolls(results.board, results.primitives, published),
+    }
     return _with_content(frames)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.runtime import Limits, largest_coupling
+from structlearn.feedback.limits import Limits, largest_coupling
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
@@ -20,7 +20,7 @@ def read_board(
     supervision: SupervisionParameters,
     testbed: TestbedParameters,
     clock: ClockParameters,
-) -> tuple[Board, dict[str, CouplingDataset]] | None:
+) -> tuple[Board, dict[str, CouplingDataset]]:
     """The board of the first primitive with feedback, and the demonstrations.
 
     Args:
@@ -32,15 +32,14 @@ def read_board(
         clock: on which executions are read and judged.
 
     Returns:
-        The board and the demonstrations by primitive; None where nobody corrected.
+        The board and the demonstrations by primitive.
 
     Raises:
         InputError: a file is missing or not readable, or a setting was not recorded.
     """
     files = ScrapingFiles(clock, Path(data))
     datasets = files.datasets(settings_deg)
-    if not datasets:
-        return None
+    largest = largest_coupling([one.target for one in datasets.values()])
     board = Board(
         primitives=files.primitives(),
         expected=files.expected(),
@@ -50,7 +49,7 @@ def read_board(
         nominal=nominal_orientation(files.unrolls()),
         supervision=supervision,
         testbed=testbed,
-        limits=Limits(largest_coupling=largest_coupling([one.target for one in datasets.values()])),
+        limits=Limits(largest_coupling={supervision.axis: largest}),
         clock=clock,
     )
     return board, datasets

@@ -48,7 +48,7 @@ class BoardRefinementParameters(RefinementParameters):
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     setting_deg: float
-    exploration: dict[str, Annotated[float, Field(gt=0)]]
+    exploration: dict[str, Annotated[float, Field(gt=0)]] = Field(min_length=1)
     shown_runs: int = Field(ge=0)
     level_runs: int = Field(ge=0)
     hidden: tuple[int, ...]

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.limits import Limits
 from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.runtime import Limits
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import (
     SupervisionParameters,
     corrected_primitive,
@@ -94,10 +94,10 @@ class Board:
         """Execute the primitives up to this one, with a network for it."""
         executed = self.primitives[: self.place + 1]
         expected = {one.name: self.expected[one.name] for one in executed if one.name in self.expected}
-        networks = {**self.preceding, self.name: network}
-        skill = ReactiveSkill(executed, expected, networks, self.supervision.unit_axis)
+        networks = on_axis({**self.preceding, self.name: network}, self.supervision.axis)
+        skill = ReactiveSkill(executed, expected, networks, self.limits)
         run = Run("rollout", self.setting_deg, (REFINED, self.place, *seed), feedback=True)
-        return execute_run(run, 0, skill, self.testbed, self.limits)
+        return execute_run(run, 0, skill, self.testbed)
 
     def engine_differences(self, networks: Mapping[str, PhaseModulatedNetwork]) -> Metrics:
         """Of one rollout of the last primitive with a network; see `engine_agreement.engine_differences`."""
@@ -151,4 +151,4 @@ def _samples(board: Board, demonstration: Demonstration) -> CouplingDataset:
     cut = pd.Series(demonstration.true_segments[board.place], ["start_s", "end_s"])
     primitive, expected = board.primitives[board.place], board.expected[board.name]
     done = corrected_primitive(demonstration, cut, primitive, expected, own)
-    return coupling_samples(done, board.setting_deg, 0, own.unit_axis, own.rate_hz)
+    return coupling_samples(done, board.setting_deg, 0, own)[own.axis]

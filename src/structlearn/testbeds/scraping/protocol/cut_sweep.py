@@ -75,11 +75,6 @@ def noise_sweep(
     return pd.concat(errors, ignore_index=True)
 
 
-def no_sweep() -> pd.DataFrame:
-    """What stands in for the sweep where the task is not the simulated one: the same table without rows."""
-    return pd.DataFrame(columns=COLUMNS)
-
-
 def _one_person(
     seed: int,
     levels: Sequence[float],

@@ -1,6 +1,5 @@
 """Executions that judge a feedback model, in every setting."""
 
-from structlearn.feedback.runtime import Limits
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.ground.artefacts import Metrics
 from structlearn.recordings.clock import synchronise
@@ -18,7 +17,6 @@ def executed_set(
     skill: ReactiveSkill,
     parameters: EvaluationParameters,
     testbed: TestbedParameters,
-    limits: Limits,
     clock: ClockParameters,
 ) -> tuple[dict[float, list[Recording]], ExecutedSet]:
     """Execute a skill in every setting.
@@ -28,26 +26,26 @@ def executed_set(
         skill: with the networks of that model, or with none.
         parameters: settings and number of runs; runs of equal number meet equal conditions in every set.
         testbed: see there.
-        limits: of the feedback.
         clock: on which the runs are judged.
 
     Returns:
         The recordings by setting, and the set.
     """
     runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
-    recordings = executions(skill, runs, testbed, limits)
+    recordings = executions(skill, runs, testbed)
     names = [primitive.name for primitive in skill.primitives]
     by_setting, read, cuts = {}, {}, {}
     for place, setting in enumerate(parameters.settings_deg):
         by_setting[setting] = recordings[place * parameters.runs : (place + 1) * parameters.runs]
         read[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in by_setting[setting]]
         cuts[setting] = commanded_cuts(read[setting], names)
-    return by_setting, ExecutedSet(model, skill.networks, read, cuts)
+    networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
+    return by_setting, ExecutedSet(model, networks, read, cuts)
 
 
 def compared_engines(
-    skill: ReactiveSkill, parameters: EvaluationParameters, testbed: TestbedParameters, limits: Limits
+    skill: ReactiveSkill, parameters: EvaluationParameters, testbed: TestbedParameters
 ) -> Metrics:
     """`engine_differences` of the skill's last run of `executed_set`, on the steepest board."""
     runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
-    return engine_differences(lambda one: executions(skill, runs[-1:], one, limits), testbed)
+    return engine_differences(lambda one: executions(skill, runs[-1:], one), testbed)

@@ -102,7 +102,7 @@ def feedback_traces(
         cuts: the primitive's segments by setting.
         expected: its expected traces.
         network: the model; None where there was no feedback.
-        parameters: rate of the samples.
+        parameters: sensors, and rate of the samples.
 
     Returns:
         One row per sample: `setting_deg`, `run`, `time_s`, `coupling` (0 without a model), `channel_00`.
@@ -110,7 +110,9 @@ def feedback_traces(
     tables = []
     for setting, group in runs.items():
         for run in group:
-            time, deviation = executed_primitive(run, cuts[setting].loc[run.name], expected)
+            time, deviation = executed_primitive(
+                run, cuts[setting].loc[run.name], expected, parameters.sensors
+            )
             kept = slice(None, None, max(1, round(1.0 / (parameters.rate_hz * run.dt))))
             time, duration, deviation = time[kept], time[-1], deviation[kept]
             coupling = np.zeros(len(time))

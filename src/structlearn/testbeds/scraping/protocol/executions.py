@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from pydantic import Field
 
-from structlearn.feedback.runtime import Controller, Limits
+from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.ground import quaternion
 from structlearn.ground.parallel import parallel_map
+from structlearn.ground.params import Parameters
 from structlearn.primitives.sequence import default_start
 from structlearn.recordings.recording import Recording
 from structlearn.simulation.fingers import FingerPair
@@ -25,6 +27,18 @@ from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finge
 
 HOLD_S = 0.3
 """s that the robot waits at the end of an execution, so that all streams cover its last sample."""
+
+
+class CorrectedRunsParameters(Parameters):
+    """Executions that a person corrects.
+
+    Attributes:
+        settings_deg: degrees, rolls of the board.
+        runs: executions per setting.
+    """
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+    runs: int = Field(ge=1, le=1000)
 
 
 @dataclass(frozen=True)
@@ -73,22 +87,19 @@ def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -
     ]
 
 
-def executions(
-    skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters, limits: Limits | None = None
-) -> list[Recording]:
+def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters) -> list[Recording]:
     """Executions by the robot from the skill's mean start.
 
     Args:
         skill: primitives, and where runs ask for it expected traces and networks.
         runs: what to do.
         testbed: see there.
-        limits: of the feedback.
 
     Returns:
         One recording per run, in order, with `true_segments` (P, 2) of the commanded primitives.
     """
     work = list(zip(runs, range(len(runs)), strict=True))
-    return parallel_map(partial(_execute, skill=skill, testbed=testbed, limits=limits), work, "executions")
+    return parallel_map(partial(_execute, skill=skill, testbed=testbed), work, "executions")
 
 
 def _name(number: int) -> str:
@@ -100,16 +111,14 @@ def _tenths(setting_deg: float) -> int:
     return 10_000 + round(10 * setting_deg)
 
 
-def execute_run(
-    run: Run, index: int, skill: ReactiveSkill, testbed: TestbedParameters, limits: Limits | None = None
-) -> Recording:
+def execute_run(run: Run, index: int, skill: ReactiveSkill, testbed: TestbedParameters) -> Recording:
     """One execution by the robot, as in `executions`; `index` sets the recorder's clock."""
     sequence = np.random.SeedSequence([testbed.seed, *run.seed])
     conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = (
         np.random.default_rng(child) for child in sequence.spawn(5)
     )
     rate_hz = testbed.world.control_rate_hz
-    controller = Controller(skill, rate_hz, limits, feedback=run.feedback)
+    controller = Controller(skill, rate_hz, feedback=run.feedback)
     start = default_start(skill.primitives)
     controller.start(start.position, start.orientation)
     own = testbed.control
@@ -151,10 +160,8 @@ def execute_run(
     )
 
 
-def _execute(
-    work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParameters, limits: Limits | None
-) -> Recording:
-    return execute_run(*work, skill, testbed, limits)
+def _execute(work: tuple[Run, int], skill: ReactiveSkill, testbed: TestbedParameters) -> Recording:
+    return execute_run(*work, skill, testbed)
 
 
 def _segments(primitive: np.ndarray, rate_hz: float, duration: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orie
 from structlearn.testbeds.scraping.recordings.shown_execution import Execution
 
 NEEDED = ("orientation", "joint_positions", "wrench", "tool_to_board", "true_segments")
-"""Of a run; your own corrections need not have them all, and are not shown then."""
+"""Of a run that is shown."""
 
 FEEDBACK_RUNS = {
     NOMINAL: (CLOSED_LOOP, NOMINAL),

@@ -108,12 +108,8 @@ def over_people(study: Study | None, key: str) -> Evidence:
     return UNKNOWN if study is None else mean(study.values(AS_IT_STANDS, key))
 
 
-def rate(
-    trials: ControllerScores | None, variant: Variant, what: str = "success", comparisons: int = 1
-) -> Evidence:
+def rate(trials: ControllerScores, variant: Variant, what: str = "success", comparisons: int = 1) -> Evidence:
     """Share of trials in which a controller reaches its target, or loses the contact; clustered by model."""
-    if trials is None:
-        return UNKNOWN
     counts = trials.counts(variant)
     return clustered_share(counts[what].to_numpy(), counts["trials"].to_numpy(), comparisons)
 
@@ -142,7 +138,7 @@ def _smallest_rise(models: ModelScores, structure: bool) -> Evidence:
     return min(rises, key=lambda rise: (rise.high > 0.0, rise.low))
 
 
-def _serves(trials: ControllerScores | None) -> bool:
+def _serves(trials: ControllerScores) -> bool:
     """Whether the text's controller works on the skin that it learned from.
 
     Where it does not, its failing elsewhere, or without the inverse model's loss, says nothing of either.
@@ -150,16 +146,12 @@ def _serves(trials: ControllerScores | None) -> bool:
     return rate(trials, TEXT).low > 0.5
 
 
-def _gains(
-    trials: ControllerScores | None, models: Mapping[str, Variant], without: Mapping[str, bool]
-) -> Found:
+def _gains(trials: ControllerScores, models: Mapping[str, Variant], without: Mapping[str, bool]) -> Found:
     """What each controller gains by something that it would be `without`."""
     return _differences(trials, {name: (model, replace(model, **without)) for name, model in models.items()})
 
 
-def _differences(trials: ControllerScores | None, pairs: Mapping[str, tuple[Variant, Variant]]) -> Found:
-    if trials is None:
-        return UNKNOWN
+def _differences(trials: ControllerScores, pairs: Mapping[str, tuple[Variant, Variant]]) -> Found:
     return by_case(
         difference,
         {

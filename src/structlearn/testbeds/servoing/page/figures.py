@@ -43,7 +43,7 @@ def drawings(results: ServoingResults, still: np.ndarray) -> dict[str, Drawing |
 
     Args:
         results: what to show.
-        still: picture of the simulated scene; only shown with closed loops.
+        still: picture of the simulated scene.
     """
     with style():
         found = {
@@ -58,15 +58,13 @@ def drawings(results: ServoingResults, still: np.ndarray) -> dict[str, Drawing |
             ],
             "directions": [_directions(results.models, structure) for structure in STRUCTURES],
         }
-        if results.simulated:
-            found["contact"] = _contacts(results)
-        if results.comparison is not None:
-            found |= {
-                "scene": [still, _approach(results)],
-                "loop_success": [_success(results, form) for form in names.FORM_NAMES],
-                "loop_paths": [_ways(results, variant) for variant in (names.TEXT, names.OURS)],
-                "loop_progress": _progress(results),
-            }
+        found |= {
+            "contact": _contacts(results),
+            "scene": [still, _approach(results)],
+            "loop_success": [_success(results, form) for form in names.FORM_NAMES],
+            "loop_paths": [_ways(results, variant) for variant in (names.TEXT, names.OURS)],
+            "loop_progress": _progress(results),
+        }
     return found
 
 

@@ -54,10 +54,10 @@ class ServoingResults:
 
     Attributes:
         dataset: samples of touch.
-        truth: true contacts of simulated demonstrations; empty if they were recorded.
+        truth: true contacts of the demonstrations.
         models: what is known of the trained models.
-        comparison: closed loops; only with the simulated finger that demonstrated.
-        skin_tables: all of it with fingers of another shape, always simulated.
+        comparison: closed loops.
+        skin_tables: all of it with fingers of another shape.
         chosen: parameters by their key in `params.yaml`.
         studies: what was tried beside the pipeline, by name; None where it was not.
     """
@@ -65,15 +65,10 @@ class ServoingResults:
     dataset: TouchDataset
     truth: pd.DataFrame
     models: ModelScores
-    comparison: Comparison | None
+    comparison: Comparison
     skin_tables: OtherSkinTables
     chosen: Mapping[str, Parameters]
     studies: Mapping[str, Study | None]
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the demonstrations were simulated: only of these the true contacts are known."""
-        return len(self.truth) > 0
 
     @property
     def skin(self) -> Skin:
@@ -81,9 +76,9 @@ class ServoingResults:
         return SKINS[self.chosen["toucher"].skin]
 
     @cached_property
-    def trials(self) -> ControllerScores | None:
+    def trials(self) -> ControllerScores:
         """Closed loops with this skin."""
-        return None if self.comparison is None else ControllerScores(self.comparison.trials)
+        return ControllerScores(self.comparison.trials)
 
     @cached_property
     def skins(self) -> dict[str, ControllerScores]:
@@ -130,12 +125,11 @@ class ServoingResults:
         said. `forward_nmse_chain3_*` are of the non-linear model that was trained with NJ; cosine distances
         ask for the latent state that followed, each inverse model with the forward model trained with it.
         `contact_point_error_mm` is the median of pressed samples. `servo_*` are of the resting controller,
-        with NJ where nothing else is said; `*_published` of the text's. What only a simulation tells is not
-        there if the demonstrations were recorded.
+        with NJ where nothing else is said; `*_published` of the text's.
         """
         models = self.models
         values: Metrics = {
-            "simulated": self.simulated,
+            "simulated": True,
             "samples": len(self.dataset),
             "pairs": self.pairs,
             "seeds": self.chosen["train_latent"].seeds,
@@ -151,11 +145,8 @@ class ServoingResults:
                 values[f"forward_nmse_chain3_{column}_{name}"] = error
         values |= {f"cosine_distance_{name.lower()}": models.cosines(name).mean() for name in FORWARD_OF}
         values["cosine_distance_nj_without_loss"] = models.cosines("NJ", with_loss=False).mean()
-        if self.simulated:
-            values["contact_point_error_mm"] = self.contact_errors["error_mm"].median()
-        if self.trials is not None:
-            values |= self._loop_metrics(self.trials)
-        return values
+        values["contact_point_error_mm"] = self.contact_errors["error_mm"].median()
+        return values | self._loop_metrics(self.trials)
 
     def _loop_metrics(self, loops: ControllerScores) -> Metrics:
         ours = loops.rate(OURS)

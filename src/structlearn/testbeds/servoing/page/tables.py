@@ -80,15 +80,11 @@ def _loops(frame: pd.DataFrame) -> Table:
 
 
 def data(results: ServoingResults) -> pd.DataFrame:
-    """Counts of the data: columns `quantity`, `dissertation`, `here`; who recorded says no motions."""
+    """Counts of the data: columns `quantity`, `dissertation`, `here`."""
     dataset, person = results.dataset, results.chosen["toucher"]
     geodesics = results.chosen["geodesics"]
-    trials, motions = f"{len(np.unique(dataset.trial))}", list(np.unique(dataset.motion))
-    if results.simulated:
-        trials = " | ".join(
-            f"{person.areas} areas x {one}" for one in (person.rotations, person.translations)
-        )
-        motions = [ROTATION, TRANSLATION]
+    trials = " | ".join(f"{person.areas} areas x {one}" for one in (person.rotations, person.translations))
+    motions = [ROTATION, TRANSLATION]
     by_motion = [dataset.motion == motion for motion in motions]
     by_split = [dataset.split == split for split in SPLITS.values()]
     contacts = [

@@ -42,8 +42,7 @@ class ShownTouch:
         contact_point: (N, 3) m, estimated, frame of the finger.
         pressure: (N,) counts.
         latent: (N, 3) in the networks' units: two of the map, one of pressure.
-        truth: true contacts of a simulated demonstration, see `simulation.touch_demonstrator.true_contacts`;
-            otherwise empty.
+        truth: true contacts, see `simulation.touch_demonstrator.true_contacts`.
     """
 
     demonstration: Demonstration
@@ -67,16 +66,15 @@ class ShownTouch:
 
     @property
     def contacts(self) -> list[Contact]:
-        """The estimated contact over the whole time, and the true one where it is known."""
+        """The estimated contact over the whole time, and the true one."""
         point, touching = np.zeros((len(self.motion.time), 3)), np.zeros(len(self.motion.time), dtype=bool)
         point[self.rows], touching[self.rows] = self.contact_point, True
-        found = [Contact("estimated", ESTIMATED, self.motion.time, point, touching)]
-        if len(self.truth):
-            time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
-            found.append(
-                Contact("true", TRUE, time, self.truth[["x_m", "y_m", "z_m"]].to_numpy(float), load > 0)
-            )
-        return found
+        time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
+        true = self.truth[["x_m", "y_m", "z_m"]].to_numpy(float)
+        return [
+            Contact("estimated", ESTIMATED, self.motion.time, point, touching),
+            Contact("true", TRUE, time, true, load > 0),
+        ]
 
 
 def shown_touches(
@@ -93,7 +91,7 @@ def shown_touches(
         demonstrations: all of them, in the order in which the dataset numbers them.
         dataset: samples of their contacts.
         latent_map: a row for each sample, see `tactile.latent_evaluation.latent_map`.
-        truth: true contacts of all of them, or none.
+        truth: true contacts of all of them.
         names: which are wanted; see `ServoingViewParameters`.
         air_s: at the start of each, in the air; counts there are the offset.
 
@@ -101,8 +99,6 @@ def shown_touches(
         InputError: there is no demonstration of such a name.
     """
     numbers = {one.name: number for number, one in enumerate(demonstrations)}
-    if not any(one.simulated for one in demonstrations) and numbers.keys().isdisjoint(names):
-        names = list(numbers)[: len(names)]
     if unknown := [name for name in names if name not in numbers]:
         raise InputError(
             f"inspect_servoing.demonstrations: there is no '{unknown[0]}', only {', '.join(sorted(numbers))}"

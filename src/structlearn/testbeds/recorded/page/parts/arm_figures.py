@@ -5,8 +5,8 @@ from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import legend, panel
 
 TRACED = ("urdf", "mlp", "cov_viscous", "cov_coulomb")
 """Columns of torques that are drawn beside the measured ones."""

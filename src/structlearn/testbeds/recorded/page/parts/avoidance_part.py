@@ -12,9 +12,9 @@ from structlearn.palette import BLACK, BLUE, GREY, ORANGE
 from structlearn.reporting.claims import Evidence, Found, difference
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import rounded, with_interval
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import legend, panel
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown

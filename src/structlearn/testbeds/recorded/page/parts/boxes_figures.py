@@ -9,8 +9,8 @@ from matplotlib.patches import Rectangle
 
 from structlearn.palette import GREY, LIGHT_GREY
 from structlearn.reporting.figure_style import Drawing, styled
+from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import legend, panel
 from structlearn.testbeds.recorded.page.parts.boxes_results import OURS, BoxesFound
 
 PATHS = {"recorded": 3.5, "none": 1.0, "text": 1.3, OURS: 1.8, "planned": 1.0}

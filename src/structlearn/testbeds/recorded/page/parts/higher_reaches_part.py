@@ -12,9 +12,9 @@ from structlearn.primitives.position import in_local_frame
 from structlearn.reporting.claims import Found, difference, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.reporting.prose import listing
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import SAMPLES, legend, panel
 from structlearn.testbeds.recorded.page.parts import reaches_part
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults

@@ -12,11 +12,11 @@ from structlearn.reporting import segmentation_figures
 from structlearn.reporting.claims import Evidence, Found, difference, exact, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.reporting.prose import level_name, listing
 from structlearn.segmentation.method_comparison import errors_by_level, errors_by_seed, paired_comparison
 from structlearn.segmentation.result import METHODS, RESULT
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import SAMPLES, legend, panel
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown

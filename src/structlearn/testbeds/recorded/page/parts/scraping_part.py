@@ -8,7 +8,7 @@ from structlearn.palette import AXIS_COLOURS, CATEGORICAL_COLOURS, GREY, LIGHT_G
 from structlearn.reporting.claims import UNKNOWN, Found, exact, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
-from structlearn.testbeds.recorded.page.drawing import legend, panel
+from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import AXES, RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown

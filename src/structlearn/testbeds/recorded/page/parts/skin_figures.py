@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION, place_colours
 from structlearn.reporting.figure_style import Drawing, Raster, styled
+from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import shown_map
-from structlearn.testbeds.recorded.page.drawing import legend, panel
 from structlearn.testbeds.recorded.page.parts.skin_evidence import ARROW
 from structlearn.testbeds.recorded.page.parts.skin_results import SkinResults
 
@@ -41,7 +41,7 @@ def map_panels(results: SkinResults) -> list[Raster]:
     """Where presses were, and where they lie in the map that was learned from another run."""
     maps, numbers = shown_map(results.tables["maps"], results.tuned_on), results.runs.numbers
     places, lies = (1e3 * maps[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
-    colours, middle = names.place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
+    colours, middle = place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
     half = 0.5 * np.ptp(places, axis=0).max() + 2.5
     first = maps.iloc[0]
     titles = (

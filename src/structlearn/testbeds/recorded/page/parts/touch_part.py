@@ -9,9 +9,9 @@ from structlearn.palette import BLACK
 from structlearn.reporting.claims import Found, mean
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import listing, rounded, with_spread
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import legend, panel
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown

@@ -10,8 +10,8 @@ from structlearn.primitives.twist_swing import dominant_axes, on_chart
 from structlearn.reporting.claims import Found, exact
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
+from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.testbeds.recorded import names
-from structlearn.testbeds.recorded.page.drawing import SAMPLES, legend, panel
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from structlearn.ground.block_bootstrap import percentiles
 from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import Drawing, styled
-from structlearn.testbeds.recorded.page.drawing import legend, panel
+from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded.page.parts.arm_figures import joint_errors_panel, torque_panel
 from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, chosen
 

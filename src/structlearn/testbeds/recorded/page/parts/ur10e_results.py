@@ -10,6 +10,7 @@ import pandas as pd
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.block_bootstrap import block_count, block_sums, drawn_counts, percentiles
 from structlearn.reporting.claims import Evidence, confidence
+from structlearn.rigid_body.torque_blocks import drawn_nmse
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.arm_figures import errors_by_joint
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
@@ -79,14 +80,8 @@ class Ur10eResults:
 
     def nmse(self, part: str, model: tuple[str, str]) -> tuple[np.ndarray, np.ndarray, int]:
         """NMSE (n,) of a model on a part, the same of drawn blocks (D, n), and the number of blocks."""
-        its = chosen(self["blocks"], part=part).sort_values(["block", "joint"])
-        count, joints = its["block"].nunique(), its["joint"].nunique()
-        columns = ["samples", "torque", "torque_squared", "/".join(model)]
-        sums = its[columns].to_numpy().reshape(count, joints, 4)
         blocks = self.parameters.intervals
-        drawn = np.tensordot(drawn_counts(count, blocks.draws, blocks.seed), sums, 1)
-        whole, *draws = (_normalised(one) for one in (sums.sum(axis=0), drawn))
-        return whole, draws[0], count
+        return drawn_nmse(chosen(self["blocks"], part=part), model, blocks.draws, blocks.seed)
 
     def joint_error(self, part: str, model: tuple[str, str] = BEST) -> list[Drawn]:
         """NMSE of a model by joint."""
@@ -139,12 +134,6 @@ class Ur10eResults:
 def chosen(table: pd.DataFrame, **keys: object) -> pd.DataFrame:
     """Rows whose columns have these values."""
     return table[np.logical_and.reduce([table[name] == value for name, value in keys.items()])]
-
-
-def _normalised(sums: np.ndarray) -> np.ndarray:
-    """(..., n) of sums (..., n, 4): samples, torque, its square, squared errors."""
-    samples, torque, squared, error = np.moveaxis(sums, -1, 0)
-    return error / (squared - torque**2 / samples)
 
 
 def ur10e_metrics(results: Ur10eResults) -> Metrics:

@@ -1,4 +1,4 @@
-"""What is learned from some people's reaches past boxes, and what all of it does in others' scenes."""
+"""What is learned from some people's reaches through scenes, and what all of it does in others' scenes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +18,8 @@ from structlearn.avoidance.scene_learning import (
     scene_states,
     with_mirror_images,
 )
+from structlearn.avoidance.scene_parameters import SceneLearningParameters
+from structlearn.avoidance.scene_reaches import SceneReach
 from structlearn.avoidance.scene_unroll import (
     Scenes,
     feedback_of_nearest,
@@ -31,8 +33,6 @@ from structlearn.ground.parallel import parallel_map
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
-from structlearn.testbeds.recorded.protocol.boxes_reaches import BoxReach
 
 NONE, HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE, PLANNED = (
     "none",
@@ -55,7 +55,7 @@ class Learned:
     """What was learned from some people.
 
     Attributes:
-        baseline: without boxes, of duration one.
+        baseline: without obstacles, of duration one.
         models: coupling models by name.
     """
 
@@ -63,7 +63,7 @@ class Learned:
     models: Mapping[str, CouplingModel]
 
 
-def box_scenes(reaches: Sequence[BoxReach], parameters: BoxesParameters) -> Scenes:
+def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> Scenes:
     """The scenes of reaches as models see them."""
     start, frame = (np.array([getattr(reach, name) for reach in reaches]) for name in ("start", "frame"))
     goals = [reach.in_base_frame[-1] for reach in reaches]
@@ -71,7 +71,7 @@ def box_scenes(reaches: Sequence[BoxReach], parameters: BoxesParameters) -> Scen
         start=start,
         frame=frame,
         goal=np.array([reach.goal for reach in reaches]),
-        clouds=local_clouds([reach.boxes for reach in reaches], start, frame, parameters.cloud_count),
+        clouds=local_clouds([reach.obstacles for reach in reaches], start, frame, parameters.cloud_count),
         ways=[
             cost_to_go(reach.shapes, reach.start, goal, parameters.look_ahead)
             for reach, goal in zip(reaches, goals, strict=True)
@@ -79,7 +79,7 @@ def box_scenes(reaches: Sequence[BoxReach], parameters: BoxesParameters) -> Scen
     )
 
 
-def straight_baseline(reaches: Sequence[BoxReach], straight_share: float) -> VectorPrimitive:
+def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> VectorPrimitive:
     """The primitive of reaches that hardly leave the straight line; its forcing grows with their length.
 
     Raises:
@@ -96,7 +96,10 @@ def straight_baseline(reaches: Sequence[BoxReach], straight_share: float) -> Vec
 
 
 def learn(
-    reaches: Sequence[BoxReach], scenes: Scenes, parts: Sequence[Sequence[int]], parameters: BoxesParameters
+    reaches: Sequence[SceneReach],
+    scenes: Scenes,
+    parts: Sequence[Sequence[int]],
+    parameters: SceneLearningParameters,
 ) -> list[Learned]:
     """Learn from each of some sets of reaches.
 
@@ -119,7 +122,7 @@ def learn(
         for network, whole, lessons in one.networks.values()
         for member, seen in enumerate(lessons)
     ]
-    layers = iter(parallel_map(_trained, work, "networks of reaches past boxes"))
+    layers = iter(parallel_map(_trained, work, "networks of reaches through scenes"))
     learned = []
     for one in taught:
         models: dict[str, CouplingModel] = {
@@ -148,7 +151,7 @@ class _Lessons:
 
 
 def _lessons(
-    reaches: Sequence[BoxReach], scenes: Scenes, number: int, parameters: BoxesParameters
+    reaches: Sequence[SceneReach], scenes: Scenes, number: int, parameters: SceneLearningParameters
 ) -> _Lessons:
     """Of the set of some number."""
     baseline = straight_baseline(reaches, parameters.straight_share)
@@ -178,7 +181,7 @@ def _trained(
 
 
 def reach_through(
-    learned: Learned, kind: str, scenes: Scenes, parameters: BoxesParameters
+    learned: Learned, kind: str, scenes: Scenes, parameters: SceneLearningParameters
 ) -> tuple[np.ndarray, np.ndarray]:
     """Reaches of one model through scenes.
 

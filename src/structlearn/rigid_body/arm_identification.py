@@ -1,8 +1,9 @@
-"""Every model of a recorded arm: learned from one part of its motion, its torques foretold for others."""
+"""Every model of an arm behind logs: learned from one part of its motion, its torques foretold for others."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,9 +11,10 @@ import pandas as pd
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
+from structlearn.rigid_body.agreement import torque_differences
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
-from structlearn.rigid_body.inertia_parameters import STRUCTURES
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.inertia_tables import link_table
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_learning import Kind, LearningParameters, Lesson, learner, shuffled_epochs
@@ -20,7 +22,8 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.prediction import predicted_torques, rigid_body_torques
 from structlearn.rigid_body.seeded_training import FRICTIONS
 from structlearn.rigid_body.structured_learning import MotionRegressor
-from structlearn.rigid_body.tree import KinematicTree, Robot
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
+from structlearn.rigid_body.urdf_writer import write_urdf
 
 URDF, LEAST_SQUARES = "urdf", "least_squares"
 """Models that nothing structured or neural was learned for."""
@@ -39,6 +42,9 @@ TRAIN = "train"
 
 ModelKey = tuple[str, str]
 """A kind, `URDF` or `LEAST_SQUARES`, and a key of `FRICTIONS`."""
+
+WRITTEN: ModelKey = ("cov", "coulomb")
+"""The model that becomes a URDF: bodies that can exist, and friction that a URDF knows."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,11 @@ class Identified:
 
 
 def identify_arm(
-    robot: Robot, parts: Mapping[str, Motion], iterations: int, networks: Mapping[Kind, NetworkTraining]
+    robot: Robot,
+    parts: Mapping[str, Motion],
+    iterations: int,
+    networks: Mapping[Kind, NetworkTraining],
+    structures: Sequence[Structure] = STRUCTURES,
 ) -> Identified:
     """Every model on the part `TRAIN`, and what it foretells of all parts.
 
@@ -80,11 +90,13 @@ def identify_arm(
         robot: with the inertias of its URDF, where identification starts.
         parts: motions of the robot.
         iterations: of L-BFGS for a structure.
-        networks: one per kind of `NETWORKS`.
+        networks: of those kinds of `NETWORKS` that are to be learned.
+        structures: that are learned, with every friction of `LEARNED_FRICTIONS`.
     """
-    work: list[tuple[Kind, str]] = [(kind, name) for kind, names in NETWORKS.items() for name in names]
+    kinds = [kind for kind in NETWORKS if kind in networks]
+    work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
     work = sorted(work, key=lambda item: item[0] != "delan")  # the longest first
-    work += [(kind, friction) for friction in LEARNED_FRICTIONS for kind in STRUCTURES]
+    work += [(kind, friction) for friction in LEARNED_FRICTIONS for kind in structures]
     learn = partial(_learned, robot=robot, motion=parts[TRAIN], iterations=iterations, networks=networks)
     models = dict(zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True))
 
@@ -177,6 +189,22 @@ def trace_table(
         name = model if friction == "none" else f"{model}_{friction}"
         columns[name] = torques[part][0][kept].T.ravel()
     return pd.DataFrame(columns)
+
+
+def write_identified(source: Path, target: Path, robot: Robot, identified: Identified) -> pd.DataFrame:
+    """The model `WRITTEN` as a URDF from the tree of the maker's, and what comes back from the file.
+
+    Returns:
+        `joint`, `difference_n_m`: largest difference at random states between torques of the model and those
+        of Pinocchio's recursive Newton-Euler with the file.
+    """
+    model = identified.models[WRITTEN]
+    its = model.inertias()
+    inertias = LinkInertias(its.mass[0], its.first_moment[0], its.inertia[0])
+    viscous, coulomb = model.friction_coefficients()[0].T
+    write_urdf(source, target, robot.tree, inertias, viscous, coulomb)
+    differences = torque_differences(read_urdf(target), inertias)
+    return pd.DataFrame({"joint": np.arange(1, len(differences) + 1), "difference_n_m": differences})
 
 
 def _learned(

@@ -1,4 +1,4 @@
-"""How the figures of the recorded data look: one panel each."""
+"""Figures of one panel each, which a page sets side by side where there is room."""
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

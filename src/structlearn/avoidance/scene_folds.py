@@ -1,0 +1,192 @@
+"""Learn from some people how to reach through scenes, and try it in the scenes of others (IV.8).
+
+People are left out in turn, so a model is judged in scenes, and beside paths, of people it has never seen.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from structlearn.avoidance.avoidance_dataset import AXES
+from structlearn.avoidance.look_ahead import nearest_distance
+from structlearn.avoidance.path_comparison import nearest_path_distance, same_gaps
+from structlearn.avoidance.scene_learning import samples_of_nearest, samples_of_scene, scene_states
+from structlearn.avoidance.scene_models import (
+    ENSEMBLE,
+    HUMAN_INSPIRED,
+    NONE,
+    PLANNED,
+    SCENE,
+    TEXT,
+    Learned,
+    learn,
+    reach_scenes,
+    reach_through,
+)
+from structlearn.avoidance.scene_parameters import SceneLearningParameters
+from structlearn.avoidance.scene_reaches import SceneReach
+from structlearn.avoidance.scene_unroll import Scenes
+
+MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
+WAYS = (NONE, *MODELS, PLANNED)
+"""In the order of tables."""
+
+
+@dataclass(frozen=True)
+class SceneResults:
+    """What the folds show.
+
+    Attributes:
+        reaches: per `way` of `WAYS` and `reach`: `person`, `fold`; whether the straight line hits an
+            obstacle, `blocked`; whether the reach does, `hit`, or meets a wall, `hit_wall`; `clearance_mm` of
+            the hand's centre from the nearest obstacle, `left_mm` from the goal at the prescribed end,
+            `path_mm` from the person's own path, and whether it takes the person's gaps, `same_gaps`.
+        errors: per `way` of `MODELS`, `fold` and `axis`: `squared`, the error of the coupling term on what is
+            left out, squared and summed, and `variance`, the same of the targets about their mean.
+        people: per pair of people who reached through one scene: `first`, `second`, `reach`, `path_mm`,
+            `same_gaps`.
+        left_out: trials that are no reaches: `trial`, `person`, `reason`.
+        paths: of some reaches, for pictures: `reach`, `way` (or `recorded`), `time_s`, `x_m`, `y_m`, `z_m`.
+        shapes: of these reaches: `reach`, whether an obstacle (`box`) or a wall, its centre `x_m`, `y_m`,
+            `z_m` and extent `width_m`, `depth_m`, `height_m`.
+    """
+
+    reaches: pd.DataFrame
+    errors: pd.DataFrame
+    people: pd.DataFrame
+    left_out: pd.DataFrame
+    paths: pd.DataFrame
+    shapes: pd.DataFrame
+
+
+def judge_folds(
+    reaches: Sequence[SceneReach],
+    left_out: pd.DataFrame,
+    folds: Sequence[Sequence[str]],
+    parameters: SceneLearningParameters,
+) -> SceneResults:
+    """Learn from everybody but the people of a fold, and try it on them, fold by fold."""
+    scenes = reach_scenes(reaches, parameters)
+    person = np.array([reach.person for reach in reaches])
+    tests = [np.flatnonzero(np.isin(person, people)) for people in folds]
+    lessons = [np.flatnonzero(~np.isin(person, people)) for people in folds]
+    scored, errors, unrolled = [], [], {}
+    for fold, (learned, places) in enumerate(
+        zip(learn(reaches, scenes, lessons, parameters), tests, strict=True)
+    ):
+        own, its = [reaches[place] for place in places], scenes.take(places)
+        errors.append(_errors(learned, own, its, parameters).assign(fold=fold))
+        for way in WAYS:
+            paths, left = reach_through(learned, way, its, parameters)
+            unrolled |= {(own[place].name, way): path for place, path in enumerate(paths)}
+            scored.append(scores(own, paths, left, parameters.hand_radius_m).assign(way=way, fold=fold))
+    table = pd.concat(scored, ignore_index=True)
+    shown = shown_reaches(table)
+    return SceneResults(
+        reaches=table,
+        errors=pd.concat(errors, ignore_index=True),
+        people=beside_each_other(reaches),
+        left_out=left_out,
+        **_pictures([reach for reach in reaches if reach.name in shown], unrolled),
+    )
+
+
+def scores(
+    reaches: Sequence[SceneReach], paths: np.ndarray, left: np.ndarray, hand_radius_m: float
+) -> pd.DataFrame:
+    """Rows of `SceneResults.reaches` for paths (B, T, 3) m in the base frame."""
+    rows = []
+    for reach, path, left_m in zip(reaches, paths, left, strict=True):
+        own = reach.in_base_frame
+        straight = own[0] + np.linspace(0.0, 1.0, len(own))[:, None] * (own[-1] - own[0])
+        meetings = ((reach.obstacles, straight), (reach.obstacles, path), (reach.walls, path))
+        clearances = [float(nearest_distance(shapes, one).min()) for shapes, one in meetings]
+        touches = [clearance < hand_radius_m for clearance in clearances]
+        lengths = (1e3 * clearances[1], 1e3 * left_m)
+        rows.append((reach.name, reach.person, *touches, *lengths, *_beside(reach, path, own)))
+    flags, lengths = ["blocked", "hit", "hit_wall"], ["clearance_mm", "left_mm", "path_mm"]
+    return pd.DataFrame(rows, columns=["reach", "person", *flags, *lengths, "same_gaps"])
+
+
+def _beside(reach: SceneReach, path: np.ndarray, other: np.ndarray) -> tuple[float, bool]:
+    """Distance in mm of two paths (T, 3) m through one scene, and whether they take the same gaps."""
+    centres = [one.centre[:2] for one in reach.obstacles]
+    return 1e3 * nearest_path_distance(path, other), same_gaps(path[:, :2], other[:, :2], centres)
+
+
+def _errors(
+    learned: Learned, reaches: Sequence[SceneReach], scenes: Scenes, parameters: SceneLearningParameters
+) -> pd.DataFrame:
+    """Rows of `SceneResults.errors` on reaches left out."""
+    states = scene_states([reach.path for reach in reaches], learned.baseline, parameters.keep_every)
+    nearest = samples_of_nearest(states, scenes)
+    seen = samples_of_scene(states, scenes, parameters.look_ahead.ahead_m)
+    variance = np.square(states.target - states.target.mean(axis=0)).sum(axis=0)
+    rows = []
+    for way in MODELS:
+        its = seen if way == SCENE else nearest
+        found = learned.models[way](its.features, its.phase, its.phase_velocity)
+        squared = np.square(found - states.target).sum(axis=0)
+        rows += list(zip([way] * 3, AXES, squared, variance, strict=True))
+    return pd.DataFrame(rows, columns=["way", "axis", "squared", "variance"])
+
+
+def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
+    """Rows of `SceneResults.people`: reaches of different people through the same obstacles."""
+    groups: dict[bytes, list[SceneReach]] = {}
+    for reach in reaches:
+        solids = np.round([[*one.centre, *one.half_size] for one in reach.obstacles], 3)
+        groups.setdefault(solids[np.lexsort(solids.T)].tobytes(), []).append(reach)
+    rows = []
+    for its in groups.values():
+        for place, first in enumerate(its):
+            for second in its[place + 1 :]:
+                if first.person != second.person and _same_ends(first, second):
+                    pair = (first.person, second.person, second.name)
+                    rows.append((*pair, *_beside(second, first.in_base_frame, second.in_base_frame)))
+    return pd.DataFrame(rows, columns=["first", "second", "reach", "path_mm", "same_gaps"])
+
+
+SAME_END_M = 0.1
+"""Starts, and goals, of two reaches through one scene are the same within this."""
+
+
+def _same_ends(first: SceneReach, second: SceneReach) -> bool:
+    ends = np.subtract(first.in_base_frame[[0, -1]], second.in_base_frame[[0, -1]])
+    return bool((np.linalg.norm(ends, axis=1) < SAME_END_M).all())
+
+
+SHOWN = 6
+"""Reaches in pictures and recordings."""
+
+
+def shown_reaches(table: pd.DataFrame) -> list[str]:
+    """Reaches to look at, chosen by the scene alone: evenly spread over the blocked ones in their order."""
+    blocked = table.loc[(table["way"] == NONE) & table["blocked"], "reach"].sort_values().tolist()
+    count = min(SHOWN, len(blocked))
+    return [blocked[(2 * place + 1) * len(blocked) // (2 * count)] for place in range(count)]
+
+
+def _pictures(
+    reaches: Sequence[SceneReach], unrolled: dict[tuple[str, str], np.ndarray]
+) -> dict[str, pd.DataFrame]:
+    """`SceneResults.paths` and `shapes` of some reaches."""
+    paths, shapes = [], []
+    for reach in reaches:
+        for way, path in [
+            ("recorded", reach.in_base_frame),
+            *((way, unrolled[reach.name, way]) for way in WAYS),
+        ]:
+            columns = dict(zip(("x_m", "y_m", "z_m"), path.T, strict=True))
+            time = reach.duration_s * reach.path.time
+            paths.append(pd.DataFrame({"reach": reach.name, "way": way, "time_s": time, **columns}))
+        kinds = [(True, one) for one in reach.obstacles] + [(False, wall) for wall in reach.walls]
+        shapes += [(reach.name, box, *one.centre, *2.0 * one.half_size) for box, one in kinds]
+    names = ["reach", "box", "x_m", "y_m", "z_m", "width_m", "depth_m", "height_m"]
+    none = pd.DataFrame(columns=["reach", "way", "time_s", "x_m", "y_m", "z_m"])
+    return {
+        "paths": pd.concat(paths, ignore_index=True) if paths else none,
+        "shapes": pd.DataFrame(shapes, columns=names),
+    }

@@ -1,0 +1,101 @@
+"""Reaches through scenes of obstacles, from their onset to the goal, in their own local frames."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.avoidance.scene_parameters import SceneReachParameters
+from structlearn.avoidance.shapes import Obstacle
+from structlearn.ground.frames import local_frame
+from structlearn.primitives.trajectory import Trajectory
+from structlearn.recordings.demonstration import Demonstration
+
+
+@dataclass(frozen=True)
+class SceneReach:
+    """One person's reach through a scene.
+
+    Attributes:
+        name: of the recording.
+        person: who.
+        path: (T, 3) in the local frame, relative to the start; time in durations, from 0 to 1.
+        start: (3,) m, base frame.
+        frame: (3, 3) local to base.
+        duration_s: s.
+        obstacles: base frame.
+        walls: what else the hand could meet, base frame.
+    """
+
+    name: str
+    person: str
+    path: Trajectory
+    start: np.ndarray
+    frame: np.ndarray
+    duration_s: float
+    obstacles: tuple[Obstacle, ...]
+    walls: tuple[Obstacle, ...]
+
+    @property
+    def goal(self) -> np.ndarray:
+        """(3,) m, local frame: where the target was reached."""
+        return self.path.position[-1]
+
+    @property
+    def in_base_frame(self) -> np.ndarray:
+        """(T, 3) m."""
+        return self.start + self.path.position @ self.frame.T
+
+    @property
+    def shapes(self) -> tuple[Obstacle, ...]:
+        """Everything that is in the way."""
+        return (*self.obstacles, *self.walls)
+
+
+def cut_reach(
+    trial: Demonstration,
+    name: str,
+    person: str,
+    smooth: Trajectory,
+    part: slice,
+    obstacles: tuple[Obstacle, ...],
+    walls: tuple[Obstacle, ...],
+    parameters: SceneReachParameters,
+) -> SceneReach | str:
+    """One reach of a recording.
+
+    Args:
+        trial: the recording.
+        name: that the reach gets.
+        person: whose it is.
+        smooth: (T, 3) m, its smoothed positions with their derivatives.
+        part: samples of the reach.
+        obstacles: base frame.
+        walls: base frame.
+        parameters: see there.
+
+    Returns:
+        The reach, or why there is none.
+    """
+    time = trial.time[part]
+    duration = float(time[-1] - time[0])
+    jump = np.linalg.norm(np.diff(trial.position[part], axis=0), axis=1).max() / trial.dt
+    if jump > parameters.fastest_m_s:
+        return f"tracking jumps, {jump:.1f} m/s"
+    if duration > parameters.longest_s:
+        return f"takes {duration:.1f} s"
+    start, goal = smooth.position[part][[0, -1]]
+    frame = local_frame(start, goal)
+    time = (time - time[0]) / duration
+    signals = (
+        smooth.position[part] - start,
+        duration * smooth.velocity[part],
+        duration**2 * smooth.acceleration[part],
+    )
+    grid = np.linspace(0.0, 1.0, parameters.samples)
+    path = Trajectory(grid, *(_resampled(grid, time, signal @ frame) for signal in signals))
+    return SceneReach(name, person, path, start, frame, duration, obstacles, walls)
+
+
+def _resampled(grid: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(T, 3) at the times of a grid (T,), linearly: the signal is smooth over many samples."""
+    return np.stack([np.interp(grid, time, column) for column in values.T], axis=1)

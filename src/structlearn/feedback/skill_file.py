@@ -1,0 +1,172 @@
+"""A skill as one safetensors file: all that a robot needs, with its bounds, its units and its origin.
+
+Tensors are `primitives.<primitive>...` as in `primitives.primitive_files`, `expected.<primitive>.<array>`,
+`networks.<primitive>.<axis>.<array>` as in `pmnn`, and `workspace` (2, 3): its low and its high corner. The
+rest stands in the description, with a digest of all (`ground.artefacts`).
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from structlearn import __version__
+from structlearn.feedback.axes import AXES, unit
+from structlearn.feedback.limits import FadingParameters, Limits
+from structlearn.feedback.pmnn import named_network, network_tensors
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.workspace import Workspace
+from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.primitives.primitive_files import (
+    part,
+    pose_primitives,
+    prefixed,
+    primitive_tensors,
+    vector_primitive,
+    vector_tensors,
+)
+from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
+
+KIND = "reactive_skill"
+"""The one key of the description."""
+
+UNITS = {
+    "length": "m",
+    "angle": "rad",
+    "time": "s",
+    "orientation": "unit quaternion w, x, y, z, own to base frame",
+    "coupling": {axis: unit(axis) for axis in AXES},
+    "tactile": "counts",
+    "wrench": "force in N, then torque in N m",
+}
+
+READINGS = (
+    "A sample has the channels of all sensors, in their order, as the drivers give them. The mean of the "
+    f"first {OFFSET_SAMPLES} good samples of a run, at rest and in the air, is its offset and is taken off: "
+    "raw and zeroed readings are the same, as long as nothing is zeroed anew within a run."
+)
+
+
+class SkillParameters(FadingParameters):
+    """What a skill file says beyond what was learned.
+
+    Attributes:
+        workspace_margin_m: how far outside the box of the demonstrations runs may start and have goals.
+    """
+
+    workspace_margin_m: float = Field(gt=0)
+
+
+def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str, Any]) -> None:
+    """Publish a skill.
+
+    Args:
+        skill: with a workspace.
+        path: of the file.
+        provenance: of `provenance`.
+
+    Raises:
+        InputError: the skill has no workspace, or the file cannot be written.
+    """
+    if skill.workspace is None:
+        raise InputError(f"{path}: a skill without a workspace is not for a robot")
+    tensors, kinds = primitive_tensors(skill.primitives)
+    tensors = prefixed("primitives", tensors)
+    tensors["workspace"] = np.array([skill.workspace.low, skill.workspace.high])
+    for name, traces in skill.expected.items():
+        tensors |= prefixed(f"expected.{name}", vector_tensors(traces))
+    layers = {}
+    for name, by_axis in skill.networks.items():
+        layers[name] = {axis: len(network.hidden) for axis, network in by_axis.items()}
+        for axis, network in by_axis.items():
+            tensors |= network_tensors(f"networks.{name}.{axis}", network)
+    description = {
+        "primitives": kinds,
+        "expected": list(skill.expected),
+        "networks": layers,
+        "sensors": skill.sensors,
+        "limits": skill.limits.model_dump(),
+        "units": UNITS,
+        "readings": READINGS,
+        "provenance": dict(provenance),
+    }
+    write_tensors(tensors, path, json.dumps({KIND: description}))
+
+
+def read_skill(path: str | Path) -> ReactiveSkill:
+    """Read a skill.
+
+    Raises:
+        InputError: the file is missing, damaged or holds no skill, or its parts do not fit together.
+    """
+    tensors, described = read_tensors(path), _described(path)
+    try:
+        return ReactiveSkill(
+            primitives=pose_primitives(described["primitives"], part("primitives", tensors)),
+            expected={
+                name: vector_primitive(part(f"expected.{name}", tensors)) for name in described["expected"]
+            },
+            networks={
+                name: {
+                    axis: named_network(f"networks.{name}.{axis}", count, tensors)
+                    for axis, count in by_axis.items()
+                }
+                for name, by_axis in described["networks"].items()
+            },
+            limits=Limits(**described["limits"]),
+            workspace=Workspace(*tensors["workspace"]),
+            sensors=tuple((name, count) for name, count in described["sensors"]),
+        )
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: its limits are none: {error.errors()[0]['msg']}") from error
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{path}: holds no skill of this version (missing {error})") from error
+
+
+def read_provenance(path: str | Path) -> dict[str, Any]:
+    """Where a skill comes from.
+
+    Raises:
+        InputError: as `read_skill`.
+    """
+    read_tensors(path)  # the digest is of the description too
+    return _described(path)["provenance"]
+
+
+def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Of what, how and by which version a skill was learned.
+
+    Args:
+        bags: files or folders of recordings; all files below a folder are taken.
+        parameters: all that were used, by stage, as JSON can hold them.
+
+    Returns:
+        `bags`, SHA-256 by their names, which begin with that of the folder given; `parameters`, SHA-256 of
+        their sorted JSON; `version` of this package.
+    """
+    digests = {}
+    for source in bags:
+        files = sorted(path for path in source.rglob("*") if path.is_file()) if source.is_dir() else [source]
+        for file in files:
+            name = file.relative_to(source.parent).as_posix()
+            digests[name] = hashlib.sha256(file.read_bytes()).hexdigest()
+    text = json.dumps(parameters, sort_keys=True)
+    return {
+        "bags": digests,
+        "parameters": hashlib.sha256(text.encode()).hexdigest(),
+        "version": __version__,
+    }
+
+
+def _described(path: str | Path) -> dict[str, Any]:
+    try:
+        return json.loads(read_description(path))[KIND]
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: holds no skill (missing {error})") from error

@@ -1,0 +1,204 @@
+"""One recording from one file of any format: messages of the topics that are named become streams."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from structlearn.ground.errors import InputError
+from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag
+from structlearn.recordings.bag_reader import Bag, damage_named, own_provenance
+from structlearn.recordings.forward_kinematics import joint_pose
+from structlearn.recordings.joint_series import JointSeries, chosen, joint_series
+from structlearn.recordings.messages import check_readable, to_shapes, to_stream
+from structlearn.recordings.recording import JOINT_KINDS, Recording, Stream
+from structlearn.recordings.shape_table import read_shapes, shape_file
+from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
+from structlearn.recordings.topics import OWN_TOPICS, JointPose, TopicMap, TransformPose
+from structlearn.recordings.transforms import transform_pose
+
+
+def read_recording(
+    file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
+) -> Recording:
+    """Read a recording from a file of any format (`bag_files`).
+
+    Which message types are understood, and which clock stamps a message, is told in `messages`.
+
+    Args:
+        file: a path, or one of `bag_files.recording_files`.
+        topics: which topic carries which signal, and what the pose is computed from where none does.
+        stamps: how stamps are taken.
+
+    Returns:
+        The recording, named after the file's stem, streams in the order of the topic map. A file without our
+        metadata has the provenance origin "recorded" and its file name as source. Provenance also says, under
+        `stamps`, what was done about stamps that do not increase, under `clock`, whether log times were
+        wanted, and under `joints`, which joints of a topic are left out.
+
+    Raises:
+        InputError: the file is missing, of another kind, cut off or damaged; a topic is missing, empty or of
+            a type that cannot be read as its signal; messages differ in length; stamps are not in order and
+            that is not allowed; two topics give the same signal; or the pose cannot be computed. The message
+            names file and topic.
+    """
+    if not isinstance(file, RecordingFile):
+        file = as_recording_file(Path(file))
+    bag = open_bag(file, topics.topics)
+    with damage_named(file.path):
+        segments = _true_segments(bag.metadata)
+    read = _Reading(file, bag, topics, stamps)
+    streams = read.streams()
+    provenance = own_provenance(bag, file.path) | read.remarks()
+    table = shape_file(file.path, file.name)
+    shapes = read.shapes() + (read_shapes(table) if table else ())
+    return Recording(file.name, tuple(streams), segments, provenance, shapes)
+
+
+class _Reading:
+    """What is read of one bag, and what is to be said of it."""
+
+    def __init__(self, file: RecordingFile, bag: Bag, topics: TopicMap, policy: StampPolicy) -> None:
+        self._path = file.path
+        self._bag, self._topics, self._policy = bag, topics, policy
+        self._of_topic: dict[str, list[JointSeries]] = {}
+        self._mended: dict[str, str] = {}
+        self._left_out: list[str] = []
+
+    def streams(self) -> list[Stream]:
+        """All streams in the order of the topic map."""
+        pose = self._topics.pose
+        streams = [] if isinstance(pose, str) else [self._computed_pose(pose)]
+        joints: list[JointSeries] = []
+        for topic, role in self._topics.roles():
+            if role == "obstacles" or not self._has(topic, role):
+                continue
+            where = self._checked(topic, role)
+            if role == "joint_states":
+                if not joints:
+                    place = len(streams)
+                joints += self._joints(topic)
+            else:
+                stream, note = to_stream(where, topic, role, self._bag.messages[topic], self._policy)
+                self._note(topic, note)
+                streams.append(stream)
+        if joints:
+            streams[place:place] = self._joint_streams(joints)
+        return streams
+
+    def shapes(self) -> tuple:
+        """Solids on the topic that is named for them."""
+        found: tuple = ()
+        for topic, role in self._topics.roles():
+            if role == "obstacles" and self._has(topic, role):
+                found += to_shapes(self._checked(topic, role), self._bag.messages[topic])
+        return found
+
+    def remarks(self) -> dict[str, str]:
+        """What provenance is to say of how the bag was read."""
+        remarks = {}
+        if self._mended:
+            remarks["stamps"] = "; ".join(f"{topic}: {note}" for topic, note in self._mended.items())
+        if self._policy.clock == "log":
+            remarks["clock"] = "log"
+        if self._left_out:
+            remarks["joints"] = "; ".join(self._left_out)
+        return remarks
+
+    def _computed_pose(self, pose: TransformPose | JointPose) -> Stream:
+        if isinstance(pose, JointPose):
+            series = self._series(pose.topic)
+            return joint_pose(self._where(pose.topic), series, pose)
+        for topic in pose.topics:
+            if topic == pose.topic or topic in self._bag.topics:
+                self._has(topic, "transforms")
+                check_readable(self._where(topic), "transforms", self._bag.topics[topic])
+        stream, note = transform_pose(str(self._path), self._bag.messages, pose, self._policy)
+        self._note(pose.topic, note)
+        return stream
+
+    def _series(self, topic: str) -> list[JointSeries]:
+        """All joint states of a topic that has to be there; it may give the pose too."""
+        if topic not in self._bag.topics:
+            raise self._missing(topic, "joint_states")
+        if topic not in self._of_topic:
+            where = self._checked(topic, "joint_states")
+            series, note = joint_series(where, topic, self._bag.messages[topic], self._policy)
+            self._note(topic, note)
+            self._of_topic[topic] = series
+        return self._of_topic[topic]
+
+    def _joints(self, topic: str) -> list[JointSeries]:
+        """Joint states of a topic; of several publishers those of the largest, unless joints are named.
+
+        Files of ours have what was wanted when they were written.
+        """
+        series = self._series(topic)
+        if not self._topics.must_exist or self._topics.joints is not None or not series[0].names:
+            return series
+        series, others = chosen(self._where(topic), series, None)
+        if others:
+            self._left_out.append(f"{topic}: without {', '.join(others)}")
+        return series
+
+    def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
+        """Streams of joint states of all topics."""
+        named = all(one.names for one in series)
+        if self._topics.joints is not None:
+            where = f"{self._path}: {', '.join(dict.fromkeys(one.topic for one in series))}"
+            series, _ = chosen(where, series, self._topics.joints)
+        streams = [stream for one in series for stream in one.streams()]
+        for kind in JOINT_KINDS:
+            sources = [stream for stream in streams if stream.kind == kind]
+            names = [name for stream in sources for name in stream.joints]
+            if len(sources) > 1 and (not named or len(set(names)) < len(names)):
+                listing = ", ".join(dict.fromkeys(stream.topic for stream in sources))
+                raise InputError(f"{self._path}: {kind} come from several topics: {listing}")
+        if not named:
+            return streams
+        of_kind = {kind: {n for s in streams if s.kind == kind for n in s.joints} for kind in JOINT_KINDS}
+        most = set().union(*of_kind.values())
+        for kind, names in of_kind.items():
+            if names and names != most:
+                self._left_out.append(f"{kind} are not of {', '.join(sorted(most - names))} and left out")
+        kept = [stream for stream in streams if of_kind[stream.kind] == most]
+        if not kept:
+            raise InputError(
+                f"{self._path}: no signal is of all joints {', '.join(sorted(most))}: name those that are "
+                "wanted under `joints`"
+            )
+        return kept
+
+    def _has(self, topic: str, role: str) -> bool:
+        """Whether the bag has a topic; one that must be there and is not is an error."""
+        if topic in self._bag.topics:
+            return True
+        if self._topics.must_exist or role in ("pose", "transforms"):
+            raise self._missing(topic, role)
+        return False
+
+    def _checked(self, topic: str, role: str) -> str:
+        """File and topic, whose messages can be read in the role, and of which there are some."""
+        where = self._where(topic)
+        check_readable(where, role, self._bag.topics[topic])
+        if topic not in self._bag.messages:
+            raise InputError(f"{where} has no messages")
+        return where
+
+    def _missing(self, topic: str, role: str) -> InputError:
+        present = sorted(self._bag.topics.items())
+        listing = ", ".join(f"{name} ({' and '.join(types)})" for name, types in present)
+        return InputError(f"{self._path}: has no topic '{topic}' for {role}; it has {listing or 'no topics'}")
+
+    def _where(self, topic: str) -> str:
+        return f"{self._path}: topic '{topic}'"
+
+    def _note(self, topic: str, note: str | None) -> None:
+        if note is not None:
+            self._mended[topic] = note
+
+
+def _true_segments(metadata: Mapping[str, str] | None) -> np.ndarray | None:
+    segments = None if metadata is None else json.loads(metadata["true_segments"])
+    return None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)

@@ -1,0 +1,129 @@
+"""Bags of the older storage of ROS 2 (.db3) and of ROS 1 (.bag), read by the library `rosbags`.
+
+The library is an extra of this package, since most have MCAP. Messages of ROS 1 become those of ROS 2: the
+same numbers in CDR, headers without their counter.
+"""
+
+import tempfile
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.records import Schema
+from mcap.well_known import SchemaEncoding
+
+from structlearn.ground.errors import InputError
+from structlearn.recordings.bag_reader import COMPRESSED, Bag, RawMessages, unpack_file
+
+HEADER = "std_msgs/msg/Header"
+
+
+def read_db3(path: Path, topics: Collection[str]) -> Bag:
+    """Read a .db3 file; one that is compressed as a whole has `bag_reader.COMPRESSED` at its end.
+
+    Definitions of messages stand in the file since ROS 2 Iron; for older ones those of the library stand in.
+
+    Raises:
+        InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
+    """
+    with _library_named(path), _with_suffix(path) as plain:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+
+        latest = get_typestore(Stores.LATEST)
+        with AnyReader([plain], default_typestore=latest) as reader:
+            return _bag(reader, topics, (reader.typestore, latest), bytes)
+
+
+def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
+    """Read a .bag file of ROS 1.
+
+    Raises:
+        InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
+    """
+    with _library_named(path):
+        from rosbags.rosbag1 import Reader
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        with Reader(path) as reader:
+            types: dict[str, Any] = {}
+            for connection in reader.connections:
+                types |= get_types_from_msg(connection.msgdef.data, connection.msgtype)
+            if HEADER in types:  # with the counter, messages could not be turned into those of ROS 2
+                types[HEADER] = get_typestore(Stores.LATEST).fielddefs[HEADER]
+            store = get_typestore(Stores.EMPTY)
+            store.register(types)
+            return _bag(reader, topics, (store,), store.ros1_to_cdr)
+
+
+@contextmanager
+def _library_named(path: Path) -> Iterator[None]:
+    """Turn whatever the library raises into an InputError that names the file; only its calls go inside."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "rosbags":
+            raise
+        raise InputError(
+            f"{path}: bags of this kind are read by `rosbags`, which is not installed: `make own` installs "
+            "it, or `pip install structlearn[bags]`; or `ros2 bag convert` turns the bag into MCAP"
+        ) from error
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except Exception as error:
+        raise InputError(f"{path}: damaged bag: {type(error).__name__}: {error}") from error
+
+
+@contextmanager
+def _with_suffix(path: Path) -> Iterator[Path]:
+    """The file, or its content unpacked beside others that nobody needs; the library goes by the suffix."""
+    if path.suffix != COMPRESSED:
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / path.stem
+        with open(path, "rb") as file, open(plain, "wb") as unpacked:
+            unpack_file(path, file, unpacked)
+        yield plain
+
+
+def _bag(reader: Any, topics: Collection[str], stores: Collection[Any], to_cdr: Any) -> Bag:
+    """Content of an open reader; `stores` know the types, `to_cdr` turns (bytes, type) or bytes into CDR."""
+    present: dict[str, list[str]] = {}
+    for connection in reader.connections:
+        types = present.setdefault(connection.topic, [])
+        if connection.msgtype not in types:
+            types.append(connection.msgtype)
+    wanted = [connection for connection in reader.connections if connection.topic in topics]
+    schemas = {
+        name: _schema(number, name, stores)
+        for number, name in enumerate(dict.fromkeys(one.msgtype for one in wanted), start=1)
+    }
+    numbers = {name: schema.id for name, schema in schemas.items()}
+    rows: dict[str, list[tuple[int, int, bytes]]] = {}
+    for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
+        kind = connection.msgtype
+        data = bytes(raw) if to_cdr is bytes else bytes(to_cdr(raw, kind))
+        rows.setdefault(connection.topic, []).append((numbers[kind], log_time, data))
+    messages = {topic: _messages(its, schemas) for topic, its in rows.items()}
+    return Bag(present, None, messages)
+
+
+def _schema(number: int, name: str, stores: Collection[Any]) -> Schema:
+    store = next((store for store in stores if name in store.fielddefs), None)
+    if store is None:
+        raise LookupError(f"the type {name} is not defined")
+    text, _ = store.generate_msgdef(name, ros_version=2)
+    return Schema(id=number, name=name, encoding=SchemaEncoding.ROS2, data=text.encode())
+
+
+def _messages(rows: list[tuple[int, int, bytes]], schemas: Mapping[str, Schema]) -> RawMessages:
+    """Messages of one topic in the order of their log times; each type is a channel."""
+    rows = sorted(rows, key=lambda row: row[1])
+    channels, log_times, data = zip(*rows, strict=True)
+    used = {schema.id: schema for schema in schemas.values() if schema.id in set(channels)}
+    return RawMessages(used, np.array(channels), np.array(log_times, dtype=np.int64), list(data))

@@ -1,0 +1,82 @@
+"""Which clock stamps a message, and what becomes of stamps that do not increase."""
+
+from bisect import bisect_left
+from typing import Literal
+
+import numpy as np
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.recordings.checks import disorder
+
+
+class StampPolicy(Parameters):
+    """How the stamps of a user's messages are taken.
+
+    Attributes:
+        clock: `header`: when a sample was taken, as its message says; where no message of a topic says so,
+            the log time stands in. `log`: when the recorder got it.
+        disorder: what is done where a stamp repeats or runs back. `error`: the recording is refused. `drop`:
+            as few samples as possible are left out so that the others increase. `sort`: samples are put in
+            the order of their stamps. Of several with one stamp the first stays in either case.
+    """
+
+    clock: Literal["header", "log"]
+    disorder: Literal["error", "drop", "sort"]
+
+
+AS_WRITTEN = StampPolicy(clock="header", disorder="error")
+"""How our own files are read: whoever wrote them had the stamps in order."""
+
+
+def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
+    """Which samples are taken, in which order.
+
+    Args:
+        where: file and topic, for the message.
+        stamps: (T,) int64 ns in the order in which the samples came.
+        policy: what is done where they do not increase.
+
+    Returns:
+        rows: (M,) whose stamps increase.   note: what was done, in words with counts; None: nothing was.
+
+    Raises:
+        InputError: the stamps do not increase and the policy is `error`; the message names the row.
+    """
+    fault = disorder(stamps)
+    if fault is None:
+        return np.arange(len(stamps)), None
+    if policy.disorder == "error":
+        raise InputError(f"{where}: {fault}; with `disorder: drop` or `sort` under `stamps` it is mended")
+    if policy.disorder == "drop":
+        rows = longest_increase(stamps)
+        return rows, f"{len(stamps) - len(rows)} dropped of {len(stamps)}"
+    rows = np.argsort(stamps, kind="stable")
+    rows = rows[np.append(True, np.diff(stamps[rows]) > 0)]
+    moved = int(np.sum(stamps < np.maximum.accumulate(stamps)))
+    return rows, f"{moved} moved and {len(stamps) - len(rows)} dropped of {len(stamps)}"
+
+
+def longest_increase(stamps: np.ndarray) -> np.ndarray:
+    """Places (M,) of the longest strictly increasing subsequence of (T,) numbers, by patience sorting.
+
+    Dropping all that is not later than the latest so far would lose everything behind one far stamp.
+    """
+    ends: list[int] = []  # smallest last stamp of an increase of each length ...
+    places: list[int] = []  # ... and where it is
+    before = np.full(len(stamps), -1)
+    for place, stamp in enumerate(stamps.tolist()):
+        length = bisect_left(ends, stamp)
+        if length:
+            before[place] = places[length - 1]
+        if length == len(ends):
+            ends.append(stamp)
+            places.append(place)
+        elif stamp < ends[length]:
+            ends[length], places[length] = stamp, place
+    rows = np.empty(len(ends), dtype=int)
+    place = places[-1]
+    for row in reversed(range(len(rows))):
+        rows[row] = place
+        place = before[place]
+    return rows

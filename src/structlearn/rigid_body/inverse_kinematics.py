@@ -1,0 +1,255 @@
+"""Inverse kinematics along a path: joints that carry a frame of the arm through given poses.
+
+Pinocchio gives frames and Jacobians; each sample is solved from the one before by Newton steps on the pose,
+damped as far as the pose is missed (Sugihara 2011), so that a pose out of reach is approached and left again
+without a fling. What the pose leaves free (a seventh joint, an orientation that nobody asked for) is drawn
+towards a rest configuration at a bounded pace, so a path has one answer, and a smooth one where the
+Jacobian has full rank. Joint limits are not enforced: whoever asks sees how far a path goes beyond them.
+
+    arm = read_arm("robot.urdf", "tool0")
+    path = follow(arm, positions, orientations, dt, rest)    # all poses at once
+    follower = Follower(arm, rest, dt)                       # or one by one, in a robot's own loop
+    joints = follower.start(position, orientation)
+    joints = follower.step(position, orientation)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.rigid_body.tree import KinematicTree, read_model, robot_of
+
+CONVERGED = 1e-9
+"""m and rad; a third difference of joints at 5 ms, divided by the time, is known to 0.01 rad/s^3 then."""
+
+DAMPING = 1e-10
+"""Square of the least damping: without effect where singular values are above 0.001."""
+
+STEPS, FIRST_STEPS = 12, 300
+"""Newton steps per sample at most, of which two or three are needed, and for the first one, far away."""
+
+LARGEST_STEP = 0.2
+"""rad or m that a joint moves in one Newton step, so that the first pose is approached, not leapt at."""
+
+TO_REST = 2.0
+"""1/s: how fast free joints go towards the rest configuration, slower than a movement of a second or two."""
+
+TRIALS = 50
+"""Random configurations from which a rest configuration is looked for."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A robot with a fixed base, and the frame that is to be carried along.
+
+    Attributes:
+        source: its URDF.
+        tree: names and limits of its n joints.
+        model: Pinocchio's, with the same joints in the same order.
+        tip: the frame's number in the model.
+    """
+
+    source: Path
+    tree: KinematicTree
+    model: pinocchio.Model
+    tip: int
+
+    def configuration(self, joints: np.ndarray) -> np.ndarray:
+        """Pinocchio's configuration of joints (n,): continuous ones are a cosine and a sine there."""
+        return pinocchio.integrate(self.model, pinocchio.neutral(self.model), joints)
+
+
+@dataclass(frozen=True)
+class JointPath:
+    """What carries the tip along a path of T samples; n joints.
+
+    Attributes:
+        joints: (T, n) rad or m; turns of continuous joints are counted.
+        missed_m: (T,) distance of the tip from where it should be.
+        missed_rad: (T,) angle from how it should stand; 0 where no orientation is asked for.
+        jacobian: (T, 3 or 6, n) of the tip in base axes: linear, then angular part where it is asked for.
+    """
+
+    joints: np.ndarray
+    missed_m: np.ndarray
+    missed_rad: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def least_singular_value(self) -> np.ndarray:
+        """(T,) smallest singular value of the Jacobian (m or rad of the tip per rad of the joints)."""
+        return np.linalg.svd(self.jacobian, compute_uv=False)[:, -1]
+
+
+def read_arm(path: str | Path, tip: str, locked: Sequence[str] = ()) -> Arm:
+    """Read an arm from its URDF; masses and meshes are not needed.
+
+    Args:
+        path: the URDF file.
+        tip: the link, or other frame, whose poses are given.
+        locked: names of joints held at zero position.
+
+    Raises:
+        InputError: see `tree.read_model`; or there is no such tip.
+    """
+    model = read_model(path, locked)
+    if not model.existFrame(tip):
+        links = [frame.name for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
+        raise InputError(f"{path}: there is no link '{tip}'; there are {', '.join(links)}")
+    return Arm(Path(path), robot_of(model).tree, model, model.getFrameId(tip))
+
+
+def tip_poses(arm: Arm, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where joints bring the tip: (T, n) -> (T, 3) m and (T, 4) unit quaternions."""
+    data = arm.model.createData()
+    position, rotation = np.empty((len(joints), 3)), np.empty((len(joints), 4))
+    for place, row in enumerate(joints):
+        pinocchio.forwardKinematics(arm.model, data, arm.configuration(row))
+        frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)
+        position[place] = frame.translation
+        rotation[place] = pinocchio.Quaternion(frame.rotation).coeffs()
+    return position, quaternion.from_xyzw(rotation)
+
+
+def follow(
+    arm: Arm,
+    position: np.ndarray,
+    orientation: np.ndarray | None,
+    dt: float,
+    rest: np.ndarray,
+) -> JointPath:
+    """Joints that carry the tip along a path.
+
+    Args:
+        arm: the arm.
+        position: (T, 3) m in the arm's base frame.
+        orientation: (T, 4) unit quaternions, or None where the tip may stand as it likes.
+        dt: sampling interval in s.
+        rest: (n,) towards which free joints are drawn; the first pose is sought from there.
+    """
+    turned = orientation is not None
+    follower = Follower(arm, rest, dt, turned)
+    path = JointPath(
+        joints=np.empty((len(position), arm.model.nv)),
+        missed_m=np.empty(len(position)),
+        missed_rad=np.empty(len(position)),
+        jacobian=np.empty((len(position), len(follower.error), arm.model.nv)),
+    )
+    for sample, point in enumerate(position):
+        reach = follower.step if sample else follower.start
+        path.joints[sample] = reach(point, orientation[sample] if turned else None)
+        path.missed_m[sample] = np.linalg.norm(follower.error[:3])
+        path.missed_rad[sample] = np.linalg.norm(follower.error[3:])
+        path.jacobian[sample] = follower.jacobian
+    return path
+
+
+def rest_for(
+    arm: Arm, position: np.ndarray, orientation: np.ndarray | None, dt: float, seed: int
+) -> np.ndarray:
+    """A configuration (n,) for the start of a path, which then stays far from limits and singularities.
+
+    Of several it is the one with the largest least of two along the path: the distance from the nearest limit
+    over half the range, and the least singular value. A coarse look at the path will do.
+
+    Args:
+        arm: the arm.
+        position: (T, 3) m.
+        orientation: (T, 4) unit quaternions, or None.
+        dt: sampling interval in s.
+        seed: of the configurations from which the search starts.
+
+    Raises:
+        InputError: none was found that keeps within the joints' limits.
+    """
+    tree, rng = arm.tree, np.random.default_rng(seed)
+    lower = np.where(np.isfinite(tree.lower), tree.lower, -np.pi)
+    upper = np.where(np.isfinite(tree.upper), tree.upper, np.pi)
+    half, best, found = 0.5 * (upper - lower), 0.0, None
+    for _ in range(TRIALS):
+        path = follow(arm, position, orientation, dt, rng.uniform(lower, upper))
+        room = np.minimum(path.joints - tree.lower, tree.upper - path.joints) / half
+        rated = min(room.min(), path.least_singular_value.min())
+        if max(path.missed_m.max(), path.missed_rad.max()) < 1e-6 and rated > best:
+            best, found = rated, path.joints[0]
+    if found is None:
+        raise InputError(
+            f"{arm.source}: no configuration within the joints' limits takes the tip from "
+            f"{np.array2string(position[0], precision=3)} m along the path ({TRIALS} tried): is the base "
+            "where the demonstrations have their origin?"
+        )
+    return found
+
+
+class Follower:
+    """Pose after pose, as a path has them or as a robot's own loop asks for them.
+
+    Attributes:
+        joints: (n,) of the newest pose, rad or m.
+        error: (3 or 6,) by which they miss it: m, then rad where orientations are followed; base axes.
+        jacobian: (3 or 6, n) of the tip there.
+    """
+
+    def __init__(self, arm: Arm, rest: np.ndarray, dt: float, turned: bool = True) -> None:
+        """Make a follower, which is to be started.
+
+        Args:
+            arm: the arm.
+            rest: (n,) towards which free joints are drawn; the first pose is sought from there.
+            dt: time from one pose to the next in s.
+            turned: whether orientations are followed.
+        """
+        self._arm, self._data, self._rest = arm, arm.model.createData(), np.array(rest, dtype=float)
+        self._pull, self._identity = TO_REST * dt, np.eye(arm.model.nv)
+        self.joints, self.error = self._rest.copy(), np.zeros(6 if turned else 3)
+        self.jacobian = np.zeros((len(self.error), arm.model.nv))
+
+    def start(self, position: np.ndarray, orientation: np.ndarray | None) -> np.ndarray:
+        """Joints (n,) for the first pose (3,), (4,): as near to rest as it lets them be.
+
+        Free joints go on until they have come to rest, so that the path starts without a motion of theirs.
+        """
+        self.joints = self._rest.copy()
+        for _ in range(FIRST_STEPS):
+            move = self._newton(position, orientation, 0.5)
+            if np.abs(self.error).max() < CONVERGED and np.abs(move).max() < CONVERGED:
+                break
+            self._take(move)
+        return self.joints
+
+    def step(self, position: np.ndarray, orientation: np.ndarray | None) -> np.ndarray:
+        """Joints (n,) for the next pose, from those of the one before."""
+        self._take(self._newton(position, orientation, self._pull))
+        for _ in range(STEPS):
+            move = self._newton(position, orientation, 0.0)
+            if np.abs(self.error).max() < CONVERGED:
+                break
+            self._take(move)
+        return self.joints
+
+    def _newton(self, position: np.ndarray, orientation: np.ndarray | None, pull: float) -> np.ndarray:
+        """Step (n,) towards a pose, and of free joints by a part of their way to rest."""
+        arm, data = self._arm, self._data
+        pinocchio.computeJointJacobians(arm.model, data, arm.configuration(self.joints))
+        frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)
+        axes = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)
+        self.jacobian = jacobian.reshape(6, -1)[: len(self.error)]  # of a single joint it is a vector
+        self.error[:3] = position - frame.translation
+        if len(self.error) == 6:
+            self.error[3:] = pinocchio.log3(quaternion.matrix(orientation) @ frame.rotation.T)
+        damped = self.jacobian @ self.jacobian.T
+        damped[np.diag_indices(len(damped))] += 0.5 * (self.error @ self.error) + DAMPING
+        inverse = np.linalg.solve(damped, self.jacobian).T  # (n, 3 or 6)
+        move = inverse @ self.error
+        if pull:
+            move = move + pull * (self._identity - inverse @ self.jacobian) @ (self._rest - self.joints)
+        return move
+
+    def _take(self, move: np.ndarray) -> None:
+        self.joints = self.joints + move * min(1.0, LARGEST_STEP / max(np.abs(move).max(), LARGEST_STEP))

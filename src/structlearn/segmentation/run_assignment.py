@@ -1,0 +1,221 @@
+"""Runs of motion are assigned to the primitives of a task, by one choice over all demonstrations.
+
+The primitives are known by their order alone, so what they look like is learned from the demonstrations:
+one of them, cut in one way, is the pattern, and a candidate costs more the less it is like the pattern's
+primitive in duration, way and direction. For a pattern, the cheapest chain of candidates in every
+demonstration is found by dynamic programming. Every demonstration in every way that it could be cut is tried
+as the pattern; the one that is cheapest over all demonstrations is taken, and is the reference.
+
+Motion may be left out (a twitch) and dips may be bridged (a hesitation), both at a price.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structlearn.segmentation.motion_runs import Candidates
+
+LEFT_OUT = 1.5
+"""Price of motion that belongs to no primitive, per mean way of a primitive."""
+
+DISPLACED = 2.0
+"""How much more that motion counts which leads elsewhere: who twitches comes back, and what leads on to where
+the next primitive starts is probably part of one."""
+
+HASTE = 0.5
+"""Weight of the duration: people repeat where they go more exactly than how fast."""
+
+RESTED = 1.0
+"""Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
+
+MISSING = 2.0
+"""Cost of a candidate that is not the pattern's primitive, whatever else it is, e.g. one of opposite
+direction."""
+
+OVERLAP = 0.3
+"""Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns
+the hand seldom waits until it has arrived. Motion along one axis belongs to one primitive."""
+
+PATTERNS, FEWEST = 1200, 10
+"""Ways to cut that are tried as the pattern in all, and at least of each demonstration: the cheapest ones by
+the prices above. The work grows with their number times that of the demonstrations."""
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Which candidates are the primitives; P primitives.
+
+    Attributes:
+        reference: index of the demonstration that is the pattern.
+        chosen: of each demonstration (P,) the candidates, or None where it has no such chain.
+        costs: of each demonstration (P,) how unlike the pattern they are.
+        left_out: of each demonstration (P + 1,) motion before each primitive and after the last one that
+            belongs to none (`LEFT_OUT`), in ways of a mean primitive of the pattern.
+        total: of the choice; to compare choices among other candidates.
+    """
+
+    reference: int
+    chosen: list[np.ndarray | None]
+    costs: list[np.ndarray]
+    left_out: list[np.ndarray]
+    total: float
+
+
+def assign(
+    demonstrations: Sequence[Sequence[Candidates]], references: Sequence[int], between: Sequence[bool]
+) -> Assignment | None:
+    """The cheapest assignment over all demonstrations.
+
+    Args:
+        demonstrations: of each, the candidates for its P primitives in order of time.
+        references: indices of those that may be the reference.
+        between: (P,) whether what lies before a primitive is a primitive too, which may move as it likes.
+
+    Returns:
+        The assignment; None where no demonstration that may be the reference has a chain of candidates.
+    """
+    gaps = [_gaps(primitives, between) for primitives in demonstrations]
+    most = max(PATTERNS // len(references), FEWEST)
+    owners, chains, own = [], [], []
+    for index in references:
+        found, prices = _chains(demonstrations[index], gaps[index], most)
+        owners += [index] * len(found)
+        chains += found
+        own += prices
+    if not chains:
+        return None
+    pattern = _pattern(demonstrations, owners, chains)
+    missing = MISSING * len(demonstrations[0])
+    total = np.array(own)
+    for index, primitives in enumerate(demonstrations):
+        costs, _ = _cheapest(primitives, gaps[index], pattern)
+        total += np.where(np.array(owners) == index, 0.0, np.minimum(costs, missing))
+    best = int(np.argmin(total))
+    pattern = _pattern(demonstrations, owners[best : best + 1], chains[best : best + 1])
+    chosen, costs, left_out = [], [], []
+    for index, primitives in enumerate(demonstrations):
+        own_chain = index == owners[best]
+        chain = chains[best] if own_chain else _cheapest(primitives, gaps[index], pattern)[1]
+        places = range(0 if chain is None else len(chain))
+        before = [gaps[index][p][chain[p - 1] if p else 0, chain[p]] for p in places]
+        after = [gaps[index][-1][chain[-1], 0]] if places else []
+        chosen.append(chain)
+        costs.append(np.array([_unlike(primitives[p], pattern, p)[0, chain[p]] for p in places]))
+        left_out.append(np.array(before + after) / pattern.mean_way[0, [*places, *([-1] if places else [])]])
+    return Assignment(owners[best], chosen, costs, left_out, float(total[best]))
+
+
+@dataclass(frozen=True)
+class _Pattern:
+    """K patterns of P primitives: what they look like."""
+
+    duration: np.ndarray  # (K, P) s
+    way: np.ndarray  # (K, P)
+    displacement: list[np.ndarray]  # P of (K, D)
+    turns: np.ndarray  # (P,) whether ways are in rad
+
+    @property
+    def mean_way(self) -> np.ndarray:
+        """(K, P) of the primitives of the same unit."""
+        same = self.turns[:, None] == self.turns
+        return self.way @ (same / same.sum(axis=0))
+
+
+def _pattern(
+    demonstrations: Sequence[Sequence[Candidates]], owners: Sequence[int], chains: Sequence[np.ndarray]
+) -> _Pattern:
+    places = range(len(chains[0]))
+    picked = [
+        [(demonstrations[owner][p], chain[p]) for owner, chain in zip(owners, chains, strict=True)]
+        for p in places
+    ]
+    return _Pattern(
+        np.array([[one.duration[g] for one, g in picked[p]] for p in places]).T,
+        np.array([[one.way[g] for one, g in picked[p]] for p in places]).T,
+        [np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in picked[p]]) for p in places],
+        np.array([picked[p][0][0].turns for p in places]),
+    )
+
+
+def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.ndarray]:
+    """Motion before each primitive along its own axis, and after the last one: `_left_out`.
+
+    Returns:
+        P + 1 tables: (1, G) before the first, (G of the one before, G) between, inf where the order is wrong,
+        (G, 1) after the last.
+    """
+    first, last = primitives[0], primitives[-1]
+    tables = [_left_out(first, np.zeros(1, dtype=int), first.first)]
+    for before, after, moves in zip(primitives, primitives[1:], between[1:], strict=False):
+        overlap = before.last[:, None] - after.first[None]
+        shorter = np.minimum((before.last - before.first)[:, None], (after.last - after.first)[None])
+        other_axis = not np.array_equal(before.runs, after.runs)
+        in_order = (overlap <= OVERLAP * shorter * other_axis) & (before.first[:, None] < after.first[None])
+        price = np.zeros(in_order.shape) if moves else _left_out(after, before.last, after.first)
+        tables.append(np.where(in_order, price, np.inf))
+    return [*tables, _left_out(last, last.last, np.array([len(last.path) - 1]))]
+
+
+def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
+    """(S, U) way along one axis from samples (S,) to samples (U,), and `DISPLACED` times its displacement."""
+    way = np.maximum(one.travelled[until][None] - one.travelled[since][:, None], 0.0)
+    apart = np.linalg.norm(one.path[until][None] - one.path[since][:, None], axis=2)
+    return way + DISPLACED * np.minimum(apart, way)
+
+
+def _chains(
+    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
+) -> tuple[list[np.ndarray], list[float]]:
+    """The cheapest ways to cut a demonstration, and their prices, by what is left out and rested alone."""
+    ways = np.array([one.travelled[-1] for one in primitives])
+    alike = [sum(one.turns == other.turns for other in primitives) for one in primitives]
+    price = LEFT_OUT * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
+    chains, prices = np.zeros((1, 0), dtype=int), np.zeros(1)
+    for place, one in enumerate(primitives):
+        before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
+        grown = prices[:, None] + price[place] * before + RESTED * one.rested
+        order = np.argsort(grown, axis=None, kind="stable")[:most]
+        order = order[np.isfinite(grown.ravel()[order])]
+        rows, columns = np.unravel_index(order, grown.shape)
+        chains, prices = np.hstack([chains[rows], columns[:, None]]), grown[rows, columns]
+    prices = prices + price[-1] * gaps[-1][chains[:, -1], 0]
+    return list(chains), prices.tolist()
+
+
+def _unlike(one: Candidates, pattern: _Pattern, place: int) -> np.ndarray:
+    """(K, G) how unlike a pattern's primitive each candidate is: 0 for an equal one.
+
+    The logarithms of the ratios of duration and way, and the distance of the displacements in ways.
+    """
+    way = pattern.way[:, place, None]
+    displacement = one.path[one.last] - one.path[one.first]
+    apart = np.linalg.norm(displacement[None] - pattern.displacement[place][:, None], axis=2)
+    longer = np.abs(np.log(one.duration[None] / pattern.duration[:, place, None]))
+    farther = np.abs(np.log(one.way[None] / way))
+    return HASTE * longer + farther + 2.0 * apart / (one.way[None] + way)
+
+
+def _cheapest(
+    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], pattern: _Pattern
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Cost of the cheapest chain of candidates for each pattern, and for the first pattern that chain.
+
+    Returns:
+        (K,) costs, inf where there is none.   (P,) candidates, or None.
+    """
+    price = LEFT_OUT / pattern.mean_way  # (K, P)
+    best, ways_back = np.zeros((len(price), 1)), []
+    for place, one in enumerate(primitives):
+        if len(one.first) == 0:
+            return np.full(len(price), np.inf), None
+        so_far = best[:, :, None] + price[:, place, None, None] * gaps[place][None]  # (K, G before, G)
+        ways_back.append(np.argmin(so_far[0], axis=0))
+        best = so_far.min(axis=1) + _unlike(one, pattern, place) + RESTED * one.rested
+    ends = best + price[:, -1:] * gaps[-1][None, :, 0]
+    if not np.isfinite(ends[0]).any():
+        return ends.min(axis=1), None
+    chain = [int(np.argmin(ends[0]))]
+    for way_back in ways_back[:0:-1]:
+        chain.append(int(way_back[chain[-1]]))
+    return ends.min(axis=1), np.array(chain[::-1])

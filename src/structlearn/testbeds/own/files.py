@@ -1,0 +1,129 @@
+"""Where the files of one task of your own lie, and what they hold, for all who read them."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.params import ParametersType, checked, read_values
+from structlearn.ground.stage import run
+from structlearn.primitives.primitive_files import read_primitives
+from structlearn.primitives.sequence import PosePrimitive
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.result import Segmentation, read_segmentation
+
+DATA, REPORTS = Path("data/own"), Path("reports/own")
+SKILL, ABSENT = "skill.safetensors", "absent.txt"
+
+
+@dataclass(frozen=True)
+class TaskFiles:
+    """What the stages of one task write.
+
+    Attributes:
+        name: of the task.
+    """
+
+    name: str
+
+    @property
+    def folder(self) -> Path:
+        """Of its artefacts."""
+        return DATA / self.name
+
+    @property
+    def report(self) -> Path:
+        """Folder of its page."""
+        return REPORTS / self.name
+
+    @property
+    def parameters(self) -> Path:
+        """Its parameters with all defaults, and the digests of the files that it came from."""
+        return self.folder / "parameters.yaml"
+
+    def part(self, key: str, model: type[ParametersType]) -> ParametersType:
+        """Parameters of one part that the task has."""
+        return checked(read_values(self.parameters)[key], model, self.parameters, key)
+
+    def has(self, key: str) -> bool:
+        """Whether the task has a part, by its key."""
+        return read_values(self.parameters)[key] is not None
+
+    def values(self) -> tuple[dict[str, Any], dict[str, dict[str, str]]]:
+        """All parameters, and the digests of all files, by what they are for."""
+        values = dict(read_values(self.parameters))
+        return values, values.pop("files")
+
+    @property
+    def clock(self) -> ClockParameters:
+        """On which everything is read."""
+        return self.part("clock", ClockParameters)
+
+    def runs(self, kind: str) -> list[Demonstration]:
+        """Demonstrations, or executions."""
+        return read_demonstrations(self.folder / kind, **self.clock.model_dump())
+
+    def settings(self) -> list[str]:
+        """Labels of the settings in which demonstrations were corrected."""
+        return sorted(path.name for path in (self.folder / "corrections").iterdir() if path.is_dir())
+
+    @property
+    def segments(self) -> Path:
+        """Folder of the segmentation."""
+        return self.folder / "segments"
+
+    def segmentation(self) -> Segmentation:
+        """How the demonstrations were cut."""
+        return read_segmentation(self.segments)
+
+    def primitives(self) -> list[PosePrimitive]:
+        """In order of time."""
+        return read_primitives(self.folder / "primitives/primitives.safetensors")
+
+    @property
+    def skill(self) -> Path:
+        """All that a robot needs."""
+        return self.folder / SKILL
+
+    def table(self, name: str) -> pd.DataFrame:
+        """A table by its path below the task's folder, without its ending."""
+        return read_table(self.folder / f"{name}.parquet")
+
+
+def leave_out(folder: Path, part: str) -> None:
+    """Make a folder that says that the task has no such part; about empty ones DVC warns."""
+    folder.mkdir()
+    (folder / ABSENT).write_text(f"The task has no {part}.\n", encoding="utf-8")
+
+
+def local_path(path: str) -> Path:
+    """A path as a parameter file may have it: from the project's folder, or with `~` for the home folder."""
+    return Path(path).expanduser()
+
+
+def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "") -> None:
+    """Run a stage for the task that the command line names.
+
+    Its time is in no file that git keeps: tasks are the user's.
+
+    Args:
+        main: the stage.
+        part: key of the part that it is for.
+        out: name of the folder that it writes; where the task has no such part, it says so there.
+    """
+
+    def of_task() -> None:
+        files = TaskFiles(sys.argv[1])
+        if not part or files.has(part):
+            main(files)
+        elif out:
+            with publish(files.folder / out) as folder:
+                leave_out(folder, part)
+
+    run(of_task, in_times=False)

@@ -1,0 +1,148 @@
+"""The arm of a task: models asked about motion that they did not learn from, and whether to trust them."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from structlearn.ground.artefacts import Metrics
+from structlearn.palette import BLACK, BLUE, GREY, ORANGE
+from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import styled
+from structlearn.reporting.panels import legend, panel
+from structlearn.reporting.prose import interval, rounded
+from structlearn.testbeds.own.files import TaskFiles
+from structlearn.testbeds.own.page.section import Section
+from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
+
+BEST = ("cov", "coulomb")
+"""The model that becomes a URDF."""
+
+MODELS = {"urdf": "URDF", "least_squares": "least squares", "cov": "bodies that can exist"}
+FRICTIONS = {
+    "none": "none",
+    "viscous": "viscous",
+    "coulomb": "viscous, Coulomb",
+    "offset": "viscous, Coulomb, offset",
+}
+DRAWN = {("urdf", "none"): GREY, ("least_squares", "coulomb"): ORANGE, BEST: BLUE}
+"""Models with their friction and colour, as figures show them."""
+
+
+def section(files: TaskFiles) -> Section:
+    """Of a task with logs of joints."""
+    parameters = files.part("motion", MotionParameters)
+    names = ("logs", "errors", "gravity", "base", "excitation", "friction", "links", "traces")
+    tables = {name: files.table(f"motion/{name}") for name in names}
+    errors, gravity = tables["errors"], tables["gravity"]
+    excitation = tables["excitation"].iloc[0]
+    best = of_model(errors, BEST)
+    unsure = tables["base"].query("low < 0 < high")["parameter"]
+    facts = {
+        "logs": len(tables["logs"]),
+        "learned_s": tables["logs"]["learned_s"].sum(),
+        "tested_s": tables["logs"]["tested_s"].sum(),
+        "worst": best.loc[best["nmse"].idxmax()].to_dict(),
+        "urdf_worst": of_model(errors, ("urdf", "none"))["nmse"].max(),
+        "condition": excitation["condition"],
+        "largest_condition": parameters.largest_condition,
+        "parameters": int(excitation["parameters"]),
+        "unsure": len(unsure),
+        "blocks": int(excitation["blocks"]),
+        "block_s": parameters.block_s,
+        "gravity": {word: list(its["joint"]) for word, its in gravity.groupby("holds")},
+        "urdf": f"{files.folder}/motion/identified.urdf",
+    }
+    return Section(
+        "motion",
+        "The arm's dynamics",
+        "motion.html.jinja",
+        facts=facts,
+        metrics=motion_metrics(best, facts),
+        tables=motion_tables(tables),
+        pictures={"motion": [errors_panel(errors), torque_panel(tables["traces"], facts["worst"]["joint"])]},
+    )
+
+
+def of_model(errors: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:
+    """Rows of one model."""
+    return errors[(errors["model"] == key[0]) & (errors["friction"] == key[1])]
+
+
+def motion_metrics(best: pd.DataFrame, facts: dict[str, object]) -> Metrics:
+    """Errors of the model that is written, and how much the motion excites."""
+    values: Metrics = {"motion_nmse_worst": facts["worst"]["nmse"], "motion_nmse_urdf": facts["urdf_worst"]}
+    if facts["condition"] < float("inf"):
+        values["motion_condition"] = facts["condition"]
+    for row in best.itertuples():
+        values |= {f"motion_nmse_{row.joint}{end}": getattr(row, f"{name}") for end, name in ENDS.items()}
+    return values
+
+
+ENDS = {"": "nmse", "_low": "low", "_high": "high"}
+
+
+def motion_tables(tables: dict[str, pd.DataFrame]) -> dict[str, Table]:
+    """By name."""
+    errors, gravity, base = tables["errors"], tables["gravity"], tables["base"]
+    text = [f"{rounded(row.nmse, '.2g')} {interval(row.low, row.high, '.2g')}" for row in errors.itertuples()]
+    keys = ["model", "friction"]
+    wide = errors.assign(text=text).pivot_table(
+        index=keys, columns="joint", values="text", aggfunc="first", sort=False
+    )
+    seconds = dict.fromkeys(("length_s", "moving_s", "learned_s", "tested_s"), ".1f")
+    spoken = {
+        "length_s": "length (s)",
+        "moving_s": "in motion (s)",
+        "learned_s": "learned from (s)",
+        "tested_s": "asked about (s)",
+    }
+    return {
+        "motion_errors": Table(
+            wide[list(dict.fromkeys(errors["joint"]))].reset_index(),
+            words={"model": MODELS, "friction": FRICTIONS},
+            strong=frozenset(place for place, key in enumerate(wide.index) if key == BEST),
+        ),
+        "motion_logs": Table(tables["logs"], seconds, spoken),
+        "motion_gravity": Table(
+            gravity[["joint", "gravity_n_m", "torque_n_m", "share", "holds"]],
+            dict.fromkeys(("gravity_n_m", "torque_n_m", "share"), ".2f"),
+            {
+                "gravity_n_m": "URDF's gravity, std (N m)",
+                "torque_n_m": "torque, std (N m)",
+                "share": "share of gravity in the torque",
+                "holds": "holds gravity",
+            },
+        ),
+        "motion_base": Table(base, dict.fromkeys(("value", "low", "high", "urdf"), ".3g"), {"urdf": "URDF"}),
+        "motion_friction": Table(tables["friction"], {"value": ".3g"}),
+        "motion_links": Table(tables["links"]),
+    }
+
+
+@styled
+def errors_panel(errors: pd.DataFrame) -> Figure:
+    """NMSE over the joints with intervals."""
+    figure, axes = panel("Motion that was held out", 3.3, ylabel="NMSE", yscale="log")
+    for place, (key, colour) in enumerate(DRAWN.items()):
+        its = of_model(errors, key)
+        bars = [its["nmse"] - its["low"], its["high"] - its["nmse"]]
+        x = [joint + 0.12 * (place - 1) for joint in range(len(its))]
+        label = MODELS[key[0]]
+        axes.errorbar(x, its["nmse"], yerr=bars, fmt="o", markersize=4, color=colour, label=label)
+    joints = list(dict.fromkeys(errors["joint"]))
+    axes.set_xticks(range(len(joints)), joints, rotation=30, ha="right")
+    axes.grid(visible=False, axis="x")
+    return legend(figure, columns=3)
+
+
+@styled
+def torque_panel(traces: pd.DataFrame, joint: str) -> Figure:
+    """Torque of the joint that is foretold worst."""
+    figure, axes = panel(
+        f"Torque of {joint}", 3.3, xlabel="time of what was held out (s)", ylabel="torque (N m)"
+    )
+    its = traces[traces["joint"] == joint]
+    axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
+    for (model, friction), colour in DRAWN.items():
+        column = model if friction == "none" else f"{model}_{friction}"
+        axes.plot(its["time_s"], its[column], color=colour, linewidth=1.0, label=MODELS[model])
+    return legend(figure, columns=4)

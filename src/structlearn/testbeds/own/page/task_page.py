@@ -1,0 +1,88 @@
+"""The page of a task: a section for every part that it has."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from structlearn.reporting.document import Document, Source
+from structlearn.reporting.publishing import HEADLINES, publish_report
+from structlearn.testbeds.own.files import TaskFiles
+from structlearn.testbeds.own.page import (
+    came_in_section,
+    check_section,
+    cuts_section,
+    feedback_section,
+    motion_section,
+    obstacles_section,
+    primitives_section,
+    skill_section,
+    touch_section,
+)
+from structlearn.testbeds.own.page.section import Section
+from structlearn.testbeds.own.task import read_checked
+
+PACKAGE = "structlearn.testbeds.own.page"
+PIPELINE = "stages/own/dvc.yaml"
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Sections of a page that a task has together.
+
+    Attributes:
+        key: of the task's parameters; null where it has no such part.
+        sections: what makes each of them.
+    """
+
+    key: str
+    sections: tuple[Callable[[TaskFiles], Section], ...]
+
+
+PARTS = (
+    _Part("segment", (came_in_section.section, cuts_section.section, primitives_section.section)),
+    _Part("feedback", (feedback_section.section,)),
+    _Part("skill", (skill_section.section,)),
+    _Part("robot", (check_section.section,)),
+    _Part("motion", (motion_section.section,)),
+    _Part("touch", (touch_section.section,)),
+    _Part("obstacles", (obstacles_section.section,)),
+)
+"""In the order of the page."""
+
+STAGES = {
+    "recordings": ("demonstrations", "import"),
+    "demonstrations": ("demonstrations", "import"),
+    "segments": ("segments", "segment"),
+    "primitives": ("primitives", "primitives"),
+    "feedback": ("feedback", "feedback"),
+    "skill": ("skill", "skill"),
+    "check": ("check", "check"),
+    "motion": ("motion", "motion"),
+    "touch": ("touch", "touch"),
+    "obstacles": ("obstacles", "obstacles"),
+}
+"""By the name of a source: folder of the task's data, and the stage that writes it."""
+
+
+def publish_page(files: TaskFiles) -> None:
+    """Publish the page of a task with its figures, tables and key figures."""
+    sections = [make(files) for part in PARTS if files.has(part.key) for make in part.sections]
+    shown = {section.name: section for section in sections}
+    tables = {name: table for section in sections for name, table in section.tables.items()}
+    pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}
+    metrics = {name: value for section in sections for name, value in section.metrics.items()}
+    page = Document(
+        template="task.html.jinja",
+        package=PACKAGE,
+        stage=f"{PIPELINE}:report@{files.name}",
+        facts={name: section.facts for name, section in shown.items()}
+        | {"task": files.name, "sections": sections, "shown": shown},
+        tables=tables,
+        sources={
+            name: Source(f"{files.folder}/{folder}", f"{PIPELINE}:{stage}@{files.name}")
+            for name, (folder, stage) in STAGES.items()
+        },
+        parameters={f"tasks.{files.name}": read_checked(files.parameters)},
+        recordings="recordings",
+        simulated=any(one.simulated for one in files.runs("demonstrations")) if "cuts" in shown else False,
+    )
+    publish_report(files.report, {"index": page}, pictures, tables, metrics, list(metrics)[:HEADLINES])

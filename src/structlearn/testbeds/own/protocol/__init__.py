@@ -1,0 +1,1 @@
+"""What is run and scored on recordings of your own."""

@@ -1,0 +1,261 @@
+"""What the files of a source hold, as far as it matters for learning from them.
+
+Files are opened one after another; what cannot be read is remembered by its reason, and the others go on.
+Camera images are looked at topic by topic, since those of one file may be larger than the memory.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from structlearn.ground.errors import InputError
+from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_files
+from structlearn.recordings.bag_reader import RawMessages
+from structlearn.recordings.bag_recording import read_recording
+from structlearn.recordings.cdr import short_name
+from structlearn.recordings.joint_series import JointSeries, joint_series
+from structlearn.recordings.messages import READERS
+from structlearn.recordings.recording import Stream
+from structlearn.recordings.stamps import StampPolicy
+from structlearn.recordings.survey import Stamps, TopicClocks, stamps_of, topic_clocks
+from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
+from structlearn.recordings.transforms import TransformSeries, transform_series
+from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
+from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path, joint_path
+from structlearn.testbeds.own.task import local_path
+
+PoseSource = str | TransformPose | JointPose
+
+AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
+"""Disorder is counted elsewhere and refused by nobody here."""
+
+LARGE = ("Image", "CompressedImage", "PointCloud2", "PointCloud", "CompressedVideo", "CompressedPointCloud2")
+"""Types whose topics are looked at one by one."""
+
+
+@dataclass(frozen=True)
+class TopicSeen:
+    """A topic of a file.
+
+    Attributes:
+        types: of its messages, `package/Type`.
+        clocks: its stamps; None where there are no messages, or none that are ROS 2 messages.
+        joints: of a topic of joint states, those that share a clock together.
+        links: of a topic of transforms.
+        series: stamps of each publisher's joints, or of each link that moves; else those of the topic, on
+            which several may publish and each be in order.
+        fault: why joint states or transforms cannot be read; empty where they can.
+    """
+
+    types: tuple[str, ...]
+    clocks: TopicClocks | None
+    joints: tuple[JointSeries, ...] = ()
+    links: tuple[TransformSeries, ...] = ()
+    series: tuple[Stamps, ...] = ()
+    fault: str = ""
+
+    @property
+    def type(self) -> str:
+        """The type, or all of them."""
+        return " and ".join(self.types)
+
+
+@dataclass(frozen=True)
+class FileSeen:
+    """A file that could be opened.
+
+    Attributes:
+        file: it.
+        topics: by name.
+        hands: path of each source of poses.
+        no_hands: why a source of poses has no path.
+    """
+
+    file: RecordingFile
+    topics: Mapping[str, TopicSeen]
+    hands: Mapping[PoseSource, HandPath]
+    no_hands: Mapping[PoseSource, str]
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.file.name
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last log time of all messages in s; equal where there are none."""
+        logs = [seen.clocks.log for seen in self.topics.values() if seen.clocks]
+        return min((log.first_s for log in logs), default=0.0), max((log.last_s for log in logs), default=0.0)
+
+
+@dataclass(frozen=True)
+class SourceSeen:
+    """All files of a source.
+
+    Attributes:
+        source: as it was given.
+        urdf: of the robot, where given.
+        files: that could be opened, in natural order.
+        damaged: reason in one line by name of the others.
+    """
+
+    source: str
+    urdf: str | None
+    files: tuple[FileSeen, ...]
+    damaged: Mapping[str, str]
+
+
+def look_at(source: str, urdf: str | None = None) -> SourceSeen:
+    """Open every file of a source.
+
+    Args:
+        source: as `recording_files` takes it.
+        urdf: file of the robot, from whose joints poses may be computed.
+
+    Raises:
+        InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
+    """
+    if urdf:
+        moving_joints(local_path(urdf))  # a wrong file is told of before any bag is opened
+    files, damaged = [], {}
+    for file in recording_files(source):
+        try:
+            files.append(look_into(file, urdf))
+        except InputError as error:
+            damaged[file.name] = str(error)
+    if not files:
+        raise InputError("; ".join(damaged.values()))
+    return SourceSeen(source, urdf, tuple(files), damaged)
+
+
+def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
+    """Open one file.
+
+    Args:
+        file: it.
+        urdf: of the robot.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    present = open_bag(file, ()).topics
+    large = [topic for topic, types in present.items() if any(name.endswith(LARGE) for name in types)]
+    topics: dict[str, TopicSeen] = {}
+    for group in [[topic for topic in present if topic not in large], *([topic] for topic in large)]:
+        messages = open_bag(file, group).messages if group else {}
+        for topic in group:
+            where = f"{file.path}: topic '{topic}'"
+            topics[topic] = _topic_seen(where, topic, present[topic], messages.get(topic))
+    topics = {topic: topics[topic] for topic in sorted(topics)}
+    hands, no_hands = {}, {}
+    sources = pose_sources(topics, urdf)
+    for source in sources:
+        try:
+            hands[source] = hand_path(_poses(file, source))
+        except InputError as error:
+            no_hands[source] = str(error)
+    if not sources and (arm := arm_of(topics)):
+        topic, joints = arm
+        source = JointPose(urdf=UNKNOWN_URDF, tip=UNKNOWN_TIP, topic=topic)
+        hands[source] = joint_path(topic, joints.stamps, joints.values["joint_positions"])
+    return FileSeen(file, topics, hands, no_hands)
+
+
+UNKNOWN_URDF, UNKNOWN_TIP = "~/robot.urdf", "tool0"
+"""Stand in for a robot that has not been named."""
+
+
+def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
+    """Positions of the most joints that share a clock, with their topic."""
+    arms = [(topic, joints) for topic, seen in topics.items() for joints in seen.joints]
+    arms = [(topic, joints) for topic, joints in arms if "joint_positions" in joints.values]
+    return max(arms, key=lambda arm: len(arm[1].names), default=None)
+
+
+def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessages | None) -> TopicSeen:
+    names = tuple(short_name(name) for name in types)
+    if messages is None:
+        return TopicSeen(names, None)
+    clocks = topic_clocks(messages)
+    joints, links, series, fault = [], [], [clocks.own], ""
+    try:
+        if set(names) <= READERS["joint_states"].keys():
+            joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
+            series = [stamps_of(one.stamps) for one in joints] if mended is None else series
+        elif set(names) <= READERS["transforms"].keys():
+            found = transform_series(where, messages, AS_THEY_COME)
+            links = [found[edge] for edge in sorted(found)]
+            series = [stamps_of(link.stamps) for link in links if link.moves] or series
+    except InputError as error:
+        fault = str(error)
+    return TopicSeen(names, clocks, tuple(joints), tuple(links), tuple(series), fault)
+
+
+def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
+    """Whatever may be the hand's pose: topics of poses, then moving frames, then the tip of the robot."""
+    found: list[PoseSource] = [
+        topic for topic, seen in topics.items() if len(seen.types) == 1 and seen.types[0] in READERS["pose"]
+    ]
+    for topic, seen in topics.items():
+        if seen.links and not topic.endswith("_static"):
+            static = topics[f"{topic}_static"].links if f"{topic}_static" in topics else ()
+            found += [
+                TransformPose(parent=a, child=b, topic=topic) for a, b in frame_pairs(seen.links, static)
+            ]
+    if urdf and (arm := arm_of(topics)):
+        topic, joints = arm
+        found += [
+            JointPose(urdf=urdf, tip=tip, topic=topic) for tip in tips(local_path(urdf), joints.names)[:1]
+        ]
+    return found
+
+
+def frame_pairs(
+    moving: Sequence[TransformSeries], static: Sequence[TransformSeries]
+) -> list[tuple[str, str]]:
+    """Frames at the ends of the tree whose pose in the base changes, each with that base.
+
+    The base is the last frame on the way from the root that does not move in it.
+
+    Args:
+        moving: links of /tf, of which some may be at rest.
+        static: links of /tf_static.
+    """
+    parents = {link.child: link.parent for link in (*static, *moving)}
+    moves = {link.child for link in moving if link.moves}
+    pairs = []
+    for end in sorted(parents.keys() - set(parents.values())):
+        way = [end]
+        while way[-1] in parents and parents[way[-1]] not in way:  # a circle of frames has no root
+            way.append(parents[way[-1]])
+        turning = [place for place, frame in enumerate(way) if frame in moves]
+        if turning:
+            pairs.append((way[turning[-1] + 1], end))
+    return sorted(pairs, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
+
+
+def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
+    """Clocks of those of the topics that have messages, each with its file and topic."""
+    return [
+        (file.name, topic, file.topics[topic].clocks)
+        for file in files
+        for topic in topics
+        if topic in file.topics and file.topics[topic].clocks
+    ]
+
+
+def series_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, Stamps]]:
+    """Stamps of every series on the topics, each with its file and topic."""
+    return [
+        (file.name, topic, stamps)
+        for file in files
+        for topic in topics
+        if topic in file.topics
+        for stamps in file.topics[topic].series
+    ]
+
+
+def _poses(file: RecordingFile, source: PoseSource) -> Stream:
+    topics = TopicMap(
+        pose=source, twist=None, joint_states=(), joints=None, wrench=None, tactile=(), tool_to_board=None
+    )
+    return next(one for one in read_recording(file, topics, AS_THEY_COME).streams if one.kind == "pose")

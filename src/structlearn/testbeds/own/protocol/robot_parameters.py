@@ -1,0 +1,66 @@
+"""The robot that a task's skill is checked on, as its entry in the parameter file describes it."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, PositiveFloat, field_validator
+
+from structlearn.ground import quaternion
+from structlearn.ground.params import Parameters
+
+Bound = PositiveFloat | Annotated[tuple[PositiveFloat, ...], Field(min_length=1)]
+"""One for all joints, or one for each."""
+
+
+class Placement(Parameters):
+    """Where a frame stands in another.
+
+    Attributes:
+        position_m: of its origin.
+        orientation: unit quaternion w, x, y, z.
+    """
+
+    position_m: tuple[float, float, float]
+    orientation: tuple[float, float, float, float]
+
+    @field_validator("orientation")
+    @classmethod
+    def _is_a_turn(cls, orientation: tuple[float, ...]) -> tuple[float, ...]:
+        if abs(np.linalg.norm(orientation) - 1.0) > 1e-3:
+            raise ValueError("a quaternion w, x, y, z has norm 1")
+        return orientation
+
+    @property
+    def turn(self) -> np.ndarray:
+        """(4,) its orientation, with norm 1 to the last digit."""
+        return quaternion.normalised(np.array(self.orientation))
+
+
+class RobotParameters(Parameters):
+    """A robot, how it stands to what was demonstrated, and what it may be asked for.
+
+    Limits of position and velocity are those of the URDF, which knows none of what follows.
+
+    Attributes:
+        urdf: a path, or a file of `pybullet_data`.
+        tip: link whose poses the skill gives.
+        locked_joints: held at zero, e.g. a gripper's fingers.
+        base: of the robot, in the frame of the demonstrations.
+        tool: what was demonstrated, in the tip's frame.
+        rest_configuration: of the joints in rad or m, near which the skill is run; None: one is looked for.
+        max_acceleration: of joints in rad/s^2 or m/s^2.
+        max_jerk: of joints in rad/s^3 or m/s^3.
+        least_singular_value: of the tip's Jacobian (m or rad of the tip per rad of the joints).
+        least_distance_m: between links that are no neighbours.
+    """
+
+    urdf: str = Field(min_length=1)
+    tip: str = Field(min_length=1)
+    locked_joints: tuple[str, ...]
+    base: Placement
+    tool: Placement
+    rest_configuration: tuple[float, ...] | None
+    max_acceleration: Bound
+    max_jerk: Bound
+    least_singular_value: float = Field(gt=0)
+    least_distance_m: float = Field(gt=0)

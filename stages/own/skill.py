@@ -1,0 +1,39 @@
+"""Put what was learned of a task into one file for a robot: primitives, feedback, bounds, origin."""
+
+from structlearn.feedback.limits import demonstrated_limits
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
+from structlearn.feedback.supervision import sensor_channels
+from structlearn.feedback.workspace import demonstrated_workspace
+from structlearn.ground.artefacts import publish
+from structlearn.testbeds.own.files import SKILL, TaskFiles, run_for_task
+from structlearn.testbeds.own.protocol.own_feedback import read_own_feedback
+from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+
+
+def main(files: TaskFiles) -> None:
+    parameters, learned = files.part("skill", SkillParameters), read_own_feedback(files.folder / "feedback")
+    paths = [one.position for one in files.runs("demonstrations")]
+    workspace = demonstrated_workspace(paths, parameters.workspace_margin_m)
+    skill = ReactiveSkill(files.primitives(), workspace=workspace)
+    if learned is not None:
+        chosen = files.part("feedback", OwnFeedbackParameters)
+        targets = {axis: [by[axis].target for by in learned.datasets.values()] for axis in chosen.axes}
+        skill = ReactiveSkill(
+            skill.primitives,
+            learned.expected,
+            learned.networks,
+            demonstrated_limits(targets, parameters),
+            workspace,
+            sensor_channels(chosen.sensors, learned.expected),
+        )
+    with publish(files.folder / "skill") as folder:
+        folder.mkdir()
+        values, digests = files.values()
+        write_skill(skill, folder / SKILL, provenance([], values) | {"bags": digests})
+    with publish(files.skill) as link:
+        link.symlink_to(f"skill/{SKILL}")
+
+
+if __name__ == "__main__":
+    run_for_task(main, "skill", "skill")

@@ -1,0 +1,38 @@
+"""Recordings of a task to look at: demonstrations with their cuts, and the primitives learned from them."""
+
+from structlearn.ground.artefacts import publish
+from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.viewer.learned_primitives import write_primitives
+from structlearn.viewer.recorded_demonstrations import write_demonstrations
+
+DEMONSTRATED = (
+    "Coloured by the primitive that they were cut into, white outside; each has a tab with its signals."
+)
+LEARNED = """Thick: the primitives in turn, from and to the mean start and goals (nominal) and others
+(generalised); faint: demonstrations."""
+
+
+def main(files: TaskFiles) -> None:
+    demonstrations = files.runs("demonstrations")
+    paths = {name: files.table(f"primitives/{name}") for name in ("nominal", "generalised")}
+    with publish(files.report / "recordings") as folder:
+        folder.mkdir()
+        write_demonstrations(
+            folder / "demonstrations.rrd",
+            demonstrations,
+            files.segmentation(),
+            f"{files.name}: demonstrations",
+            DEMONSTRATED,
+        )
+        write_primitives(
+            folder / "primitives.rrd",
+            demonstrations,
+            files.primitives(),
+            paths,
+            f"{files.name}: primitives",
+            LEARNED,
+        )
+
+
+if __name__ == "__main__":
+    run_for_task(main, "segment")

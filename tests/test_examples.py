@@ -1,0 +1,87 @@
+"""The examples run, each as its first lines say, on less data or for a shorter time."""
+
+import importlib.util
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from own_skills import pick_skill, slower
+
+from structlearn.feedback.skill_file import read_skill, write_skill
+from structlearn.ground.artefacts import write_table
+from structlearn.primitives.sequence import sequence_table, unroll
+from structlearn.testbeds.own.world.pick_and_place import takes, write_takes
+
+ROOT = Path(__file__).parents[1]
+LONGEST = 60
+"""Lines of an example."""
+
+
+def example(name):
+    """An example as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "examples" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def short_skill(tmp_path_factory):
+    """The file of a skill of half a second."""
+    path = tmp_path_factory.mktemp("skill") / "skill.safetensors"
+    skill = pick_skill()
+    write_skill(slower(replace(skill, primitives=skill.primitives[:1]), 0.4), path, {})
+    return str(path)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
+def test_examples_are_short(path):
+    assert len(path.read_text().splitlines()) <= LONGEST
+
+
+def test_learning_from_bags(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "stages/own").mkdir(parents=True)
+    shutil.copy(ROOT / "stages/own/params.yaml", tmp_path / "stages/own")
+    (tmp_path / "data/example/pick").mkdir(parents=True)
+    write_takes(takes(seed=1, moves=3, count=3), tmp_path / "data/example/pick")
+    learn = example("learn_from_bags")
+    path = learn.main("pick")
+    assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()[:3]] == [
+        "reach",
+        "carry",
+        "retreat",
+    ]
+    assert np.isfinite(path.position.position).all()
+    assert len(path.switches) == 4
+
+
+def test_pybullet_follows(short_skill):
+    found = example("pybullet_1khz").main(short_skill)
+    assert found["ticks"] == pytest.approx(1e3 * read_skill(short_skill).primitives[0].duration, abs=2)
+    assert found["tip off (mm)"] < 20.0
+    assert found["largest lag (ms)"] >= found["lag at the end (ms)"] >= 0.0
+
+
+def test_the_follower_counts_its_deadlines(short_skill):
+    found = example("follower_loop").main(short_skill)
+    assert found["ticks"] == pytest.approx(1e3 * read_skill(short_skill).primitives[0].duration, abs=2)
+    assert 0.0 < found["median (ms)"] <= found["99 % (ms)"]
+    assert 0 <= found["missed"] <= found["ticks"]
+
+
+def test_reading_results(tmp_path, monkeypatch, capsys):
+    read = example("read_results")
+    monkeypatch.chdir(ROOT)
+    assert {"scraping", "dynamics"} <= set(read.key_figures()["report"])
+    assert read.verdicts().loc["scraping", "yes"] > 0
+    monkeypatch.chdir(tmp_path)
+    skill = pick_skill()
+    path = unroll(skill.primitives, 0.01)
+    names = [primitive.name for primitive in skill.primitives]
+    write_table(sequence_table(path, names), Path("data/own/pick/primitives/nominal.parquet"))
+    speeds = read.peak_speeds(Path("data/own/pick"))
+    assert list(speeds.index) == names
+    assert speeds.max() == pytest.approx(np.linalg.norm(path.position.velocity, axis=1).max())

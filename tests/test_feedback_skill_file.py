@@ -1,0 +1,150 @@
+"""One file holds a skill, and says where it comes from."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from feedback_skills import random_network, random_skill
+
+from structlearn import __version__
+from structlearn.feedback.limits import Limits
+from structlearn.feedback.runtime import Controller
+from structlearn.feedback.skill import open_loop
+from structlearn.feedback.skill_file import provenance, read_provenance, read_skill, write_skill
+from structlearn.feedback.workspace import demonstrated_workspace
+from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.verify import SKILL
+
+PROVENANCE = {"bags": {"one.mcap": "ab"}, "parameters": "cd", "version": "0"}
+LIMITS = Limits(largest_coupling={"z": 3.0, "rx": 0.5, "ry": 20.0}, fade_s=0.2)
+
+
+@pytest.fixture
+def skill():
+    """Three primitives; one is corrected on two axes, one on another without a sensor, one not at all."""
+    rng = np.random.default_rng(0)
+    networks = {
+        "tilt": {"z": random_network(rng, size=10.0), "rx": random_network(rng, hidden=(8, 4), size=10.0)},
+        "scrape": {"ry": open_loop(rng.normal(size=25))},
+    }
+    made = random_skill(rng, networks, limits=LIMITS)
+    paths = [primitive.position.unroll(0.01).position for primitive in made.primitives]
+    sensors = (("tactile", 4), ("wrench", 2))
+    return replace(made, workspace=demonstrated_workspace(paths, 0.05), sensors=sensors)
+
+
+@pytest.fixture
+def file(skill, tmp_path):
+    path = tmp_path / "skill.safetensors"
+    write_skill(skill, path, PROVENANCE)
+    return path
+
+
+def path_of(skill):
+    controller = Controller(skill, 300.0)
+    first, samples = skill.primitives[0], np.random.default_rng(1).normal(0.0, 30.0, (1000, 6))
+    controller.start(first.position.start, first.orientation.start)
+    path = []
+    while not controller.finished:
+        controller.tick(samples[len(path)])
+        path.append([*controller.position, *controller.orientation, *controller.coupling])
+    return np.array(path)
+
+
+def test_a_skill_that_is_read_runs_as_the_one_that_was_written(skill, file):
+    found = read_skill(file)
+    np.testing.assert_array_equal(path_of(found), path_of(skill))
+    assert (np.ptp(path_of(found)[:, -3:], axis=0) > 0.1).all()
+    assert found.axes == ("z", "rx", "ry")
+    assert found.limits == LIMITS
+    assert found.sensors == skill.sensors
+    assert read_provenance(file) == PROVENANCE
+    for corner in ("low", "high"):
+        np.testing.assert_array_equal(getattr(found.workspace, corner), getattr(skill.workspace, corner))
+
+
+def test_equal_skills_are_equal_files(skill, file, tmp_path):
+    write_skill(read_skill(file), tmp_path / "again.safetensors", PROVENANCE)
+    assert (tmp_path / "again.safetensors").read_bytes() == file.read_bytes()
+
+
+def test_the_file_tells_a_reader_what_its_numbers_mean(file):
+    assert read_description(file).startswith(SKILL)  # so that `structlearn.verify` reads it as one
+    described = json.loads(read_description(file))["reactive_skill"]
+    assert described["units"]["coupling"]["z"] == "m"
+    assert described["units"]["coupling"]["ry"] == "rad"
+    assert "first 5 good samples of a run, at rest and in the air, is its offset" in described["readings"]
+    assert described["sensors"] == [["tactile", 4], ["wrench", 2]]
+
+
+def test_a_skill_for_a_robot_says_where_it_may_be_used(skill, tmp_path):
+    with pytest.raises(InputError, match=r"s\.safetensors: a skill without a workspace is not for a robot"):
+        write_skill(replace(skill, workspace=None), tmp_path / "s.safetensors", PROVENANCE)
+    assert not any(tmp_path.iterdir())
+
+
+def changed(file, tensors=None, **description):
+    """The file with other content and a right digest."""
+    described = json.loads(read_description(file))["reactive_skill"] | description
+    arrays = read_tensors(file) | (tensors or {})
+    write_tensors(arrays, file, json.dumps({"reactive_skill": described}))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"networks": {"tilt": {"y": 1}}}, r"no skill of this version \(missing 'networks\.tilt\.y"),
+        ({"networks": {"tilt": {"roll": 1}}}, r"no skill of this version \(missing"),
+        (
+            {"expected": ["down"]},
+            "'tilt' for z takes 6 channels, but there are no expected traces",
+        ),
+        ({"limits": {"largest_coupling": {"z": 1.0}}}, "the limits say no largest coupling term for rx"),
+        (
+            {"limits": {"largest_coupling": {"z": -1.0}}},
+            "its limits are none: Input should be greater",
+        ),
+        ({"sensors": None}, "no skill of this version"),
+        ({"primitives": [{"name": "up"}]}, "no skill of this version"),
+        ({"tensors": {"workspace": np.zeros((2, 3))}}, "a workspace needs a low and a high corner"),
+        ({"tensors": {"workspace": np.zeros(3)}}, "no skill of this version"),
+    ],
+)
+def test_parts_that_are_none_are_named_with_the_file(file, change, message):
+    changed(file, **change)
+    with pytest.raises(InputError, match=r"skill\.safetensors: .*" + message):
+        read_skill(file)
+
+
+def test_other_files_are_told_apart(file, tmp_path):
+    write_tensors({"a": np.zeros(1)}, tmp_path / "other.safetensors", "note")
+    for read in (read_skill, read_provenance):
+        with pytest.raises(InputError, match=r"other\.safetensors: holds no skill"):
+            read(tmp_path / "other.safetensors")
+        with pytest.raises(InputError, match=r"nowhere: no such file"):
+            read(tmp_path / "nowhere")
+    content = bytearray(file.read_bytes())
+    content[-1] ^= 1
+    file.write_bytes(content)
+    for read in (read_skill, read_provenance):
+        with pytest.raises(InputError, match=r"skill\.safetensors: damaged"):
+            read(file)
+
+
+def test_provenance_knows_every_bag_and_every_parameter(tmp_path):
+    (tmp_path / "bags/5").mkdir(parents=True)
+    (tmp_path / "bags/one.mcap").write_bytes(b"1")
+    (tmp_path / "bags/5/two.mcap").write_bytes(b"2")
+    (tmp_path / "log.mcap").write_bytes(b"1")
+    sources = [tmp_path / "bags", tmp_path / "log.mcap"]
+    first = provenance(sources, {"fit": {"kernels": 25, "hz": 5.0}, "axes": ["z"]})
+    assert list(first["bags"]) == ["bags/5/two.mcap", "bags/one.mcap", "log.mcap"]
+    assert first["bags"]["bags/one.mcap"] == first["bags"]["log.mcap"]
+    assert first["version"] == __version__
+    assert first == provenance(sources, {"axes": ["z"], "fit": {"hz": 5.0, "kernels": 25}})
+    other = provenance(sources, {"fit": {"kernels": 25, "hz": 5.0}, "axes": ["y"]})
+    assert other["parameters"] != first["parameters"]
+    (tmp_path / "bags/5/two.mcap").write_bytes(b"3")
+    assert provenance(sources, {})["bags"] != first["bags"]

@@ -1,0 +1,448 @@
+"""What is said of recordings before anything is configured, and the entry that is proposed for them."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from mcap_ros2.writer import Writer
+from recordings_bags import header, pose_messages, ros_quaternion, vector, write_bag
+
+from structlearn import inspect
+from structlearn.ground.errors import InputError
+from structlearn.recordings import bag_writer
+from structlearn.recordings.bag_reader import read_bag
+from structlearn.recordings.recording import Stream
+from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.own.protocol.findings import find_out
+from structlearn.testbeds.own.protocol.hand_paths import hand_path
+from structlearn.testbeds.own.protocol.proposal import from_home, task_name
+from structlearn.testbeds.own.survey_report import as_yaml
+from structlearn.testbeds.own.task import PARAMETER_FILE, read_task
+from structlearn.testbeds.own.world.pick_and_place import TIP, URDF, takes, write_takes
+
+MS = 10**6
+PRIMITIVES = "segment.primitives"
+PANDA = str(urdf_path(URDF))
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    """Three demonstrations of three moves, with all their topics."""
+    folder = tmp_path_factory.mktemp("bags") / "pick"
+    folder.mkdir()
+    write_takes(takes(2, 3, 3), folder)
+    return folder
+
+
+def run(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["inspect", *map(str, arguments)])
+    inspect.main()
+
+
+def answer(found, question):
+    """The one answer to a question."""
+    (one,) = [answer for answer in found.answers if answer.question == question]
+    return one
+
+
+def as_task(entry, folder):
+    """The task that an entry becomes below the defaults of the parameter file."""
+    whole = yaml.safe_load(PARAMETER_FILE.read_text())
+    (folder / "params.yaml").write_text(yaml.safe_dump(whole | yaml.safe_load(entry)))
+    (name,) = yaml.safe_load(entry)["tasks"]
+    return read_task(name, folder / "params.yaml")
+
+
+def rewritten(source, target, topics, change=lambda topic: topic):
+    """Some topics of every bag of a folder, each changed or not."""
+    target.mkdir()
+    for path in sorted(source.iterdir()):
+        bag = read_bag(path, topics)
+        raw = []
+        for topic, messages in bag.messages.items():
+            (schema,) = messages.schemas.values()
+            table = np.frombuffer(b"".join(messages.data), dtype=np.uint8).reshape(len(messages.data), -1)
+            text = schema.data.decode()
+            raw.append(change(bag_writer.RawTopic(topic, schema.name, text, messages.log_times, table)))
+        bag_writer.write_bag(target / path.name, {"provenance": "{}", "true_segments": "null"}, raw)
+    return target
+
+
+def moving_rows(count=400, seed=0, far=0.3):
+    """Poses x, y, z, qw .. of a hand that rests, goes `far` along x, and rests."""
+    phase = np.clip(np.linspace(-0.2, 1.2, count), 0.0, 1.0)
+    rows = np.zeros((count, 7))
+    rows[:, 3] = 1.0
+    rows[:, 0] = far * (10 * phase**3 - 15 * phase**4 + 6 * phase**5)
+    rows[:, :3] += np.random.default_rng(seed).normal(scale=2e-4, size=(count, 3))
+    return rows
+
+
+@pytest.mark.parametrize("far", [0.0, 0.4])
+def test_noise_is_told_from_motion(far):
+    stamps = 10 * MS * np.arange(4000)
+    path = hand_path(Stream("/tool", "pose", stamps, moving_rows(4000, far=far)))
+    assert path.noise_m == pytest.approx(2e-4, rel=0.1)
+    if far:
+        assert path.extent_m == pytest.approx(far, rel=0.01)
+        assert path.travelled_m == pytest.approx(far, rel=0.05)
+        assert path.peak_m_s == pytest.approx(1.875 * far / (40 / 1.4), rel=0.05)  # of least jerk
+
+
+@pytest.mark.parametrize("moves", [2, 3, 5])
+def test_the_proposed_entry_is_a_task_with_as_many_primitives_as_moves(tmp_path, monkeypatch, capsys, moves):
+    source = tmp_path / f"{moves} moves"
+    source.mkdir()
+    write_takes(takes(11, moves, 3), source)
+    run(monkeypatch, source, "--output", tmp_path / "entry.yaml")
+    text = capsys.readouterr().out
+    entry = (tmp_path / "entry.yaml").read_text()
+    assert text.endswith(entry)
+    task = as_task(entry, tmp_path)
+    assert len(task.segment.primitives) == moves
+    assert task.source == str(source)
+    assert task.topics.pose == "/gripper/pose"
+    assert task.topics.joint_states == ("/joint_states",)
+    assert task.topics.wrench == "/wrist/wrench"
+
+
+def test_every_file_is_described(example, monkeypatch, capsys):
+    run(monkeypatch, example)
+    text = capsys.readouterr().out
+    assert text.count("MCAP, ") == 3
+    assert "geometry_msgs/PoseStamped" in text
+    assert "joints in /gripper/joint_states: panda_finger_joint1, panda_finger_joint2 (position; " in text
+    run(monkeypatch, example)
+    assert capsys.readouterr().out == text
+
+
+def test_runs_of_motion_are_the_moves(example):
+    found = find_out(str(example))
+    assert answer(found, "Do runs of motion agree in number?").verdict == "yes"
+    for take in takes(2, 3, 3):
+        runs = [(run.start_s, run.end_s) for run in found.motion.counted(take.name)]
+        np.testing.assert_allclose(runs, take.segments, atol=0.15)
+
+
+def test_a_hesitation_is_no_further_run(tmp_path):
+    write_takes(takes(3, 3, 4, hesitation=True), tmp_path)
+    assert find_out(str(tmp_path)).proposal.entry["segment"]["primitives"] == 3
+
+
+def test_an_idle_twitch_is_no_further_run_and_a_missing_one_is_named(tmp_path):
+    write_takes(takes(4, 3, 6, twitch=True, without={"04": "carry"}), tmp_path)
+    found = find_out(str(tmp_path))
+    assert found.proposal.entry["segment"]["primitives"] == 3
+    assert "04" not in found.motion.agreeing
+    assert answer(found, "Do runs of motion agree in number?").verdict == "doubtful"
+    assert any("04 (2)" in doubt for doubt in found.proposal.doubts[PRIMITIVES])
+
+
+def test_joint_states_alone_ask_for_the_robot(example, tmp_path):
+    source = rewritten(example, tmp_path / "joints", ["/joint_states"])
+    found = find_out(str(source))
+    assert found.sources[0].unit == "rad"
+    assert found.motion.number == found.proposal.entry["segment"]["primitives"] == 3
+    assert found.proposal.entry["topics"]["pose"]["urdf"] == "~/robot.urdf"
+    assert any("URDF" in doubt for doubt in found.proposal.doubts["topics.pose"])
+
+
+def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
+    source = rewritten(example, tmp_path / "joints", ["/joint_states"])
+    found = find_out(str(source), PANDA)
+    assert found.sources[0].unit == "m"
+    assert found.motion.number == 3
+    assert found.proposal.entry["topics"]["pose"] == {"urdf": PANDA, "tip": TIP, "topic": "/joint_states"}
+    task = as_task(as_yaml(found.proposal), tmp_path)
+    assert (task.robot.urdf, task.robot.tip) == (PANDA, TIP)
+    assert task.robot.locked_joints == ("panda_finger_joint1", "panda_finger_joint2")
+    captured = find_out(str(example)).sources[0]
+    for name, path in found.sources[0].paths.items():
+        assert path.extent_m == pytest.approx(captured.paths[name].extent_m, rel=0.01)
+
+
+def transform(parent, child, stamp, row):
+    return {
+        "header": header(stamp) | {"frame_id": parent},
+        "child_frame_id": child,
+        "transform": {"translation": vector(row[:3]), "rotation": ros_quaternion(row[3:])},
+    }
+
+
+TF = """geometry_msgs/TransformStamped[] transforms
+================================================================================
+MSG: geometry_msgs/TransformStamped
+std_msgs/Header header
+string child_frame_id
+geometry_msgs/Transform transform
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Transform
+geometry_msgs/Vector3 translation
+geometry_msgs/Quaternion rotation
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+"""
+
+
+def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, monkeypatch, capsys):
+    rest = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    for number in range(2):
+        with open(tmp_path / f"{number}.mcap", "wb") as file:
+            writer = Writer(file)
+            schema = writer.register_msgdef("tf2_msgs/msg/TFMessage", TF)
+            static = [transform("world", "base_link", 0, rest), transform("arm", "tool0", 0, rest)]
+            writer.write_message("/tf_static", schema, {"transforms": static}, 10**9, 10**9)
+            for tick, row in enumerate(moving_rows(seed=number)):
+                stamp = 10**9 + 10 * MS * tick
+                links = [
+                    transform("base_link", "arm", stamp, row),
+                    transform("base_link", "lamp", stamp, rest),
+                ]
+                writer.write_message("/tf", schema, {"transforms": links}, stamp, stamp)
+            writer.finish()
+    run(monkeypatch, tmp_path)
+    text = capsys.readouterr().out
+    (line,) = {line for line in text.splitlines() if line.startswith("  /tf ")}
+    assert line.split()[1:6] == ["tf2_msgs/TFMessage", "400", "100", "Hz", "0"]
+    assert "header" in line
+    assert "frames in /tf: base_link -> arm, base_link -> lamp (at rest)" in text
+    assert "frames in /tf_static: arm -> tool0 (static), world -> base_link (static)" in text
+    found = find_out(str(tmp_path))
+    assert found.proposal.entry["topics"]["pose"] == {"parent": "base_link", "child": "tool0", "topic": "/tf"}
+    assert found.motion.number == 1
+
+
+def test_of_several_poses_the_one_that_moves_most_is_taken(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = pose_messages(stamps, moving_rows(far=0.02), "/a_part")
+    rows += pose_messages(stamps, moving_rows(far=0.0), "/camera")
+    rows += pose_messages(stamps, moving_rows(far=0.4), "/tool")
+    write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
+    found = find_out(str(tmp_path))
+    assert [one.source for one in found.sources] == ["/tool", "/a_part", "/camera"]
+    assert "also there: /a_part" in found.proposal.doubts["topics.pose"][0]
+
+
+def test_a_turn_between_two_moves_is_a_doubt(tmp_path):
+    rows = np.vstack([moving_rows(), moving_rows()])
+    rows[400:, 0] = rows[399, 0] - rows[400:, 0]
+    angle = np.radians(5.0) * np.clip(np.linspace(-10.0, 10.0, 800), 0.0, 1.0)  # half way, in half a second
+    rows[:, 3], rows[:, 4] = np.cos(angle / 2), np.sin(angle / 2)
+    stamps = (10**9 + 10 * MS * np.arange(800)).tolist()
+    write_bag(tmp_path / "1.mcap", pose_messages(stamps, rows))
+    found = find_out(str(tmp_path))
+    assert found.motion.turns_deg == pytest.approx([5.0], abs=0.1)
+    assert any(
+        "turns by 5 degrees between moves 1 and 2" in doubt for doubt in found.proposal.doubts[PRIMITIVES]
+    )
+
+
+def test_topics_that_share_the_kinds_of_joint_states_are_proposed_together(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = pose_messages(stamps, moving_rows())
+    rows += [joint_message(stamp, ("a", "b"), (0.0, 1.0)) for stamp in stamps]
+    speeds = [joint_message(stamp, ("a", "b"), (), (), (0.0, 1.0)) for stamp in stamps]
+    rows += [("/joint_speeds", *row[1:]) for row in speeds]
+    write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
+    assert find_out(str(tmp_path)).proposal.entry["topics"]["joint_states"] == [
+        "/joint_states",
+        "/joint_speeds",
+    ]
+
+
+def test_poses_of_several_frames_are_a_doubt(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = pose_messages(stamps, moving_rows())
+    for row in rows[::2]:
+        row[2]["header"]["frame_id"] = "camera"
+    write_bag(tmp_path / "1.mcap", rows)
+    (doubt,) = find_out(str(tmp_path)).proposal.doubts["topics.pose"]
+    assert doubt == "its messages are of several frames: base_link, camera"
+
+
+def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
+    def late(topic):
+        """The hand's header clock is one of another machine."""
+        if topic.name != "/gripper/pose":
+            return topic
+        return replace(topic, stamps=topic.stamps + 400 * MS)
+
+    source = rewritten(example, tmp_path / "late", ["/gripper/pose", "/joint_states"], late)
+    found = find_out(str(source))
+    step = answer(found, "Are the clocks in step?")
+    assert step.verdict == "no"
+    assert "400 ms" in step.number
+    assert found.proposal.entry["stamps"] == {"clock": "log", "disorder": "error"}
+    assert "out of step" in found.proposal.doubts["stamps"][0]
+
+
+@pytest.mark.parametrize(("fault", "policy"), [("repeat", "drop"), ("swap", "sort")])
+def test_disorder_of_stamps_is_counted_and_a_policy_is_proposed(tmp_path, fault, policy):
+    logs = 10**9 + 10 * MS * np.arange(400)
+    stamps = logs.copy()
+    if fault == "swap":
+        stamps[[100, 101]] = stamps[[101, 100]]
+    else:
+        stamps[100] = stamps[99]
+    rows = pose_messages(stamps.tolist(), moving_rows())
+    rows = [(*row[:3], int(log)) for row, log in zip(rows, logs, strict=True)]
+    write_bag(tmp_path / "1.mcap", rows)
+    found = find_out(str(tmp_path))
+    assert answer(found, "Do stamps increase?").verdict == "doubtful"
+    assert found.proposal.entry["stamps"] == {"clock": "header", "disorder": policy}
+    assert "of 400 stamps" in found.proposal.doubts["stamps"][0]
+    assert found.motion.number == 1
+
+
+def joint_message(stamp, names, position, effort=(), velocity=()):
+    fields = {"position": list(position), "velocity": list(velocity), "effort": list(effort)}
+    content = {"header": header(stamp), "name": list(names)} | fields
+    return ("/joint_states", "sensor_msgs/msg/JointState", content, stamp)
+
+
+def test_two_publishers_of_joint_states_are_no_disorder(tmp_path):
+    stamps = 10**9 + 10 * MS * np.arange(400)
+    rows = pose_messages(stamps.tolist(), moving_rows())
+    rows += [joint_message(stamp, ("a", "b"), (0.0, 1.0)) for stamp in stamps.tolist()]
+    late = [joint_message(stamp - 15 * MS, ("finger",), (0.0,)) for stamp in stamps[::3].tolist()]
+    rows += [(*row[:3], row[3] + 15 * MS) for row in late]
+    write_bag(tmp_path / "1.mcap", sorted(rows, key=lambda row: row[3]))
+    found = find_out(str(tmp_path))
+    joints = found.seen.files[0].topics["/joint_states"].joints
+    assert {one.names for one in joints} == {("a", "b"), ("finger",)}
+    assert answer(found, "Do stamps increase?").verdict == "yes"
+    assert "stamps" not in found.proposal.entry
+    assert "taken is a, b, not finger" in found.proposal.doubts["topics.joint_states"][0]
+
+
+def test_messages_without_headers_are_stamped_by_the_log(tmp_path, monkeypatch, capsys):
+    for number in range(2):
+        rows = [
+            ("/hand", "geometry_msgs/msg/Pose", row[2]["pose"], row[3])
+            for row in pose_messages((10**9 + 20 * MS * np.arange(400)).tolist(), moving_rows(seed=number))
+        ]
+        write_bag(tmp_path / f"{number}.mcap", rows)
+    run(monkeypatch, tmp_path)
+    (line,) = {line for line in capsys.readouterr().out.splitlines() if "geometry_msgs/Pose" in line}
+    assert line.split() == ["/hand", "geometry_msgs/Pose", "400", "50", "Hz", "0", "ms", "0.02", "s", "log"]
+    found = find_out(str(tmp_path))
+    assert answer(found, "Do messages say when they were taken?").verdict == "doubtful"
+    assert found.motion.number == 1
+
+
+def test_a_file_without_the_pose_of_the_others_is_named(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    for name in "123":
+        topic = "/other" if name == "2" else "/tool"
+        write_bag(tmp_path / f"{name}.mcap", pose_messages(stamps, moving_rows(), topic))
+    found = find_out(str(tmp_path))
+    assert answer(found, "Does every file have the hand's pose?").number == "/tool: 2 of 3"
+    assert found.proposal.doubts["topics.pose"][0].startswith("not in 2,")
+
+
+def test_a_hand_that_does_not_move_has_no_runs(tmp_path, monkeypatch, capsys):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    write_bag(tmp_path / "1.mcap", pose_messages(stamps, moving_rows(far=0.0)))
+    found = find_out(str(tmp_path))
+    assert found.motion is None
+    assert answer(found, "Does the hand move in all?").verdict == "no"
+    assert "no motion" in found.proposal.doubts[PRIMITIVES][0]
+    run(monkeypatch, tmp_path)
+    assert "it does not move" in capsys.readouterr().out
+
+
+def test_bad_poses_are_said(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = moving_rows()
+    rows[200, 1] += 2.0
+    rows[:, 3] = 1.1
+    write_bag(tmp_path / "1.mcap", pose_messages(stamps, rows))
+    found = find_out(str(tmp_path))
+    assert answer(found, "Are quaternions of unit norm?").verdict == "no"
+    assert "0.1" in answer(found, "Are quaternions of unit norm?").number
+    assert "row 200" in answer(found, "Are poses free of jumps?").advice
+
+
+def test_a_stamp_of_another_age_is_named(tmp_path, monkeypatch, capsys):
+    """A uniform clock over it would have more ticks than the memory."""
+    stamps = (1_600_000_000 * 10**9 + 10 * MS * np.arange(400)).tolist()
+    write_bag(tmp_path / "1.mcap", pose_messages([10**9, *stamps[1:]], moving_rows()))
+    run(monkeypatch, tmp_path)
+    text = capsys.readouterr().out
+    assert "no path of /tool: /tool has stamps that lie 1.6e+09 s apart" in text
+    assert "No entry can be proposed" in text
+
+
+def test_damaged_files_are_left_out_and_named(example, tmp_path, monkeypatch, capsys):
+    for path in sorted(example.iterdir()):
+        content = path.read_bytes()
+        (tmp_path / path.name).write_bytes(content[:-100] if path.stem == "02" else content)
+    run(monkeypatch, tmp_path)
+    text = capsys.readouterr().out
+    assert len([line for line in text.splitlines() if line.startswith("02: left out: ")]) == 1
+    assert "Can all files be read?" in text
+    assert "2 of 3" in text
+    for path in tmp_path.iterdir():
+        path.write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"01\.mcap"):
+        run(monkeypatch, tmp_path)
+    with pytest.raises(InputError, match="no such"):
+        run(monkeypatch, tmp_path / "nowhere")
+
+
+def test_a_bag_without_a_pose_has_no_entry(tmp_path, monkeypatch, capsys):
+    write_bag(tmp_path / "1.mcap", [("/note", "std_msgs/msg/String", {"data": "hello"}, 10**9)])
+    run(monkeypatch, tmp_path, "--output", tmp_path / "entry.yaml")
+    assert "No entry can be proposed" in capsys.readouterr().out
+    assert not (tmp_path / "entry.yaml").exists()
+
+
+@pytest.mark.parametrize(("amplitude", "verdict"), [(1.0, "yes"), (0.01, "no")])
+def test_excitation_is_judged_joint_by_joint_and_with_a_robot_as_a_whole(tmp_path, amplitude, verdict):
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 20.0, 0.01)
+    harmonics = 2 * np.pi * 0.1 * np.arange(1, 6)[:, None, None]
+    phases = rng.uniform(0, 2 * np.pi, (5, 1, 7))
+    sizes = amplitude * rng.normal(size=(5, 1, 7)) / np.arange(1, 6)[:, None, None]
+    q = (sizes * np.sin(harmonics * time[:, None] + phases)).sum(0)
+    qd = (sizes * harmonics * np.cos(harmonics * time[:, None] + phases)).sum(0)
+    names = [f"panda_joint{joint + 1}" for joint in range(7)]
+    stamps = (10**9 + 1e9 * time).astype(np.int64).tolist()
+    rows = [joint_message(s, names, a, a, v) for s, a, v in zip(stamps, q, qd, strict=True)]
+    write_bag(tmp_path / "1.mcap", rows)
+    found = find_out(str(tmp_path), PANDA)
+    assert answer(found, "Is the arm excited as a whole?").verdict == verdict
+    assert "`motion: {source" in found.proposal.doubts["topics.joint_states"][0]
+    for name in names:
+        assert answer(found, f"Is {name} moved enough to learn its dynamics?").verdict == verdict
+
+
+def test_a_name_for_the_task_is_one_for_folders(tmp_path):
+    assert task_name("~/my bags (new)") == "my_bags_new"
+    (tmp_path / "a-b.mcap").write_bytes(b"")
+    assert task_name(str(tmp_path / "a-b.mcap")) == "a_b"
+
+
+def test_the_home_folder_is_not_written_out(monkeypatch):
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert from_home("/home/somebody/bags") == "~/bags"
+    assert [from_home(path) for path in ("~/bags", "bags", "/data")] == ["~/bags", "bags", "/data"]

@@ -1,0 +1,184 @@
+"""Logs of an arm of one's own: a made-up arm of three joints, known by what its URDF does not say."""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from rigid_body_robots import joint, link
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.minimum_jerk import progress
+from structlearn.recordings.joint_log import JointLog
+from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.prediction import rigid_body_torques
+from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.testbeds.own.protocol.own_motion import identify_own_arm
+from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
+
+PARAMETERS = MotionParameters(
+    source="logs",
+    topic="/joint_states",
+    urdf="arm.urdf",
+    locked_joints=(),
+    rate_hz=50.0,
+    smoothing_hz=20.0,
+    rest_rad_s=0.01,
+    rest_s=1.0,
+    test_logs=1,
+    block_s=2.0,
+    test_every=4,
+    draws=100,
+    seed=0,
+    iterations=200,
+    largest_condition=100.0,
+    gravity_share=0.7,
+    gravity_n_m=0.2,
+)
+JOINTS = ("turn", "lift", "bend")
+ARM = "\n".join(
+    [
+        '<robot name="arm"><link name="base"/>',
+        *(link(name, mass) for name, mass in zip("abc", (3.0, 2.0, 1.0), strict=True)),
+        joint("turn", "revolute", "base", "a", "0 0 1", 'xyz="0 0 0.2"'),
+        joint("lift", "revolute", "a", "b", "0 1 0", 'xyz="0 0.05 0.2"'),
+        joint("bend", "revolute", "b", "c", "0 1 0", 'xyz="0.3 0 0"'),
+        "</robot>",
+    ]
+)
+FRICTION = np.array([[0.3, 0.5], [0.4, 0.3], [0.2, 0.2]])
+"""Viscous and Coulomb, by joint."""
+
+
+def heavier(inertias: LinkInertias) -> LinkInertias:
+    """What really moves: links a third heavier than the URDF says, and larger."""
+    return LinkInertias(1.3 * inertias.mass, 1.4 * inertias.first_moment, 1.5 * inertias.inertia)
+
+
+def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0) -> JointLog:
+    """Sines on every joint, at a rest before; joints stand in another order than in the URDF."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 0.01)
+    after = np.clip(time - 1.5, 0.0, None)[:, None, None]
+    rates, sizes, phases = 2.0 + 3.0 * rng.random((3, 3)), 0.3 * rng.random((3, 3)), 6.0 * rng.random((3, 3))
+    q = progress(np.minimum(after[..., 0] / 2.0, 1.0)) * (sizes * np.sin(rates * after + phases)).sum(axis=-1)
+    qd = np.gradient(q, time, axis=0)
+    motion = Motion(q, qd, np.gradient(qd, time, axis=0), np.zeros_like(q))
+    torque = rigid_body_torques(robot.tree, heavier(robot.inertias), motion)
+    torque = torque + np.einsum("njt,jt->nj", friction_columns(qd, ("viscous", "coulomb")), FRICTION)
+    torque += 0.02 * rng.standard_normal(torque.shape)
+    stamps = (10**9 + np.round(1e9 * time)).astype(np.int64)
+    names = ("gripper", *JOINTS[::-1])
+    return JointLog(name, names, stamps, *(np.hstack([q[:, :1], its[:, ::-1]]) for its in (q, qd, torque)))
+
+
+@lru_cache
+def arm() -> tuple[Robot, str]:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "arm.urdf"
+        path.write_text(ARM)
+        return read_urdf(path), ARM
+
+
+def identified(folder: Path, logs: list[JointLog], **changes):
+    source = folder / "arm.urdf"
+    source.write_text(ARM)
+    parameters = PARAMETERS.model_copy(update=changes)
+    return identify_own_arm(arm()[0], logs, parameters, source, folder / "identified.urdf")[1]
+
+
+@pytest.fixture(scope="module")
+def several(tmp_path_factory):
+    """Three logs, the last of which is asked about."""
+    folder = tmp_path_factory.mktemp("several")
+    logs = [made_up_log(arm()[0], f"log {seed}", seed) for seed in range(3)]
+    return identified(folder, logs), folder
+
+
+def test_what_moves_is_found_and_foretells_the_last_log(several):
+    results, _ = several
+    errors = results.errors.set_index(["model", "friction", "joint"]).sort_index()
+    assert set(results.errors["joint"]) == set(JOINTS)
+    assert errors.loc["cov", "coulomb"]["nmse"].max() < 0.01
+    assert errors.loc["urdf", "none"]["nmse"].min() > 0.05
+    assert errors.loc["cov", "viscous"]["nmse"].max() > 2.0 * errors.loc["cov", "coulomb"]["nmse"].max()
+    assert (errors["low"] <= errors["nmse"]).all()
+    assert (errors["nmse"] <= errors["high"]).all()
+    rows = results.logs.set_index("log")
+    assert rows.loc["log 2", "learned_s"] == 0.0
+    assert rows.loc["log 2", "tested_s"] == pytest.approx(22.3, abs=0.5)  # without the rest before
+    rubbing = results.friction.query("model == 'cov' and friction == 'coulomb'")
+    found = rubbing.pivot_table(index="joint", columns="term", values="value").loc[list(JOINTS)]
+    np.testing.assert_allclose(found[["viscous", "coulomb"]], FRICTION, atol=0.05)
+
+
+def test_base_parameters_come_with_intervals_that_hold_the_truth(several):
+    results, _ = several
+    robot = arm()[0]
+    true = base_parameters(robot.tree).values(heavier(robot.inertias))
+    assert results.excitation["condition"][0] < PARAMETERS.largest_condition
+    assert np.abs(results.base["value"] - true).max() < 0.05
+    inside = (results.base["low"] - 0.02 <= true) & (true <= results.base["high"] + 0.02)
+    assert inside.all()
+
+
+def test_the_written_urdf_holds_what_was_found(several):
+    results, folder = several
+    assert results.written["difference_n_m"].max() < 1e-9
+    again = read_urdf(folder / "identified.urdf")
+    base = base_parameters(again.tree)
+    true = base.values(heavier(arm()[0].inertias))
+    assert np.abs(base.values(again.inertias) - true).max() < 0.1
+
+
+def test_gravity_that_the_driver_takes_out_is_told(several, tmp_path):
+    results, _ = several
+    holds = results.gravity.set_index("joint")["holds"]
+    assert holds["turn"] == "not tested"
+    assert holds["lift"] == holds["bend"] == "yes"
+    robot = arm()[0]
+    log = made_up_log(robot, "lone", 5)
+    still = Motion(log.positions[:, :0:-1], *np.zeros((3, len(log.stamps), 3)))
+    gravity = rigid_body_torques(robot.tree, heavier(robot.inertias), still)
+    without = log.torques.copy()
+    without[:, :0:-1] -= gravity
+    found = identified(tmp_path, [replace(log, torques=without)]).gravity.set_index("joint")["holds"]
+    assert found["lift"] == "no"
+    turned = identified(tmp_path, [replace(log, torques=-log.torques)]).gravity.set_index("joint")
+    assert turned.loc["lift", "share"] < -0.7
+
+
+def test_of_a_lone_log_every_fourth_block_is_held_out(tmp_path):
+    results = identified(tmp_path, [made_up_log(arm()[0], "lone", 5)])
+    row = results.logs.iloc[0]
+    assert row["tested_s"] == pytest.approx(0.25 * row["moving_s"], abs=2.0)
+    assert row["tested_s"] + row["learned_s"] == pytest.approx(row["moving_s"])
+    errors = results.errors.query("model == 'cov' and friction == 'coulomb'")
+    assert errors["nmse"].max() < 0.02
+
+
+def test_a_motion_that_excites_little_has_a_large_condition_number(tmp_path):
+    log = made_up_log(arm()[0], "small", 3)
+    positions = log.positions * [0.01, 0.01, 1.0, 0.01]  # the gripper, then bend, lift and turn
+    velocities = log.velocities * [0.01, 0.01, 1.0, 0.01]
+    small = replace(log, positions=positions, velocities=velocities)
+    assert identified(tmp_path, [small]).excitation["condition"][0] > PARAMETERS.largest_condition
+
+
+def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):
+    log = made_up_log(arm()[0], "short", 0, seconds=3.0)
+    with pytest.raises(InputError, match=r"^logs: .* are too short for blocks of 2 s$"):
+        identified(tmp_path, [log])
+    with pytest.raises(InputError, match=r"short: the log lacks the robot's joints bend"):
+        identified(tmp_path, [replace(log, joints=("gripper", "other", "lift", "turn"))])
+
+
+def test_the_same_logs_give_the_same_tables(several, tmp_path):
+    first = identified(tmp_path, [made_up_log(arm()[0], "lone", 5)])
+    second = identified(tmp_path, [made_up_log(arm()[0], "lone", 5)])
+    for name, table in vars(first).items():
+        assert table.equals(getattr(second, name)), name

@@ -1,0 +1,153 @@
+"""Joints along a path: where they bring the tip, how they move, and what they do out of reach."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rigid_body_arms import planar_arm
+from rigid_body_robots import FINGERS
+
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.ground.minimum_jerk import progress
+from structlearn.rigid_body.inverse_kinematics import Follower, follow, read_arm, rest_for, tip_poses
+from structlearn.simulation.arm import urdf_path
+
+DT = 0.005
+BENT = np.array([0.2, -0.4, 0.1, -2.1, -0.1, 1.8, 0.7])  # rad, an easy configuration of the Panda
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return read_arm(urdf_path("franka_panda/panda.urdf"), "panda_grasptarget", FINGERS)
+
+
+def planar(tmp_path, *lengths, **options):
+    path = tmp_path / "planar.urdf"
+    path.write_text(planar_arm(*lengths, **options))
+    return read_arm(path, "tip")
+
+
+@pytest.fixture(scope="module")
+def planar_elbow(tmp_path_factory):
+    return planar(tmp_path_factory.mktemp("planar"), 0.5, 0.4)
+
+
+def there_and_back(arm, start, end, samples=201):
+    """Poses of the tip while joints go from one configuration to another and back."""
+    part = np.concatenate([progress(np.linspace(0, 1, samples)), progress(np.linspace(1, 0, samples))[1:]])
+    return tip_poses(arm, start + part[:, None] * (end - start))
+
+
+def test_a_planar_elbow_has_the_angles_of_the_law_of_cosines(tmp_path):
+    arm = planar(tmp_path, 0.5, 0.4)
+    points = np.stack([np.linspace(0.3, 0.7, 50), np.full(50, 0.2), np.zeros(50)], axis=1)
+    path = follow(arm, points, None, DT, rest=np.array([0.5, 0.5]))
+    squared = (points[:, :2] ** 2).sum(axis=1)
+    elbow = np.arccos((squared - 0.5**2 - 0.4**2) / (2 * 0.5 * 0.4))
+    shoulder = np.arctan2(0.2, points[:, 0]) - np.arctan2(0.4 * np.sin(elbow), 0.5 + 0.4 * np.cos(elbow))
+    np.testing.assert_allclose(path.joints, np.stack([shoulder, elbow], axis=1), atol=1e-8)
+    assert path.missed_m.max() < 1e-8
+    area = np.abs(0.5 * 0.4 * np.sin(elbow))  # the determinant of the Jacobian, the product of both values
+    values = np.linalg.svd(path.jacobian, compute_uv=False)
+    np.testing.assert_allclose(values.prod(axis=1), area, rtol=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(shoulder=st.floats(-2.0, 2.0), elbow=st.floats(0.4, 2.6), ahead=st.floats(0.0, 0.1))
+def test_any_point_in_reach_is_reached_from_nearby(planar_elbow, shoulder, elbow, ahead):
+    """By the closed form of the tip's place, not by the kinematics that solves for it."""
+    elbows = np.array([elbow, elbow - ahead])
+    turned = shoulder + ahead + np.stack([np.zeros(2), elbows])
+    reach = 0.5 * np.exp(1j * turned[0]) + 0.4 * np.exp(1j * turned[1])
+    points = np.stack([reach.real, reach.imag, np.zeros(2)], axis=1)
+    path = follow(planar_elbow, points, None, DT, rest=np.array([shoulder, elbow]))
+    np.testing.assert_allclose(path.joints, np.stack([np.full(2, shoulder + ahead), elbows], 1), atol=1e-7)
+
+
+def test_tip_poses_are_products_of_the_joints_frames(panda):
+    tree, rotation, origin = panda.tree, np.eye(3), np.zeros(3)
+    for number, angle in enumerate(BENT):  # a chain: each joint's parent is the one before
+        origin = origin + rotation @ tree.translation[number]
+        turn = quaternion.matrix(quaternion.from_rotation_vector(angle * tree.axis[number]))
+        rotation = rotation @ tree.rotation[number] @ turn
+    frame = panda.model.frames[panda.tip].placement
+    position, orientation = tip_poses(panda, BENT[None])
+    np.testing.assert_allclose(position[0], origin + rotation @ frame.translation, atol=1e-12)
+    np.testing.assert_allclose(quaternion.matrix(orientation[0]), rotation @ frame.rotation, atol=1e-12)
+
+
+def test_a_redundant_arm_follows_smoothly_and_comes_back_to_where_it_was(panda):
+    position, orientation = there_and_back(
+        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
+    )
+    path = follow(panda, position, orientation, DT, BENT)
+    assert path.missed_m.max() < 1e-8
+    assert path.missed_rad.max() < 1e-8
+    steps = np.diff(path.joints, axis=0)
+    assert np.abs(np.diff(steps, axis=0)).max() / DT**2 < 5.0  # rad/s^2: nothing jumps
+    assert np.abs(steps[0]).max() / DT < 1e-3  # rad/s: free joints start at rest
+    np.testing.assert_allclose(path.joints[0], BENT, atol=1e-8)
+    np.testing.assert_allclose(path.joints[-1], BENT, atol=0.15)
+
+
+def test_poses_one_by_one_are_a_path(panda):
+    position, orientation = there_and_back(panda, BENT, BENT + 0.2, 20)
+    follower = Follower(panda, BENT, DT)
+    joints = [follower.start(position[0], orientation[0])]
+    joints += [follower.step(*pose) for pose in zip(position[1:], orientation[1:], strict=True)]
+    np.testing.assert_array_equal(joints, follow(panda, position, orientation, DT, BENT).joints)
+
+
+def test_where_orientation_is_free_joints_stay_nearer_to_rest(panda):
+    position, orientation = there_and_back(
+        panda, BENT, BENT + np.array([0.5, 0.3, -0.4, 0.3, 0.4, -0.2, 0.3])
+    )
+    bound = follow(panda, position, orientation, DT, BENT)
+    free = follow(panda, position, None, DT, BENT)
+    assert free.missed_m.max() < 1e-8
+    assert np.abs(free.joints - BENT).max() < np.abs(bound.joints - BENT).max()
+
+
+def test_a_pose_out_of_reach_is_missed_by_what_is_lacking_and_left_without_a_fling(tmp_path):
+    arm = planar(tmp_path, 0.5, 0.4)
+    away = 0.7 + 0.5 * np.sin(np.linspace(0, np.pi, 400)) ** 2
+    points = np.stack([away, np.zeros(400), np.zeros(400)], axis=1)
+    path = follow(arm, points, None, DT, rest=np.array([-0.6, 1.3]))
+    beyond = away > 0.91
+    np.testing.assert_allclose(path.missed_m[beyond], away[beyond] - 0.9, atol=5e-3)
+    assert path.missed_m[away < 0.89].max() < 1e-8
+    # the elbow closes with the root of the distance: 4 mm of a sample are 0.2 rad
+    assert np.abs(np.diff(path.joints, axis=0)).max() < 0.3
+    assert path.least_singular_value.min() < 0.05
+
+
+def test_turns_of_an_endless_joint_are_counted(tmp_path):
+    arm = planar(tmp_path, 0.5, kind="continuous")
+    angle = np.linspace(0, 4 * np.pi, 800)
+    points = 0.5 * np.stack([np.cos(angle), np.sin(angle), np.zeros(800)], axis=1)
+    path = follow(arm, points, None, DT, rest=np.zeros(1))
+    np.testing.assert_allclose(path.joints[:, 0], angle, atol=1e-7)
+    assert arm.tree.upper[0] == np.inf
+
+
+def test_a_rest_configuration_keeps_a_path_within_limits_and_away_from_singularities(panda):
+    position, orientation = there_and_back(panda, BENT, BENT + 0.3, 5)
+    rest = rest_for(panda, position, orientation, 0.1, seed=1)
+    path = follow(panda, position, orientation, 0.1, rest)
+    assert (path.joints > panda.tree.lower).all()
+    assert (path.joints < panda.tree.upper).all()
+    assert path.missed_m.max() < 1e-6
+    assert path.least_singular_value.min() > 0.1
+    np.testing.assert_allclose(path.joints[0], rest, atol=1e-8)
+    np.testing.assert_array_equal(rest, rest_for(panda, position, orientation, 0.1, seed=1))
+
+
+def test_what_cannot_be_is_said(tmp_path):
+    arm = planar(tmp_path, 0.5, 0.4)
+    with pytest.raises(
+        InputError, match=r"no configuration .* takes the tip from \[1. 0. 0.\] m along the path"
+    ):
+        rest_for(arm, np.array([[1.0, 0.0, 0.0]]), None, DT, seed=1)
+    with pytest.raises(InputError, match="there is no link 'hand'; there are base, link_0, link_1, tip"):
+        read_arm(arm.source, "hand")

@@ -1,0 +1,265 @@
+"""Runs of motion and their assignment to primitives."""
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from conftest import minimum_jerk
+from hypothesis import given
+from hypothesis import strategies as st
+
+from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
+from structlearn.recordings import Demonstration, read_demonstrations, synchronise
+from structlearn.segmentation.motion_runs import Candidates, Motion, candidates, pace, runs_of_motion
+from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.result import read_segmentation, write_segmentation
+from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, RESTED, assign
+from structlearn.segmentation.segments import cut
+from structlearn.testbeds.own.task import read_task
+from structlearn.testbeds.own.world.pick_and_place import as_recording, takes, write_takes
+
+SPEED = np.array([0, 0, 2, 3, 1, 0, 0, 0, 4, 4, 0, 5, 0, 0], dtype=float)
+
+
+def along_a_line(speed: np.ndarray) -> Motion:
+    """One axis at a speed, 1 s a sample."""
+    path = np.append(0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1])))
+    return Motion(path[:, None], np.abs(speed), np.abs(speed), False)
+
+
+def test_runs_are_where_the_speed_is_above_the_threshold():
+    assert runs_of_motion(SPEED, 0.5, 9).tolist() == [[2, 4], [8, 9], [11, 11]]
+    assert runs_of_motion(SPEED, 2.5, 9).tolist() == [[3, 3], [8, 9], [11, 11]]
+    assert runs_of_motion(SPEED, 0.5, 2).tolist() == [[2, 4], [8, 9]]  # the longest ways: 6 and 8, not 5
+    assert runs_of_motion(SPEED, 0.5, 9, breaks=[3, 6]).tolist() == [[2, 2], [3, 4], [8, 9], [11, 11]]
+    assert runs_of_motion(SPEED, 9.0, 9).shape == (0, 2)
+
+
+def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
+    moved = along_a_line(SPEED)
+    found = candidates(moved, runs_of_motion(SPEED, 0.5, 9), 1.0, 1, 0.5)
+    assert list(zip(found.first, found.last, found.rested, strict=True)) == [
+        (2, 4, 0),
+        (8, 9, 0),
+        (8, 11, 1),
+        (11, 11, 0),
+    ]
+    assert found.duration.tolist() == [3, 2, 4, 1]
+
+
+def test_a_bounded_primitive_reaches_on_to_its_event():
+    moved, runs = along_a_line(SPEED), runs_of_motion(SPEED, 0.5, 9)
+    found = candidates(moved, runs, 1.0, 0, 0.5, ends=np.array([1, 6, 13]))
+    assert list(zip(found.first, found.last, strict=True)) == [(2, 6), (11, 13)]  # 8-9 is followed by a run
+
+
+def test_rests_do_not_change_the_pace():
+    speed = np.concatenate([np.zeros(50), np.sin(np.linspace(0, np.pi, 100)), np.zeros(5)])
+    longer = np.concatenate([np.zeros(500), speed, np.zeros(500)])
+    assert pace([along_a_line(speed)]) == pytest.approx(np.pi / 4, rel=1e-3)  # of sin^2 over sin
+    assert pace([along_a_line(longer)]) == pytest.approx(pace([along_a_line(speed)]))
+
+
+def by_hand(demonstrations: list[list[Candidates]]) -> float:
+    """The cheapest total, by trying every chain in every demonstration."""
+
+    def chains(primitives):
+        for chain in product(*(range(len(one.first)) for one in primitives)):
+            parts = [(one.first[g], one.last[g]) for one, g in zip(primitives, chain, strict=True)]
+            if all(a[1] < b[0] for a, b in pairwise(parts)):
+                yield chain
+
+    def extra(primitives, chain, way):
+        """Price of what is left out and of rests within."""
+        one = primitives[0]
+        edges = [0, *(end for g in chain for end in (one.first[g], one.last[g])), len(one.path) - 1]
+        price = RESTED * sum(one.rested[g] for g in chain)
+        for since, until in zip(edges[::2], edges[1::2], strict=True):
+            gone = one.travelled[until] - one.travelled[since]
+            displaced = min(abs(one.path[until, 0] - one.path[since, 0]), gone)
+            price += LEFT_OUT * (gone + DISPLACED * displaced) / way
+        return price
+
+    def unlike(a, g, b, h):
+        moved = a.path[a.last[g]] - a.path[a.first[g]] - (b.path[b.last[h]] - b.path[b.first[h]])
+        apart = np.linalg.norm(moved) / (0.5 * (a.way[g] + b.way[h]))
+        return apart + HASTE * abs(np.log(a.duration[g] / b.duration[h])) + abs(np.log(a.way[g] / b.way[h]))
+
+    totals = []
+    for reference in demonstrations:
+        for chain in chains(reference):
+            total = extra(reference, chain, reference[0].travelled[-1] / len(reference))
+            way = np.mean([one.way[g] for one, g in zip(reference, chain, strict=True)])
+            for other in demonstrations:
+                if other is not reference:
+                    costs = [
+                        extra(other, its, way)
+                        + sum(unlike(*pair) for pair in zip(reference, chain, other, its, strict=True))
+                        for its in chains(other)
+                    ]
+                    total += min([*costs, 2.0 * len(reference)])
+            totals.append(total)
+    return min(totals, default=np.inf)
+
+
+def lengths(low: int, high: int):
+    return st.lists(st.integers(1, 6), min_size=low, max_size=high)
+
+
+@given(st.lists(lengths(2, 4), min_size=2, max_size=3), st.integers(1, 2), st.integers(0, 3))
+def test_the_assignment_is_the_cheapest_of_all(moves, primitives, bridge):
+    demonstrations = []
+    for number, own in enumerate(moves):
+        speed = np.concatenate(
+            [np.append(np.full(n, n % 3 - 1.5), np.zeros(1 + (n + number) % 4)) for n in own]
+        )
+        moved = along_a_line(np.append(0.0, speed))
+        runs = runs_of_motion(moved.smooth_speed, 0.1, 9)
+        demonstrations.append([candidates(moved, runs, 1.0, bridge, 0.1)] * primitives)
+    found = assign(demonstrations, range(len(demonstrations)), [False] * primitives)
+    assert (np.inf if found is None else found.total) == pytest.approx(by_hand(demonstrations))
+
+
+def segmentation_of(made, primitives, **changes):
+    defaults = read_task("pick").segment
+    parameters = defaults.model_validate(defaults.model_dump() | {"primitives": primitives} | changes)
+    return cut([synchronise(as_recording(take), 100.0) for take in made], parameters)
+
+
+def errors_s(made, segmentation) -> np.ndarray:
+    """(takes, moves, 2) of the cuts against where each move is planned to begin and end."""
+    errors = []
+    for take in made:
+        shift = take.segments[0, 0] - as_recording(take).true_segments[0, 0]
+        ends = [table.loc[take.name, ["start_s", "end_s"]] for table in segmentation.results.values()]
+        errors.append(np.array(ends, dtype=float) - (take.planned - shift))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("moves", [2, 3, 5])
+def test_moves_in_space_are_told_apart_by_their_order(moves):
+    made = takes(3, moves, twitch=True, hesitation=True)
+    segmentation = segmentation_of(made, moves)
+    errors = np.abs(errors_s(made, segmentation))
+    assert errors.mean() < 0.04
+    assert errors.max() < 0.15
+    assert segmentation.primitives == [f"move_{place + 1}" for place in range(moves)]
+    assert segmentation.doubts.empty
+
+
+def test_a_move_that_is_not_made_is_named_with_the_runs_and_the_thresholds():
+    made = takes(2, 3, without={"04": "carry"}, twitch=True)
+    names = ["reach", "carry", "retreat"]
+    reason = r"04: has \d runs of motion above [\d.]+ m/s \([\d.]+-[\d.]+, .* s\), and .*; tried [\d., ]+ m/s"
+    with pytest.raises(InputError, match=reason):
+        segmentation_of(made, names)
+    segmentation = segmentation_of(made, names, skip_failures=True)
+    assert segmentation.left_out["demonstration"].tolist() == ["04"]
+    kept = [take for take in made if take.name != "04"]
+    assert np.abs(errors_s(kept, segmentation)).max() < 0.15
+
+
+def test_too_few_primitives_leave_motion_that_is_told_of(tmp_path):
+    segmentation = segmentation_of(takes(1, 3), 2)
+    assert set(segmentation.doubts["demonstration"]) == {f"0{number + 1}" for number in range(6)}
+    assert segmentation.doubts["reason"].str.contains("belongs to no primitive").all()
+    write_segmentation(segmentation, tmp_path / "cuts")
+    assert read_segmentation(tmp_path / "cuts").doubts.equals(segmentation.doubts)
+
+
+def test_too_many_primitives_are_refused():
+    with pytest.raises(
+        InputError, match=r"01: has 3 runs of motion .* cannot be move_1, move_2, move_3, move_4"
+    ):
+        segmentation_of(takes(1, 3), 4)
+
+
+def test_a_named_reference_is_the_reference():
+    made = takes(4, 3, 4)
+    assert segmentation_of(made, 3, reference="03").reference == "03"
+    with pytest.raises(InputError, match="no demonstration named '07'"):
+        segmentation_of(made, 3, reference="07")
+
+
+def test_primitives_may_be_a_number_names_or_mappings():
+    defaults = read_task("pick").segment.model_dump()
+    forms = (2, ["move_1", "move_2"], [{"name": "move_1"}, "move_2"])
+    read = [SegmentParameters(**defaults | {"primitives": form}).primitives for form in forms]
+    assert read[0] == read[1] == read[2]
+    assert [(one.axis, one.threshold_m_s, one.until) for one in read[0]] == [("xyz", None, None)] * 2
+
+
+def test_a_gripper_or_a_force_may_end_a_primitive(tmp_path):
+    """The fingers close while the hand rests, and it moves on; the wrist feels the part from then on."""
+    made = takes(6, 3, 3)
+    write_takes(made, tmp_path)
+    task = read_task("pick")
+    topics = task.topics.model_dump() | {
+        "joint_states": ["/joint_states", "/gripper/joint_states"],
+        "joints": ["panda_joint1", "panda_finger_joint1"],
+    }
+    demonstrations = read_demonstrations(tmp_path, task.topics.model_validate(topics), 100.0)
+    for until in ({"signal": "panda_finger_joint1", "below": 0.02}, {"signal": "force", "above": 3.0}):
+        primitives = [{"name": "reach", "until": until}, "carry", "retreat"]
+        parameters = SegmentParameters(**task.segment.model_dump() | {"primitives": primitives})
+        segmentation = cut(demonstrations, parameters)
+        for take in made:
+            closed = take.time[np.argmax(take.opening < 0.02 if "below" in until else take.load > 0)]
+            for method in ("zvc", "wls"):
+                found = segmentation.result("reach", method).loc[take.name, "end_s"]
+                assert found == pytest.approx(closed, abs=0.05)
+    nothing = [{"name": "reach", "until": {"signal": "force", "above": 99.0}}, "carry", "retreat"]
+    with pytest.raises(InputError, match="primitive 'reach': force never comes to above 99 after its motion"):
+        cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": nothing}))
+    unknown = [{"name": "reach", "until": {"signal": "thumb", "above": 99.0}}]
+    with pytest.raises(InputError, match=r"01: no 'thumb' was recorded .* joints: panda_joint1"):
+        cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": unknown}))
+
+
+def test_an_event_within_a_run_ends_it():
+    """Who presses on without a rest has still come to another primitive."""
+    time = np.arange(0.0, 3.0, 0.01)
+    ways = minimum_jerk((time - 0.5) / 2.0)
+    demonstrations = [
+        Demonstration(
+            name,
+            time,
+            scale * ways[:, None] * [0.0, 0.0, -0.2],
+            wrench=np.outer(10.0 * (ways > 0.6), np.ones(6)),
+        )
+        for name, scale in (("01", 1.0), ("02", 1.1))
+    ]
+    defaults = read_task("pick").segment.model_dump()
+    primitives = [{"name": "approach", "until": {"signal": "force", "above": 5.0}}, "press"]
+    segmentation = cut(demonstrations, SegmentParameters(**defaults | {"primitives": primitives}))
+    contact = time[np.argmax(ways > 0.6)]
+    np.testing.assert_allclose(segmentation.result("approach")["end_s"], contact, atol=1e-9)
+    np.testing.assert_allclose(segmentation.result("press")["start_s"], contact, atol=1e-9)
+
+
+def test_a_turn_on_the_spot_is_found_by_its_angular_speed():
+    """Reach, turn by 2 rad more than once around, and back, with rests between them."""
+    demonstrations, true = [], []
+    for number, stretch in enumerate([1.0, 1.2, 0.9]):
+        starts = stretch * np.array([0.5, 2.1, 4.0])
+        ends = starts + stretch * np.array([1.2, 1.5, 1.2])
+        time = np.arange(0.0, ends[-1] + 0.5, 0.01)
+        there, turned, back = (
+            minimum_jerk((time - start) / (end - start)) for start, end in zip(starts, ends, strict=True)
+        )
+        demonstrations.append(
+            Demonstration(
+                f"{number + 1:02d}",
+                time,
+                0.3 * (there - back)[:, None] * [1.0, 0.5, 0.0],
+                quaternion.from_rotation_vector(8.3 * turned[:, None] * [0.0, 0.0, 1.0]),
+            )
+        )
+        true.append(np.stack([starts, ends], axis=1))
+    primitives = ["reach", {"name": "turn", "axis": "rot"}, "back"]
+    defaults = read_task("pick").segment.model_dump()
+    segmentation = cut(demonstrations, SegmentParameters(**defaults | {"primitives": primitives}))
+    for place, name in enumerate(["reach", "turn", "back"]):
+        found = segmentation.result(name)[["start_s", "end_s"]].to_numpy(float)
+        np.testing.assert_allclose(found, np.array(true)[:, place], atol=0.1)
