@@ -129,16 +129,16 @@ def _assigned(
     places = [parameters.primitives.index(primitive) for primitive in primitives]
     between = [place > 0 and parameters.primitives[place - 1].axis == BETWEEN for place in places]
     references = range(len(demonstrations)) if named is None else [named]
+    lowest = next(iter(tried))
     choices = []
     for thresholds in tried:
         candidates = [
-            _candidates(one.dt, motions, ends, primitives, thresholds, parameters)
+            _candidates(one.dt, motions, ends, primitives, thresholds, lowest, parameters)
             for one, motions, ends in zip(demonstrations, seen, events, strict=True)
         ]
         assignment = run_assignment.assign(candidates, references, between)
         choices.append(_Choice(thresholds, candidates, assignment))
     choice = min(choices, key=lambda one: one.total)
-    lowest = next(iter(tried))
     rests = [REST_FRACTION * threshold for threshold in lowest]
     if choice.assignment is None:
         return references[0], [
@@ -170,6 +170,7 @@ def _candidates(
     events: Sequence[np.ndarray | None],
     primitives: Sequence[PrimitiveParameters],
     thresholds: Sequence[float],
+    lowest: Sequence[float],
     parameters: SegmentParameters,
 ) -> list[Candidates]:
     """Of one demonstration for each primitive. An event ends a run: the hand may go on without a rest."""
@@ -177,12 +178,12 @@ def _candidates(
     breaks = sorted({int(sample) for ends in events if ends is not None for sample in ends})
     found: dict[tuple, Candidates] = {}  # primitives that are shown alike have the same ones
     rows = []
-    for primitive, threshold, ends in zip(primitives, thresholds, events, strict=True):
+    for primitive, threshold, resting, ends in zip(primitives, thresholds, lowest, events, strict=True):
         key = (primitive.axis, threshold, primitive.until)
         if key not in found:
             moved = motions[primitive.axis]
             runs = motion_runs.runs_of_motion(moved.smooth_speed, threshold, most, breaks)
-            found[key] = motion_runs.candidates(moved, runs, dt, bridge, ends)
+            found[key] = motion_runs.candidates(moved, runs, dt, bridge, resting, ends)
         rows.append(found[key])
     return rows
 

@@ -15,7 +15,7 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.parameters import AXES, Axis, BoundParameters, SegmentParameters
 
-FRACTIONS = (0.06, 0.09, 0.13, 0.18, 0.25)
+FRACTIONS = (0.05, 0.08, 0.13, 0.18, 0.25)
 """Of the pace, tried as thresholds where none is given. Below the first, a hand at rest moves; the last is
 for pauses of a third of a second, in which the smoothed speed does not fall far."""
 
@@ -49,8 +49,8 @@ class Candidates:
         rested: (G,) s of dips that are taken for hesitations.
         duration: (G,) s.
         way: (G,) m or rad, along the path.
-        displacement: (G, D) m or rad, from first to last sample.
-        travelled: (T,) way of all runs up to a sample.
+        path: (T, D) m or rad, heavily smoothed.
+        travelled: (T,) way up to a sample, without what a hand drifts at rest.
         runs: (R, 2) first and last samples of all runs.
         turns: whether it is a turn in rad.
     """
@@ -60,7 +60,7 @@ class Candidates:
     rested: np.ndarray
     duration: np.ndarray
     way: np.ndarray
-    displacement: np.ndarray
+    path: np.ndarray
     travelled: np.ndarray
     runs: np.ndarray
     turns: bool
@@ -155,7 +155,12 @@ def runs_of_motion(
 
 
 def candidates(
-    moved: Motion, runs: np.ndarray, dt: float, bridge: int, ends: np.ndarray | None = None
+    moved: Motion,
+    runs: np.ndarray,
+    dt: float,
+    bridge: int,
+    resting: float,
+    ends: np.ndarray | None = None,
 ) -> Candidates:
     """Runs, and neighbouring runs joined.
 
@@ -164,6 +169,8 @@ def candidates(
         runs: (R, 2) of `runs_of_motion`.
         dt: s.
         bridge: longest dip in samples that may be a hesitation.
+        resting: speed below which a way does not count: the lowest threshold that is tried, whichever the
+            runs are of, so that what a higher one hides is missed all the same.
         ends: (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before
             the next run, and is none if there is none. None: it ends where its last run does.
 
@@ -171,10 +178,7 @@ def candidates(
         All candidates; there may be none.
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
-    inside = np.zeros(len(step), dtype=bool)
-    for first, last in runs:
-        inside[first : last + 1] = True
-    travelled = np.cumsum(np.where(inside, step, 0.0))
+    travelled = np.cumsum(np.where(moved.smooth_speed > resting, step, 0.0))
     rows = []
     for i in range(len(runs)):
         rested = 0
@@ -198,7 +202,7 @@ def candidates(
         dt * rested,
         dt * (last - first + 1),
         np.maximum(travelled[last] - travelled[first], dt * moved.smooth_speed[first]),  # of one sample: > 0
-        moved.path[last] - moved.path[first],
+        moved.path,
         travelled,
         runs,
         moved.turns,

@@ -10,8 +10,8 @@ from structlearn.ground.params import Name, Parameters
 Axis = Literal["x", "y", "z", "xyz", "rot"]
 """What shows a primitive: the position along an axis or in space, or the orientation (`motion_runs.path`)."""
 
-AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2], "rot": [0, 1, 2]}
-"""Columns of the position, or of the orientation's path, that show a primitive."""
+AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
+"""Columns of the position that show a primitive."""
 
 BETWEEN = "between"
 

@@ -16,9 +16,15 @@ import numpy as np
 
 from structlearn.segmentation.motion_runs import Candidates
 
-LEFT_OUT = 2.0
-"""Price of motion that belongs to no primitive, per mean way of a primitive. Half a move that is left out is
-as bad as a primitive of 2.7 times the duration."""
+LEFT_OUT = 1.5
+"""Price of motion that belongs to no primitive, per mean way of a primitive."""
+
+DISPLACED = 2.0
+"""How much more that motion counts which leads elsewhere: who twitches comes back, and what leads on to where
+the next primitive starts is probably part of one."""
+
+HASTE = 0.5
+"""Weight of the duration: people repeat where they go more exactly than how fast."""
 
 RESTED = 1.0
 """Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
@@ -31,8 +37,9 @@ OVERLAP = 0.3
 """Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns
 the hand seldom waits until it has arrived. Motion along one axis belongs to one primitive."""
 
-PATTERNS = 200
-"""Ways to cut one demonstration that are tried as the pattern, the cheapest ones by the prices above."""
+PATTERNS, FEWEST = 1200, 10
+"""Ways to cut that are tried as the pattern in all, and at least of each demonstration: the cheapest ones by
+the prices above. The work grows with their number times that of the demonstrations."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +50,8 @@ class Assignment:
         reference: index of the demonstration that is the pattern.
         chosen: of each demonstration (P,) the candidates, or None where it has no such chain.
         costs: of each demonstration (P,) how unlike the pattern they are.
-        left_out: of each demonstration (P + 1,) way of the motion before each primitive and after the last
-            one that belongs to none, in ways of a mean primitive of the pattern.
+        left_out: of each demonstration (P + 1,) motion before each primitive and after the last one that
+            belongs to none (`LEFT_OUT`), in ways of a mean primitive of the pattern.
         total: of the choice; to compare choices among other candidates.
     """
 
@@ -69,37 +76,33 @@ def assign(
         The assignment; None where no demonstration that may be the reference has a chain of candidates.
     """
     gaps = [_gaps(primitives, between) for primitives in demonstrations]
+    most = max(PATTERNS // len(references), FEWEST)
     owners, chains, own = [], [], []
     for index in references:
-        found, prices = _chains(demonstrations[index], gaps[index])
+        found, prices = _chains(demonstrations[index], gaps[index], most)
         owners += [index] * len(found)
         chains += found
         own += prices
     if not chains:
         return None
     pattern = _pattern(demonstrations, owners, chains)
-    most = MISSING * len(demonstrations[0])
+    missing = MISSING * len(demonstrations[0])
     total = np.array(own)
     for index, primitives in enumerate(demonstrations):
         costs, _ = _cheapest(primitives, gaps[index], pattern)
-        total += np.where(np.array(owners) == index, 0.0, np.minimum(costs, most))
+        total += np.where(np.array(owners) == index, 0.0, np.minimum(costs, missing))
     best = int(np.argmin(total))
     pattern = _pattern(demonstrations, owners[best : best + 1], chains[best : best + 1])
     chosen, costs, left_out = [], [], []
     for index, primitives in enumerate(demonstrations):
-        _, chain = (
-            (None, chains[best]) if index == owners[best] else _cheapest(primitives, gaps[index], pattern)
-        )
+        own_chain = index == owners[best]
+        chain = chains[best] if own_chain else _cheapest(primitives, gaps[index], pattern)[1]
+        places = range(0 if chain is None else len(chain))
+        before = [gaps[index][p][chain[p - 1] if p else 0, chain[p]] for p in places]
+        after = [gaps[index][-1][chain[-1], 0]] if places else []
         chosen.append(chain)
-        if chain is None:
-            costs.append(np.empty(0))
-            left_out.append(np.empty(0))
-        else:
-            places = range(len(chain))
-            costs.append(np.array([_unlike(primitives[p], pattern, p)[0, chain[p]] for p in places]))
-            before = [gaps[index][p][chain[p - 1] if p else 0, chain[p]] for p in places]
-            way = np.array([*before, gaps[index][-1][chain[-1], 0]])
-            left_out.append(way / pattern.mean_way[0, [*places, -1]])
+        costs.append(np.array([_unlike(primitives[p], pattern, p)[0, chain[p]] for p in places]))
+        left_out.append(np.array(before + after) / pattern.mean_way[0, [*places, *([-1] if places else [])]])
     return Assignment(owners[best], chosen, costs, left_out, float(total[best]))
 
 
@@ -130,36 +133,41 @@ def _pattern(
     return _Pattern(
         np.array([[one.duration[g] for one, g in picked[p]] for p in places]).T,
         np.array([[one.way[g] for one, g in picked[p]] for p in places]).T,
-        [np.array([one.displacement[g] for one, g in picked[p]]) for p in places],
+        [np.array([one.path[one.last[g]] - one.path[one.first[g]] for one, g in picked[p]]) for p in places],
         np.array([picked[p][0][0].turns for p in places]),
     )
 
 
 def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.ndarray]:
-    """Way of the motion before each primitive, along its own axis, and after the last one.
+    """Motion before each primitive along its own axis, and after the last one: `_left_out`.
 
     Returns:
         P + 1 tables: (1, G) before the first, (G of the one before, G) between, inf where the order is wrong,
         (G, 1) after the last.
     """
-    first = primitives[0]
-    tables = [(first.travelled[first.first] - first.travelled[0])[None]]
+    first, last = primitives[0], primitives[-1]
+    tables = [_left_out(first, np.zeros(1, dtype=int), first.first)]
     for before, after, moves in zip(primitives, primitives[1:], between[1:], strict=False):
-        way = after.travelled[after.first][None] - after.travelled[before.last][:, None]
-        way = np.zeros_like(way) if moves else way
         overlap = before.last[:, None] - after.first[None]
         shorter = np.minimum((before.last - before.first)[:, None], (after.last - after.first)[None])
         other_axis = not np.array_equal(before.runs, after.runs)
         in_order = (overlap <= OVERLAP * shorter * other_axis) & (before.first[:, None] < after.first[None])
-        tables.append(np.where(in_order, np.maximum(way, 0.0), np.inf))
-    last = primitives[-1]
-    return [*tables, (last.travelled[-1] - last.travelled[last.last])[:, None]]
+        price = np.zeros(in_order.shape) if moves else _left_out(after, before.last, after.first)
+        tables.append(np.where(in_order, price, np.inf))
+    return [*tables, _left_out(last, last.last, np.array([len(last.path) - 1]))]
+
+
+def _left_out(one: Candidates, since: np.ndarray, until: np.ndarray) -> np.ndarray:
+    """(S, U) way along one axis from samples (S,) to samples (U,), and `DISPLACED` times its displacement."""
+    way = np.maximum(one.travelled[until][None] - one.travelled[since][:, None], 0.0)
+    apart = np.linalg.norm(one.path[until][None] - one.path[since][:, None], axis=2)
+    return way + DISPLACED * np.minimum(apart, way)
 
 
 def _chains(
-    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray]
+    primitives: Sequence[Candidates], gaps: Sequence[np.ndarray], most: int
 ) -> tuple[list[np.ndarray], list[float]]:
-    """The cheapest ways to cut a demonstration, and their prices, by what is left out and joined alone."""
+    """The cheapest ways to cut a demonstration, and their prices, by what is left out and rested alone."""
     ways = np.array([one.travelled[-1] for one in primitives])
     alike = [sum(one.turns == other.turns for other in primitives) for one in primitives]
     price = LEFT_OUT * np.array(alike) / np.maximum(ways, np.finfo(float).tiny)
@@ -167,7 +175,7 @@ def _chains(
     for place, one in enumerate(primitives):
         before = gaps[place][chains[:, -1] if place else [0]]  # (N, G)
         grown = prices[:, None] + price[place] * before + RESTED * one.rested
-        order = np.argsort(grown, axis=None, kind="stable")[:PATTERNS]
+        order = np.argsort(grown, axis=None, kind="stable")[:most]
         order = order[np.isfinite(grown.ravel()[order])]
         rows, columns = np.unravel_index(order, grown.shape)
         chains, prices = np.hstack([chains[rows], columns[:, None]]), grown[rows, columns]
@@ -181,10 +189,11 @@ def _unlike(one: Candidates, pattern: _Pattern, place: int) -> np.ndarray:
     The logarithms of the ratios of duration and way, and the distance of the displacements in ways.
     """
     way = pattern.way[:, place, None]
-    apart = np.linalg.norm(one.displacement[None] - pattern.displacement[place][:, None], axis=2)
+    displacement = one.path[one.last] - one.path[one.first]
+    apart = np.linalg.norm(displacement[None] - pattern.displacement[place][:, None], axis=2)
     longer = np.abs(np.log(one.duration[None] / pattern.duration[:, place, None]))
     farther = np.abs(np.log(one.way[None] / way))
-    return longer + farther + 2.0 * apart / (one.way[None] + way)
+    return HASTE * longer + farther + 2.0 * apart / (one.way[None] + way)
 
 
 def _cheapest(

@@ -16,6 +16,7 @@ import numpy as np
 
 import structlearn
 from structlearn.ground import minimum_jerk, quaternion
+from structlearn.ground.frames import UP
 from structlearn.recordings.bag_writer import RawTopic, write_bag
 from structlearn.recordings.mcap_file import to_metadata
 from structlearn.recordings.messages import joint_topic, to_topic
@@ -53,8 +54,8 @@ HESITATION_S, HESITATION_DEPTH = (0.05, 0.10), (0.85, 1.0)  # std of a dip of th
 TWITCH_M, TWITCH_S = (0.006, 0.02), (0.25, 0.45)  # there and back again
 ONSET_SPEED = 0.05  # a move is seen while its speed is above this part of its peak
 
-# Space: paths are bowed upwards and a little to some side.
-RISE, RISE_SPREAD, SIDE_SPREAD = 0.15, 0.05, 0.04  # of the length
+# Space: paths are bowed upwards and a little to some side, by so much of their length.
+RISE, BOW_SPREAD = 0.15, 0.05
 
 # Devices
 GRID_HZ = 600.0
@@ -254,9 +255,10 @@ def _move(start: float, duration: float, hesitates: bool, rng: np.random.Generat
 
 
 def _bow(way: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(3,) m, by which the middle of a path lies off the straight line."""
-    rise, side = RISE + RISE_SPREAD * rng.standard_normal(), SIDE_SPREAD * rng.standard_normal()
-    return np.linalg.norm(way) * np.array([side, side, rise])
+    """(3,) m, by which the middle of a path lies off the straight line, at right angles to it."""
+    off = RISE * UP + BOW_SPREAD * rng.standard_normal(3)
+    along = way / np.linalg.norm(way)
+    return np.linalg.norm(way) * (off - (off @ along) * along)
 
 
 def _captured(take: Take) -> Stream:

@@ -1,0 +1,95 @@
+"""How well the moves of the invented task are cut, over many sets of demonstrations.
+
+    python benchmarks/example_cuts.py --first 101 --count 40
+
+Constants of the cutting were chosen on the sets 1 to 35. Errors are against where a move is planned to begin
+and end, and against where its speed passes 5 % of its peak, which is a tenth of a second inside.
+"""
+
+import argparse
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from structlearn.ground.errors import InputError
+from structlearn.ground.parallel import parallel_map
+from structlearn.recordings import synchronise
+from structlearn.segmentation.segments import cut
+from structlearn.testbeds.own.task import read_task
+from structlearn.testbeds.own.world.pick_and_place import as_recording, takes
+
+KINDS = {
+    "plain": {},
+    "twitch": {"twitch": True},
+    "hesitation": {"hesitation": True},
+    "both": {"twitch": True, "hesitation": True},
+}
+
+
+def errors_ms(seed: int, moves: int, kind: str) -> pd.DataFrame:
+    """Absolute errors of one set, one row per end, and whether the cut is doubted; or why there is none."""
+    task = read_task("pick")
+    parameters = task.segment.model_validate(task.segment.model_dump() | {"primitives": moves})
+    made = takes(seed, moves, **KINDS[kind])
+    demonstrations = [synchronise(as_recording(take), task.clock.rate_hz) for take in made]
+    try:
+        found = cut(demonstrations, parameters)
+    except InputError as fault:
+        return pd.DataFrame([{"seed": seed, "fault": str(fault)}])
+    rows = []
+    doubted = set(zip(found.doubts["demonstration"], found.doubts["primitive"], strict=True))
+    for take, demonstration in zip(made, demonstrations, strict=True):
+        shift = take.segments[0, 0] - demonstration.true_segments[0, 0]
+        for place, (name, table) in enumerate(found.results.items()):
+            ends = table.loc[take.name, ["start_s", "end_s"]].to_numpy(float)
+            planned, seen = (
+                1e3 * np.abs(ends - (true[place] - shift)) for true in (take.planned, take.segments)
+            )
+            doubt = (take.name, name) in doubted
+            rows += [(seed, *pair, doubt) for pair in zip(planned, seen, strict=True)]
+    return pd.DataFrame(rows, columns=["seed", "planned_ms", "seen_ms", "doubted"])
+
+
+def summary(kind: str, moves: int, table: pd.DataFrame) -> dict[str, object]:
+    """One row of what is printed, from the rows of `errors_ms` of all sets."""
+    far = table["planned_ms"] > 150.0
+    doubted = table["doubted"].fillna(False).astype(bool)
+    return {
+        "kind": kind,
+        "moves": moves,
+        "sets": table["seed"].nunique(),
+        "not_cut": table["fault"].notna().sum(),
+        "mean_ms": table["planned_ms"].mean(),
+        "max_ms": table["planned_ms"].max(),
+        "ends": table["planned_ms"].notna().sum(),
+        "beyond_150_ms": far.sum(),
+        "of_them_undoubted": (far & ~doubted).sum(),
+        "doubted": doubted.sum() // 2,
+        "seen_mean_ms": table["seen_ms"].mean(),
+        "seen_max_ms": table["seen_ms"].max(),
+    }
+
+
+def main() -> None:
+    """Print a row per kind of demonstrations and number of moves as soon as it is known."""
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments.add_argument("--first", type=int, default=101)
+    arguments.add_argument("--count", type=int, default=40)
+    chosen = arguments.parse_args()
+    seeds = range(chosen.first, chosen.first + chosen.count)
+    header = True
+    for kind in KINDS:
+        for moves in (2, 3, 5):
+            sets = parallel_map(partial(errors_ms, moves=moves, kind=kind), seeds, "sets")
+            columns = ["seed", "planned_ms", "seen_ms", "doubted", "fault"]
+            table = pd.concat([one.reindex(columns=columns) for one in sets], ignore_index=True)
+            row = pd.DataFrame([summary(kind, moves, table)]).round(1)
+            print(row.to_csv(index=False, header=header), end="", flush=True)
+            for fault in table["fault"].dropna():
+                print("#", fault)
+            header = False
+
+
+if __name__ == "__main__":
+    main()

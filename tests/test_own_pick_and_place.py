@@ -1,0 +1,60 @@
+"""The example task: what its bags hold, and that it can be asked for irregularities."""
+
+import numpy as np
+import pytest
+
+from structlearn.ground import quaternion
+from structlearn.recordings import read_demonstrations
+from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.own.task import read_task
+from structlearn.testbeds.own.world.pick_and_place import MOVES, TIP, URDF, takes, write_takes
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two bags."""
+    path = tmp_path_factory.mktemp("bags")
+    write_takes(takes(1, 3, 2), path)
+    return path
+
+
+def test_the_same_seed_gives_the_same_bytes(folder, tmp_path):
+    write_takes(takes(1, 3, 2), tmp_path)
+    for file in sorted(folder.iterdir()):
+        assert (tmp_path / file.name).read_bytes() == file.read_bytes()
+
+
+def test_the_bags_hold_what_the_entry_names(folder):
+    task = read_task("pick")
+    for demonstration in read_demonstrations(folder, task.topics, **task.clock.model_dump()):
+        assert demonstration.simulated
+        assert demonstration.joint_positions.shape[1] == 7
+        assert demonstration.wrench[:, 2].min() == pytest.approx(-9.81 * 0.6, abs=0.8)  # the part's weight
+        assert demonstration.true_segments.shape == (3, 2)
+
+
+def test_joints_and_motion_capture_tell_of_the_same_movement(folder):
+    task = read_task("pick")
+    of_joints = {"urdf": str(urdf_path(URDF)), "tip": TIP, "topic": "/joint_states"}
+    topics = task.topics.model_validate(task.topics.model_dump() | {"pose": of_joints})
+    both = (read_demonstrations(folder, one, 100.0) for one in (task.topics, topics))
+    for captured, computed in zip(*both, strict=True):
+        until = min(len(captured.time), len(computed.time))
+        apart = np.linalg.norm(captured.position[:until] - computed.position[:until], axis=1)
+        turned = quaternion.angle_between(captured.orientation[:until], computed.orientation[:until])
+        assert np.median(apart) < 2e-3  # noise below a millimetre, and clocks that are a millisecond apart
+        assert np.median(turned) < np.radians(0.5)
+
+
+@pytest.mark.parametrize("moves", MOVES)
+def test_irregularities_are_what_was_asked_for(moves):
+    plain, odd = takes(7, moves, 3), takes(7, moves, 3, twitch=True, hesitation=True, without={"02": "reach"})
+    for take, other in zip(plain, odd, strict=True):
+        assert take.moves == tuple(MOVES[moves])
+        rests = np.append(take.planned[:, 0], take.time[-1]) - np.append(0.0, take.planned[:, 1])
+        assert rests.min() > 0.29  # s
+        assert len(other.planned) == moves - (other.name == "02")
+        assert (take.planned[:, 0] <= take.segments[:, 0]).all()
+        assert (take.segments[:, 1] <= take.planned[:, 1]).all()
+    lasts = [take.time[-1] for take in (plain[0], odd[0])]
+    assert lasts[1] > lasts[0] + 0.5  # a twitch and the pause after it; a hesitation takes its time
