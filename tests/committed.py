@@ -14,6 +14,7 @@ from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
+OWN_FILE = Path(__file__).parents[1] / "stages/own/params.yaml"
 NO_TOPICS = {
     "twist": None,
     "joint_states": [],
@@ -34,6 +35,15 @@ def _tree() -> dict[str, Any]:
 def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
     """All of `params.yaml` with some changes, e.g. to write it for stages in a folder of their own."""
     return merged(deepcopy(_tree()), changes)
+
+
+def own_tasks(folder: Path, changes: Mapping[str, Any] | None = None, **tasks: Mapping[str, Any]) -> None:
+    """Write `stages/own/params.yaml` below a folder: its defaults with changes, and other tasks."""
+    defaults = yaml.load(OWN_FILE.read_text(), yaml.CSafeLoader)["defaults"]
+    content = {"defaults": merged(defaults, changes or {}), "tasks": tasks}
+    path = folder / "stages/own/params.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
 
 
 def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:

@@ -174,7 +174,6 @@ def dynamics_results() -> DynamicsResults:
         known=known_table(),
         friction=friction_rows(),
         residuals=residual_table(),
-        simulated=True,
         stand_in=committed(StandInParameters, "stand_in"),
         motion=committed_motion(),
         training=committed(DynamicsTrainingParameters, "train_dynamics", seeds=SEEDS),

@@ -192,16 +192,3 @@ def feedback_results() -> FeedbackResults:
 def with_board(results: FeedbackResults, **changes: object) -> FeedbackResults:
     """The same with other executions."""
     return replace(results, board=replace(results.board, **changes))
-
-
-def without_executions(results: FeedbackResults) -> FeedbackResults:
-    """What one's own executions and corrections give, where nothing is simulated."""
-    own = [replace(run, provenance={"origin": "recorded"}) for run in results.unrolls]
-    return replace(results, unrolls=own, board=None)
-
-
-def without_corrections(results: FeedbackResults) -> FeedbackResults:
-    """One's own executions alone."""
-    nothing = {"datasets": {}, "checks": {}, "networks": {}}
-    nothing |= {"comparison": pd.DataFrame(), "orderings": pd.DataFrame()}
-    return replace(without_executions(results), **nothing)

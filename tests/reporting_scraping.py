@@ -1,6 +1,5 @@
 """A small scraping testbed in memory, for the tests of the report."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -53,12 +52,6 @@ def ease(fraction: np.ndarray) -> np.ndarray:
     """Minimum-jerk way from 0 to 1."""
     s = np.clip(fraction, 0.0, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-
-
-def positions_only(one: Demonstration) -> Demonstration:
-    """What a user's bag may hold: positions, and nothing known of the truth."""
-    nothing = dict.fromkeys(("orientation", "wrench", "tactile", "true_segments"))
-    return replace(one, **nothing, provenance={"origin": "recorded"})
 
 
 def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:

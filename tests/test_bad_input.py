@@ -1,14 +1,15 @@
 """Bad input to a stage: one clear line on standard error, exit code 1, nothing half-written."""
 
 import runpy
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
-from committed import NO_TOPICS, committed, parameter_tree
+from committed import committed, own_tasks, parameter_tree
 from feedback_toy import toy_dataset
-from recordings_bags import header, pose_messages, pose_rows, write_bag
+from recordings_bags import pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill
 
 from structlearn.feedback.coupling_dataset import to_table
@@ -24,11 +25,12 @@ TOPIC = "/tool"
 
 @pytest.fixture
 def project(tmp_path, monkeypatch) -> Path:
-    """An empty project with the real parameters; its demonstrations come from `bags`."""
-    own = {"record": {"source": "bags", "topics": NO_TOPICS | {"pose": TOPIC}}}
-    write_parameters(parameter_tree(own), tmp_path)
+    """An empty project with the real parameters, and a task whose demonstrations come from `bags`."""
+    write_parameters(parameter_tree({}), tmp_path)
+    own_tasks(tmp_path, task={"source": "bags", "topics": {"pose": TOPIC}, "segment": {"primitives": 1}})
     (tmp_path / "bags").mkdir()
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["stage", "task"])
     return tmp_path
 
 
@@ -91,7 +93,7 @@ BAGS = {
         [TOPIC, "/other"],  # what the file does have
     ),
     "no messages": (lambda: write_bag(BAG, [], empty=NO_MESSAGE), [TOPIC]),
-    "no file": (lambda: None, ["holds no .mcap file"]),
+    "no file": (lambda: None, ["bags: holds no"]),
     "one sample": (lambda: write_bag(BAG, MESSAGES[:1]), ["one", "sample"]),
     "nan": (lambda: faulty(7, factor=np.nan), [str(BAG), "row 7"]),
     "clock back": (lambda: faulty(20, stamp_of=18), [str(BAG), "row 20"]),
@@ -103,7 +105,7 @@ BAGS = {
 @pytest.mark.parametrize(("write", "words"), BAGS.values(), ids=BAGS)
 def test_bags_that_cannot_be_recorded(root, project, capsys, write, words):
     write()
-    message = complaint(root, "scraping/record_nominal.py", capsys)
+    message = complaint(root, "own/import_task.py", capsys)
     for word in words:
         assert word in message
 
@@ -112,13 +114,13 @@ def test_bags_that_cannot_be_recorded(root, project, capsys, write, words):
     ("stamps", "rows", "words"),
     [
         (clock() + 10**9 * (np.arange(400) >= 200), pose_rows(400), ["gap", "row 199"]),
-        (clock(), np.tile(pose_rows(1), (400, 1)), ["one: primitive 'down': its speed never exceeds"]),
+        (clock(), np.tile(pose_rows(1), (400, 1)), ["one", "runs of motion"]),
     ],
 )
 def test_recordings_that_cannot_be_cut(root, project, capsys, stamps, rows, words):
     write_bag(BAG, pose_messages(stamps, rows, TOPIC))
-    runpy.run_path(str(root / "stages/scraping/record_nominal.py"), run_name="__main__")
-    message = complaint(root, "scraping/segment.py", capsys)
+    runpy.run_path(str(root / "stages/own/import_task.py"), run_name="__main__")
+    message = complaint(root, "own/segment.py", capsys)
     for word in words:
         assert word in message
 
@@ -159,24 +161,8 @@ def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
     assert "data/segments/scraping/cuts.parquet: no such file" in message
 
 
-def test_a_bag_with_header_stamps_is_taken_over(root, project):
-    """The counterpart: good bags of a user's own pass through record, segment and fit."""
-    demonstrations = simulate_demonstrations(
-        committed(DemonstratorParameters, "simulate", count=3, noise_mm=0.1)
-    )
-    for recording in demonstrations:
-        pose = recording.streams[0]
-        messages = pose_messages(pose.stamps.tolist(), pose.values, TOPIC)
-        assert messages[0][2]["header"] == header(int(pose.stamps[0]))
-        write_bag(f"bags/{recording.name}.mcap", messages)
-    for stage in ("record_nominal", "segment", "fit_primitives"):
-        runpy.run_path(str(root / "stages" / "scraping" / f"{stage}.py"), run_name="__main__")
-    assert Path("data/primitives/scraping/primitives.safetensors").is_file()
+# The feedback stages: what earlier stages may lack.
 
-
-# The feedback stages: what earlier stages and the user's own runs may lack.
-
-FINGERS = ["/fingers/left", "/fingers/right"]
 DATA = Path("data/feedback/scraping")
 
 
@@ -200,28 +186,6 @@ def feedback(project) -> Path:
     return project
 
 
-@pytest.mark.parametrize(
-    ("settings", "topics", "words"),
-    [
-        (["5"], {}, "corrections/2.5: no such file or folder"),
-        (
-            ["2.5", "5"],
-            {"tactile": FINGERS},
-            "corrections/2.5/one.mcap: has no topic '/fingers/left' for tactile",
-        ),
-    ],
-)
-def test_what_a_users_corrections_lack(root, feedback, capsys, settings, topics, words):
-    """Bags with a pose and nothing else."""
-    change_parameters(feedback, "record", topics=NO_TOPICS | {"pose": TOPIC} | topics)
-    change_parameters(feedback, "record_corrections", source="corrections", settings_deg=[2.5, 5])
-    for setting in settings:
-        folder = Path("corrections") / setting
-        folder.mkdir(parents=True)
-        write_bag(folder / "one.mcap", MESSAGES)
-    assert words in complaint(root, "scraping/record_corrections.py", capsys)
-
-
 def touchless(folder: Path | str) -> None:
     write_recordings(simulate_demonstrations(committed(DemonstratorParameters, "simulate", count=1)), folder)
 
@@ -232,7 +196,6 @@ CORRECTIONS = Path("data/raw/scraping/corrections")
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        # nobody named a tactile topic, so the bags were taken over: it is missed where it is needed
         ("5", "error: 01: has no tactile stream, which feedback is learned from"),
         ("five", f"{CORRECTIONS}/five: a setting's folder has a number as its name"),
         (None, f"{CORRECTIONS}: no such folder; run the stage that writes it"),
@@ -242,15 +205,6 @@ def test_corrections_that_cannot_be_learned_from(root, feedback, capsys, setting
     if setting is not None:
         touchless(CORRECTIONS / setting)
     assert words in complaint(root, "scraping/coupling_dataset.py", capsys)
-
-
-def test_expected_traces_without_touch(root, feedback, capsys):
-    write_bag(BAG, MESSAGES)
-    change_parameters(feedback, "expected_traces", source="bags")
-    touchless("data/raw/scraping/unrolls")
-    change_parameters(feedback, "record", topics=NO_TOPICS | {"pose": TOPIC, "tactile": FINGERS})
-    message = complaint(root, "scraping/expected_traces.py", capsys)
-    assert f"{BAG}: has no topic '/fingers/left' for tactile" in message
 
 
 @pytest.mark.parametrize("stage", ["train_feedback", "compare_models"])
@@ -291,7 +245,6 @@ def test_a_models_file_that_cannot_be_used(root, feedback, capsys, change, words
 
 
 def test_networks_of_another_sensor(root, feedback, capsys):
-    change_parameters(feedback, "record", source="simulated")
     three = constant_network(channels=3)
     write_networks([(name, three) for name in NAMES[1:]], NETWORKS)
     change_parameters(feedback, "evaluate_feedback", settings_deg=[0], runs=1)

@@ -20,7 +20,6 @@ from structlearn.rigid_body.seeded_training import OURS, TEXT
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page.evidence import evidence
-from structlearn.testbeds.dynamics.page.figures import drawings
 from structlearn.testbeds.dynamics.page.page import dynamics_page
 from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
 from structlearn.testbeds.dynamics.page.tables import tables
@@ -241,20 +240,6 @@ def test_a_payload_is_settled_when_its_mass_stays_right(results, whole_page):
     assert rendered(never) != whole_page
 
 
-def test_a_log_of_your_own_has_no_truth_and_is_not_tracked(results, whole_page):
-    scores, paths = (table[table["robot"] == IDEAL] for table in (results.scores, results.paths))
-    known = results.known[results.known["model"] == DEFAULT]
-    friction = results.friction.assign(truth=np.nan)
-    own = replace(results, simulated=False, scores=scores, paths=paths, known=known, friction=friction)
-    assert "robot_reaches.rrd" in whole_page
-    assert "robot_reaches.rrd" not in rendered(own)
-    assert drawings(own)
-    assert "robot" not in tables(own)
-    assert "robot_nmse_cov" in metrics(own)
-    found = verdicts(own)
-    assert found["robot_delan_stopped_ours"] == found["robot_reaches_text"] == "not tested"
-
-
 def test_what_is_known_explains_a_log_made_with_it():
     """A motion whose torques are those of the stand-in's links and friction."""
     arm, rng = iiwa(), np.random.default_rng(3)
@@ -276,8 +261,6 @@ def test_what_is_known_explains_a_log_made_with_it():
     assert errors[DEFAULT].min() > 1e-3
     table = friction_table({"cov_coulomb": truth}, mechanics)
     assert np.allclose(table["value"], table["truth"])
-    assert friction_table({"cov_coulomb": truth}, None)["truth"].isna().all()
-    assert set(known_errors(arm, None, Motion(*states, measured))["model"]) == {DEFAULT}
 
 
 def test_agreement_sees_a_difference():

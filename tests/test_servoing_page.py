@@ -210,14 +210,6 @@ def test_page_without_any_success_can_be_drawn(results, tmp_path):
     publish_report(tmp_path, {"index": page.document(none, shown)}, drawn, shown, metrics, ())
 
 
-def test_of_recorded_demonstrations_neither_true_contacts_nor_closed_loops_are_known(results):
-    recorded = replace(results, truth=results.truth.iloc[:0], comparison=None)
-    assert verdicts(recorded)["able"] == verdicts(recorded)["stays"] == "not tested"
-    values = recorded.metrics()
-    assert values["simulated"] is False
-    assert not [name for name in values if name.startswith(("servo_", "contact_point"))]
-
-
 def test_bounds_of_claims_are_those_that_are_published():
     claims = read_claims(Path(page.__file__).with_name("claims.yaml"))
     bounds = {claim.evidence: claim.bound for claim in claims}

@@ -1,46 +1,19 @@
-"""What the stages of the servoing testbed wrote, and what they make of a user's bags."""
+"""What the stages of the servoing testbed wrote."""
 
-import json
-import runpy
-import shutil
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import reduce
 from operator import getitem
-from pathlib import Path
 
 import numpy as np
-import pytest
 import yaml
-from committed import NO_TOPICS, committed, merged, parameter_tree
-from recordings_bags import as_recorded
-from reduced_pipeline import REDUCED
+from committed import committed
 
 from structlearn.ground.artefacts import read_table
-from structlearn.ground.errors import InputError
 from structlearn.ground.populations import Population
-from structlearn.recordings import read_recordings, write_recordings
 from structlearn.reporting.studies import read_description
 from structlearn.tactile.geodesics import read_geodesics
 from structlearn.tactile.touch_dataset import chains, read_dataset
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant, variants
-
-OWN_STAGES = ("record_touch", "touch_dataset", "geodesics", "train_latent", "servo", "view", "report")
-
-
-def run_stages(root: Path, source: Path, topics: dict, stages=OWN_STAGES) -> None:
-    """Stages on a user's bags in the working directory."""
-    own = {"record_touch": {"source": str(source), "topics": NO_TOPICS | {"pose": "/pose"} | topics}}
-    parameters = merged(parameter_tree(REDUCED), own)
-    parameters["other_skins"]["skins"].pop("flat_pad")
-    Path("params.yaml").write_text(yaml.safe_dump(parameters))
-    for stage in stages:
-        runpy.run_path(str(root / "stages" / "servoing" / f"{stage}.py"), run_name="stage")["main"]()
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_what_is_recorded_becomes_samples_with_distances(reduced_project):
@@ -97,30 +70,3 @@ def test_what_is_reported_is_of_the_first_of_the_test_set(root):
     for name in ("controller", "loss_weights"):
         for repeat in read_description(f"servoing/{name}", studies).repeats:
             assert {repeat[key] for key in seeds} <= set(people.tuning)
-
-
-def test_own_recordings_go_the_same_way(root, reduced_project, folder):
-    """Other names, no provenance: the same samples; only what cannot be known is missing."""
-    bags = as_recorded(read_recordings(reduced_project / "data/raw/servoing"))
-    write_recordings([replace(one, name=f"own_{number}") for number, one in enumerate(bags)], "bags")
-    others = Path("data/servoing/other_skins")  # the source makes no difference to what is learned with them
-    shutil.copytree(reduced_project / others, others)
-    run_stages(root, folder / "bags", {"tactile": ["/tactile/0"]})
-    mine = read_dataset("data/servoing/touch.safetensors")
-    simulated = read_dataset(reduced_project / "data/servoing/touch.safetensors")
-    np.testing.assert_array_equal(mine.signals, simulated.signals)
-    np.testing.assert_array_equal(mine.velocity, simulated.velocity)
-    assert len(read_table("data/servoing/true_contacts.parquet")) == 0
-    shown = {file.name for file in Path("reports/recordings/servoing").iterdir()}
-    assert shown == {"demonstrations.rrd", "latent.rrd"}
-    report = Path("reports/servoing")
-    assert json.loads((report / "details.json").read_text())["simulated"] is False
-    assert "servo_success_rate" not in json.loads((report / "metrics.json").read_text())
-    html = (report / "index.html").read_text()
-    assert "servo.rrd" not in html
-    assert 'class="badge"' not in html  # only the other skins are simulated, and say so
-
-
-def test_a_missing_topic_is_named(root, reduced_project, folder):
-    with pytest.raises(InputError, match="/biotac"):
-        run_stages(root, reduced_project / "data/raw/servoing", {"tactile": ["/biotac"]}, OWN_STAGES[:1])

@@ -6,16 +6,14 @@ from committed import committed
 from dynamics_motion import committed_motion
 from rigid_body_robots import carrying
 
-from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
-from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
+from structlearn.recordings.joint_log import read_joint_log, write_joint_log
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
     ideal_log,
     log_agreement,
-    own_log,
     payload_log,
     stand_in_log,
 )
@@ -147,56 +145,3 @@ def test_both_engines_write_the_same_logs(robot):
         row = log_agreement(log, MOTION).iloc[0]
         assert row["joint_rad"] < 1e-11
         assert row["torque_n_m"] < 1e-9
-
-
-def written(log: JointLog, folder, **changes):
-    fields = {name: getattr(log, name) for name in ("joints", "stamps", "positions", "velocities", "torques")}
-    path = folder / "robot.mcap"
-    write_joint_log(JointLog("robot", **(fields | changes)), path)
-    return path
-
-
-def test_an_own_log_in_another_order_is_put_right(robot, log, tmp_path):
-    order = [3, 1, 0, 2, 6, 5, 4]
-    signals = {name: getattr(log, name)[:, order] for name in ("positions", "velocities", "torques")}
-    written(log, tmp_path, joints=tuple(log.joints[place] for place in order), **signals)
-    back = own_log(tmp_path, FRAMES, robot.tree, 0.1)
-    assert back.joints == robot.tree.names
-    np.testing.assert_array_equal(back.positions, log.positions)
-    np.testing.assert_array_equal(back.torques, log.torques)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda log: {"joints": tuple(f"axis_{number}" for number in range(7))},
-            r"robot\.mcap: .* lacks .*lbr_iiwa_joint_1, .* it has axis_0",
-        ),
-        (
-            lambda log: {"stamps": log.stamps + 300_000_000 * (np.arange(len(log.stamps)) >= 500)},
-            r"row 499 .* gap of 0\.304 s, longer than max_gap_s = 0\.1",
-        ),
-    ],
-    ids=["another robot", "a hole"],
-)
-def test_an_own_log_that_cannot_be_used_is_refused(robot, log, tmp_path, change, message):
-    path = written(log, tmp_path, **change(log))
-    with pytest.raises(InputError, match=message):
-        own_log(path, FRAMES, robot.tree, 0.1)
-
-
-def test_an_own_log_without_effort_is_refused(robot, log, tmp_path):
-    path = tmp_path / "robot.mcap"
-    empty = JointLog("robot", log.joints, log.stamps, log.positions, log.velocities, log.torques)
-    object.__setattr__(empty, "torques", np.zeros((len(log.stamps), 0)))  # as a driver that measures none
-    write_joint_log(empty, path)
-    with pytest.raises(InputError, match=r"robot\.mcap: topic '/joint_states' has no joint torques"):
-        own_log(path, FRAMES, robot.tree, 0.1)
-
-
-def test_a_source_needs_one_log(robot, log, tmp_path):
-    with pytest.raises(InputError, match=r"holds 0 \.mcap files"):
-        own_log(tmp_path, FRAMES, robot.tree, 0.1)
-    with pytest.raises(InputError, match="other/topic"):
-        own_log(written(log, tmp_path), "/other/topic", robot.tree, 0.1)
