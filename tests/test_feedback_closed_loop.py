@@ -15,7 +15,7 @@ PARAMETERS = committed(
     "coupling_dataset",
     primitives=("turn", "scrape"),
     settings_deg=(5.0,),
-    axis=(0, 2.0, 0),
+    axes=("ry",),
     rate_hz=50.0,
 )
 MEAN = nominal_orientation([execution()])

@@ -53,7 +53,7 @@ def test_two_folders_of_one_setting_are_refused(tmp_path):
 
 def test_an_empty_set_is_named(tmp_path):
     (tmp_path / "5").mkdir()
-    with pytest.raises(InputError, match=r"5: holds no \.mcap file"):
+    with pytest.raises(InputError, match="5: holds no bag"):
         read_sets(tmp_path, CLOCK)
 
 

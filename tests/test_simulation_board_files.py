@@ -61,11 +61,6 @@ def test_what_is_not_learned_from_does_not_bound_the_feedback(data, board):
         assert found.limits.largest_coupling == {"ry": largest_coupling([datasets["turn"].target])}
 
 
-def test_where_nobody_corrected_there_is_no_board(data, board):
-    (data / "feedback/scraping/dataset/turn.parquet").unlink()
-    assert read(data, board) is None
-
-
 def test_a_setting_without_corrections_is_named(data, board):
     with pytest.raises(InputError, match=r"turn\.parquet: has no corrections in the settings 6\.3"):
         read(data, board, (5.0, 6.3))

@@ -157,7 +157,7 @@ def assert_failed(run, fault):
 
 def test_a_network_that_is_no_number_fails_alone(board, runs):
     broken, good = board.rollouts([open_loop(np.full(25, np.nan)), open_loop(POLICY)], [SEED, SEED])
-    assert_failed(broken, "InputError: the network of 'turn' holds a value that is not finite")
+    assert_failed(broken, "InputError: the network of 'turn' for ry holds a value that is not finite")
     assert same(good, runs[0])
 
 

@@ -32,13 +32,13 @@ class FadingParameters(Parameters):
         offset_within_s: time from the start in which the samples of the offset must have come.
     """
 
-    fade_s: float = Field(default=0.05, gt=0)
-    stale_after_s: float = Field(default=0.05, gt=0)
-    offset_within_s: float = Field(default=0.1, gt=0)
+    fade_s: float = Field(gt=0)
+    stale_after_s: float = Field(gt=0)
+    offset_within_s: float = Field(gt=0)
 
 
 class Limits(FadingParameters):
-    """Bounds on feedback.
+    """Bounds on feedback, cautious ones where nothing else is said.
 
     Attributes:
         largest_coupling: by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by
@@ -46,6 +46,9 @@ class Limits(FadingParameters):
     """
 
     largest_coupling: dict[Axis, PositiveFloat] = Field(default_factory=_cautious)
+    fade_s: float = Field(default=0.05, gt=0)
+    stale_after_s: float = Field(default=0.05, gt=0)
+    offset_within_s: float = Field(default=0.1, gt=0)
 
     def of(self, axes: Sequence[Axis], dt: float) -> np.ndarray:
         """Largest coupling terms, and their largest changes in a tick of dt s: (2, D).
