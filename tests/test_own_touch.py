@@ -112,6 +112,8 @@ def test_a_table_says_what_is_wrong_with_it(tmp_path):
     frame.assign(c1="soft").to_csv(tmp_path / "c.csv", index=False)
     with pytest.raises(InputError, match=r"c\.csv: row 0, column c1: is not a finite number: soft"):
         read_touch_table(tmp_path / "c.csv", None)
+    with pytest.raises(InputError, match=r"nowhere: no such file or folder$"):
+        touch_tables(tmp_path / "nowhere")
     (tmp_path / "d.parquet").write_text("none")
     with pytest.raises(InputError, match=r"d\.parquet: not a readable table"):
         read_touch_table(tmp_path / "d.parquet", None)

@@ -11,7 +11,7 @@ from committed import committed
 from reporting_verdicts import AnyFigure, cases, verdicts
 from viewer_files import contents, note
 
-from structlearn.ground.artefacts import read_table
+from structlearn.ground.artefacts import read_table, write_table
 from structlearn.ground.errors import InputError
 from structlearn.palette import PLATE_CORNERS, place_colours
 from structlearn.recordings.eflesh import PRESSES, STROKES, ProbeRun, read_runs
@@ -349,7 +349,7 @@ def test_tables_are_found_by_their_names(tmp_path, learned):
     assert set(tables) == set(files.SETS[files.SKIN])
     folder = tmp_path / "recorded/skin"
     folder.mkdir(parents=True)
-    tables["lags"].to_parquet(folder / "lags.parquet")
+    write_table(tables["lags"], folder / "lags.parquet")
     assert list(files.RecordedFiles(tmp_path).of_set("skin")) == ["lags"]
     assert len(read_table(folder / "lags.parquet")) == 2
 

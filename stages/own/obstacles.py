@@ -12,7 +12,8 @@ from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleP
 
 def folders(source: Path) -> dict[str, Path]:
     """Where the reaches of each person are."""
-    people = [path for path in sorted(source.iterdir()) if path.is_dir() and not path.name.startswith(".")]
+    inside = sorted(source.iterdir()) if source.is_dir() else []
+    people = [path for path in inside if path.is_dir() and not path.name.startswith(".")]
     people = [path for path in people if not (path / "metadata.yaml").exists()]  # those are bags
     return {path.name: path for path in people} or {EVERYBODY: source}
 

@@ -52,7 +52,13 @@ def touch_of(demonstration: Demonstration) -> TouchLog:
 
 
 def touch_tables(source: Path) -> list[Path]:
-    """The tables of a file or folder, in natural order; none where it has bags alone."""
+    """The tables of a file or folder, in natural order; none where it has bags alone.
+
+    Raises:
+        InputError: there is no such file or folder.
+    """
+    if not source.exists():
+        raise InputError(f"{source}: no such file or folder")
     paths = [source] if source.is_file() else [path for path in source.iterdir() if path.is_file()]
     found = [path for path in paths if path.suffix in READERS and not path.name.startswith(".")]
     return sorted(found, key=lambda path: natural_order(path.stem))

@@ -26,7 +26,7 @@ WAYS = {
 """Who or what moves the hand, in the order of tables."""
 
 FEWEST = 20
-"""People or recordings, below which the page says that they are few."""
+"""Reaches, below which the page says that they are few."""
 
 OURS, NONE, RECORDED = "scene", "none", "recorded"
 COLOURS = {

@@ -11,6 +11,7 @@ from structlearn.avoidance.shapes import recorded_obstacle
 from structlearn.ground.errors import InputError
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.shape_table import FILE
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 
 EVERYBODY = ""
@@ -80,14 +81,10 @@ def _reach(one: Demonstration, name: str, person: str, parameters: ObstacleParam
         recorded_obstacle(shape) for shape in one.shapes if not shape.name.startswith(parameters.ignored)
     )
     if not obstacles:
-        raise InputError(f"{name}: has no obstacles; name their topic, or put {CSV} beside the recording")
+        raise InputError(f"{name}: has no obstacles; name their topic, or put {FILE} beside the recording")
     cutting = parameters.reaches
     smooth = differentiated(one.position, one.dt, cutting.smoothing_hz)
     speed = np.linalg.norm(smooth.velocity, axis=1)
     moving = np.flatnonzero(speed >= cutting.onset_share * speed.max())
     part = slice(max(int(moving[0]) - 1, 0), int(moving[-1]) + 2)
     return cut_reach(one, name, person, smooth, part, obstacles, (), cutting)
-
-
-CSV = "obstacles.csv"
-"""Table of shapes beside recordings."""
