@@ -57,4 +57,4 @@ def main(file: str) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    print(*main(sys.argv[1]).items(), sep="\n")
+    print("\n".join(f"{name}: {value:.4g}" for name, value in main(sys.argv[1]).items()))

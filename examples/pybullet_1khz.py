@@ -55,4 +55,4 @@ def main(file: str, gui: bool = False) -> dict[str, float]:
 
 if __name__ == "__main__":
     for name, value in main(sys.argv[1], "--gui" in sys.argv).items():
-        print(f"{name}: {value:.3g}")
+        print(f"{name}: {value:.4g}")

@@ -13,7 +13,7 @@ from structlearn.feedback.skill import ReactiveSkill
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.primitives.transformation import ALPHA, BETA
-from structlearn.reporting.document import Document, Source, render
+from structlearn.reporting.document import Document, Panel, Source, render
 from structlearn.rigid_body.inverse_kinematics import JointPath, read_arm
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own import check_verdict
@@ -220,7 +220,7 @@ def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
     section = check_section.section(files_of(check, tmp_path, monkeypatch, PANDA.model_dump(mode="json")))
     assert all(name.startswith("check_") for name in section.metrics)
     table = section.tables["check"].frame
-    assert list(table.columns) == ["quantity", "nominal", "starts", "goals", "corrections", "verdict"]
+    assert list(table.columns) == ["quantity", "verdict", "nominal", "starts", "goals", "corrections"]
     assert len(table) == 9
     assert len(section.tables["check_runs"].frame) == check.metrics()["check_runs"]
     page = Document(
@@ -230,6 +230,7 @@ def test_the_section_says_what_was_found(check, tmp_path, monkeypatch):
         tables=section.tables,
         sources={"check": Source("data/own/pick/check", "stages/own/dvc.yaml:check@pick")},
     )
-    text = render(page, {})
+    panel = [Panel("figures/check_margins.svg", 700, 300)]
+    text = render(page, {name: panel for name in section.pictures})
     assert "panda_grasptarget" in text
     assert "panda_joint7 0.80" in text

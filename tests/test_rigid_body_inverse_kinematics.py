@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rigid_body_arms import planar_arm
 from rigid_body_robots import FINGERS
 
@@ -26,6 +28,11 @@ def planar(tmp_path, *lengths, **options):
     return read_arm(path, "tip")
 
 
+@pytest.fixture(scope="module")
+def planar_elbow(tmp_path_factory):
+    return planar(tmp_path_factory.mktemp("planar"), 0.5, 0.4)
+
+
 def there_and_back(arm, start, end, samples=201):
     """Poses of the tip while joints go from one configuration to another and back."""
     part = np.concatenate([progress(np.linspace(0, 1, samples)), progress(np.linspace(1, 0, samples))[1:]])
@@ -44,6 +51,18 @@ def test_a_planar_elbow_has_the_angles_of_the_law_of_cosines(tmp_path):
     area = np.abs(0.5 * 0.4 * np.sin(elbow))  # the determinant of the Jacobian, the product of both values
     values = np.linalg.svd(path.jacobian, compute_uv=False)
     np.testing.assert_allclose(values.prod(axis=1), area, rtol=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(shoulder=st.floats(-2.0, 2.0), elbow=st.floats(0.4, 2.6), ahead=st.floats(0.0, 0.1))
+def test_any_point_in_reach_is_reached_from_nearby(planar_elbow, shoulder, elbow, ahead):
+    """By the closed form of the tip's place, not by the kinematics that solves for it."""
+    elbows = np.array([elbow, elbow - ahead])
+    turned = shoulder + ahead + np.stack([np.zeros(2), elbows])
+    reach = 0.5 * np.exp(1j * turned[0]) + 0.4 * np.exp(1j * turned[1])
+    points = np.stack([reach.real, reach.imag, np.zeros(2)], axis=1)
+    path = follow(planar_elbow, points, None, DT, rest=np.array([shoulder, elbow]))
+    np.testing.assert_allclose(path.joints, np.stack([np.full(2, shoulder + ahead), elbows], 1), atol=1e-7)
 
 
 def test_tip_poses_are_products_of_the_joints_frames(panda):
@@ -98,7 +117,8 @@ def test_a_pose_out_of_reach_is_missed_by_what_is_lacking_and_left_without_a_fli
     beyond = away > 0.91
     np.testing.assert_allclose(path.missed_m[beyond], away[beyond] - 0.9, atol=5e-3)
     assert path.missed_m[away < 0.89].max() < 1e-8
-    assert np.abs(np.diff(path.joints, axis=0)).max() < 0.1
+    # the elbow closes with the root of the distance: 4 mm of a sample are 0.2 rad
+    assert np.abs(np.diff(path.joints, axis=0)).max() < 0.3
     assert path.least_singular_value.min() < 0.05
 
 
@@ -111,20 +131,23 @@ def test_turns_of_an_endless_joint_are_counted(tmp_path):
     assert arm.tree.upper[0] == np.inf
 
 
-def test_a_rest_configuration_is_within_limits_and_away_from_singularities(panda):
-    position, orientation = tip_poses(panda, BENT[None])
-    rest = rest_for(panda, position[0], orientation[0], seed=1)
-    assert (rest > panda.tree.lower).all()
-    assert (rest < panda.tree.upper).all()
-    path = follow(panda, position, orientation, DT, rest)
-    assert path.missed_m[0] < 1e-6
-    assert path.least_singular_value[0] > 0.1
-    np.testing.assert_array_equal(rest, rest_for(panda, position[0], orientation[0], seed=1))
+def test_a_rest_configuration_keeps_a_path_within_limits_and_away_from_singularities(panda):
+    position, orientation = there_and_back(panda, BENT, BENT + 0.3, 5)
+    rest = rest_for(panda, position, orientation, 0.1, seed=1)
+    path = follow(panda, position, orientation, 0.1, rest)
+    assert (path.joints > panda.tree.lower).all()
+    assert (path.joints < panda.tree.upper).all()
+    assert path.missed_m.max() < 1e-6
+    assert path.least_singular_value.min() > 0.1
+    np.testing.assert_allclose(path.joints[0], rest, atol=1e-8)
+    np.testing.assert_array_equal(rest, rest_for(panda, position, orientation, 0.1, seed=1))
 
 
-def test_what_cannot_be_is_said(tmp_path, panda):
+def test_what_cannot_be_is_said(tmp_path):
     arm = planar(tmp_path, 0.5, 0.4)
-    with pytest.raises(InputError, match=r"no configuration within the joints' limits .*\[1. 0. 0.\] m"):
-        rest_for(arm, np.array([1.0, 0.0, 0.0]), None, seed=1)
+    with pytest.raises(
+        InputError, match=r"no configuration .* takes the tip from \[1. 0. 0.\] m along the path"
+    ):
+        rest_for(arm, np.array([[1.0, 0.0, 0.0]]), None, DT, seed=1)
     with pytest.raises(InputError, match="there is no link 'hand'; there are base, link_0, link_1, tip"):
         read_arm(arm.source, "hand")

@@ -149,37 +149,39 @@ def follow(
     return path
 
 
-def rest_for(arm: Arm, position: np.ndarray, orientation: np.ndarray | None, seed: int) -> np.ndarray:
-    """A configuration (n,) with the tip at a pose, of several the one farthest from limits and singularities.
+def rest_for(
+    arm: Arm, position: np.ndarray, orientation: np.ndarray | None, dt: float, seed: int
+) -> np.ndarray:
+    """A configuration (n,) for the start of a path, which then stays far from limits and singularities.
 
-    Each is rated by the smaller of two: its distance from the nearest limit over half the range, and the
-    least singular value.
+    Of several it is the one with the largest least of two along the path: the distance from the nearest limit
+    over half the range, and the least singular value. A coarse look at the path will do.
 
     Args:
         arm: the arm.
-        position: (3,) m.
-        orientation: (4,) unit quaternion, or None.
+        position: (T, 3) m.
+        orientation: (T, 4) unit quaternions, or None.
+        dt: sampling interval in s.
         seed: of the configurations from which the search starts.
 
     Raises:
-        InputError: none was found within the joints' limits.
+        InputError: none was found that keeps within the joints' limits.
     """
     tree, rng = arm.tree, np.random.default_rng(seed)
     lower = np.where(np.isfinite(tree.lower), tree.lower, -np.pi)
     upper = np.where(np.isfinite(tree.upper), tree.upper, np.pi)
     half, best, found = 0.5 * (upper - lower), 0.0, None
-    turned = None if orientation is None else orientation[None]
     for _ in range(TRIALS):
-        path = follow(arm, position[None], turned, 1.0, rng.uniform(lower, upper))
-        room = np.minimum(path.joints[0] - tree.lower, tree.upper - path.joints[0]) / half
-        rated = min(room.min(), path.least_singular_value[0])
-        if path.missed_m[0] < 1e-6 and path.missed_rad[0] < 1e-6 and rated > best:
+        path = follow(arm, position, orientation, dt, rng.uniform(lower, upper))
+        room = np.minimum(path.joints - tree.lower, tree.upper - path.joints) / half
+        rated = min(room.min(), path.least_singular_value.min())
+        if max(path.missed_m.max(), path.missed_rad.max()) < 1e-6 and rated > best:
             best, found = rated, path.joints[0]
     if found is None:
         raise InputError(
-            f"{arm.source}: no configuration within the joints' limits brings the tip to "
-            f"{np.array2string(position, precision=3)} m at the orientation of the start "
-            f"({TRIALS} tried): is the base where the demonstrations have their origin?"
+            f"{arm.source}: no configuration within the joints' limits takes the tip from "
+            f"{np.array2string(position[0], precision=3)} m along the path ({TRIALS} tried): is the base "
+            "where the demonstrations have their origin?"
         )
     return found
 

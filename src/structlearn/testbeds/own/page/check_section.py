@@ -1,11 +1,15 @@
 """On the robot: whether the task's robot can do what the skill may ask of it, and with which margins."""
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from structlearn.palette import CATEGORICAL_COLOURS, GREY, LIGHT_GREY
 from structlearn.reporting.document import Table
+from structlearn.reporting.figure_style import WIDTH, canvas, styled
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
-from structlearn.testbeds.own.protocol.check_results import KINDS, SkillCheck, overall, read_check
+from structlearn.testbeds.own.protocol.check_results import KINDS, THIN, SkillCheck, overall, read_check
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 
 HEADINGS = {
@@ -28,7 +32,7 @@ def section(files: TaskFiles) -> Section:
         facts=check.metrics()
         | {
             "robot": robot,
-            "rest": {joint: f"{value:.2f}" for joint, value in check.rest.items()},
+            "rest": check.rest,
             "notes": check.notes,
             "failing": list(check.failing["quantity"].unique()),
             "kinds": [kind for kind in KINDS if kind in set(check.margins["kind"])],
@@ -40,7 +44,29 @@ def section(files: TaskFiles) -> Section:
             "check_worst": worst(check),
             "check_runs": by_run(check),
         },
+        pictures={"check_margins": margins_figure(check.margins)},
     )
+
+
+@styled
+def margins_figure(margins: pd.DataFrame) -> Figure:
+    """Every run's margin of every quantity, by kind of run."""
+    figure = canvas(2.9, WIDTH)
+    panel = figure.subplots()
+    quantities = list(margins["quantity"].unique())
+    places = {name: place for place, name in enumerate(reversed(quantities))}
+    panel.axvspan(0.0, 100.0 * THIN, color=LIGHT_GREY, linewidth=0.0)
+    panel.axvline(0.0, color=GREY)
+    kinds = [kind for kind in KINDS if kind in set(margins["kind"])]
+    for kind, colour, shift in zip(
+        kinds, CATEGORICAL_COLOURS, np.linspace(0.27, -0.27, len(KINDS)), strict=False
+    ):
+        its = margins[margins["kind"] == kind]
+        shown = 100.0 * np.clip(its["margin"], -1.0, 1.0)
+        panel.scatter(shown, its["quantity"].map(places) + shift, 12, colour, linewidths=0.0, label=kind)
+    panel.set(yticks=list(places.values()), yticklabels=list(places), xlabel="margin (%)")
+    panel.legend(ncols=len(kinds), loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    return figure
 
 
 def by_quantity(check: SkillCheck) -> Table:
@@ -50,7 +76,8 @@ def by_quantity(check: SkillCheck) -> Table:
     )
     kinds = [kind for kind in KINDS if kind in least]
     verdicts = check.margins.groupby("quantity", sort=False)["verdict"].agg(overall)
-    frame = (100.0 * least[kinds]).assign(verdict=verdicts).reset_index()
+    frame = (100.0 * least[kinds]).reset_index()
+    frame.insert(1, "verdict", frame["quantity"].map(verdicts))
     return Table(frame, dict.fromkeys(kinds, ".0f"), {kind: f"{kind} (%)" for kind in kinds})
 
 

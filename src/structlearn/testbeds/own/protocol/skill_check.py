@@ -41,8 +41,8 @@ REACH_M, REACH_RAD = 1e-3, np.radians(0.5)
 JUMP = 0.1
 """rad or m from one sample to the next."""
 
-SEED = 1
-"""Of the search for a rest configuration."""
+COARSE, SEED = 20, 1
+"""Samples from one look at the nominal run to the next, and seed, of the search for a rest configuration."""
 
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
@@ -169,8 +169,8 @@ def margins(
 
 def _rest(arm: Arm, parameters: RobotParameters, nominal: Unroll) -> np.ndarray:
     if parameters.rest_configuration is None:
-        turned = None if nominal.orientation is None else nominal.orientation[0]
-        return rest_for(arm, nominal.position[0], turned, SEED)
+        turned = None if nominal.orientation is None else nominal.orientation[::COARSE]
+        return rest_for(arm, nominal.position[::COARSE], turned, COARSE / RATE_HZ, SEED)
     return _per_joint(arm, parameters.rest_configuration, "rest_configuration")
 
 
