@@ -13,9 +13,12 @@ from structlearn import inspect
 from structlearn.ground.errors import InputError
 from structlearn.recordings import bag_writer
 from structlearn.recordings.bag_reader import read_bag
+from structlearn.recordings.recording import Stream
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.protocol.findings import find_out
+from structlearn.testbeds.own.protocol.hand_paths import hand_path
 from structlearn.testbeds.own.protocol.proposal import from_home, task_name
+from structlearn.testbeds.own.survey_report import as_yaml
 from structlearn.testbeds.own.task import PARAMETER_FILE, read_task
 from structlearn.testbeds.own.world.pick_and_place import TIP, URDF, takes, write_takes
 
@@ -75,6 +78,17 @@ def moving_rows(count=400, seed=0, far=0.3):
     rows[:, 0] = far * (10 * phase**3 - 15 * phase**4 + 6 * phase**5)
     rows[:, :3] += np.random.default_rng(seed).normal(scale=2e-4, size=(count, 3))
     return rows
+
+
+@pytest.mark.parametrize("far", [0.0, 0.4])
+def test_noise_is_told_from_motion(far):
+    stamps = 10 * MS * np.arange(4000)
+    path = hand_path(Stream("/tool", "pose", stamps, moving_rows(4000, far=far)))
+    assert path.noise_m == pytest.approx(2e-4, rel=0.1)
+    if far:
+        assert path.extent_m == pytest.approx(far, rel=0.01)
+        assert path.travelled_m == pytest.approx(far, rel=0.05)
+        assert path.peak_m_s == pytest.approx(1.875 * far / (40 / 1.4), rel=0.05)  # of least jerk
 
 
 @pytest.mark.parametrize("moves", [2, 3, 5])
@@ -141,6 +155,9 @@ def test_joint_states_and_a_robot_give_the_hand(example, tmp_path):
     assert found.sources[0].unit == "m"
     assert found.motion.number == 3
     assert found.proposal.entry["topics"]["pose"] == {"urdf": PANDA, "tip": TIP, "topic": "/joint_states"}
+    task = as_task(as_yaml(found.proposal), tmp_path)
+    assert (task.robot.urdf, task.robot.tip) == (PANDA, TIP)
+    assert task.robot.locked_joints == ("panda_finger_joint1", "panda_finger_joint2")
     captured = find_out(str(example)).sources[0]
     for name, path in found.sources[0].paths.items():
         assert path.extent_m == pytest.approx(captured.paths[name].extent_m, rel=0.01)
@@ -204,6 +221,9 @@ def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, monke
             writer.finish()
     run(monkeypatch, tmp_path)
     text = capsys.readouterr().out
+    (line,) = {line for line in text.splitlines() if line.startswith("  /tf ")}
+    assert line.split()[1:6] == ["tf2_msgs/TFMessage", "400", "100", "Hz", "0"]
+    assert "header" in line
     assert "frames in /tf: base_link -> arm, base_link -> lamp (at rest)" in text
     assert "frames in /tf_static: arm -> tool0 (static), world -> base_link (static)" in text
     found = find_out(str(tmp_path))
@@ -247,6 +267,16 @@ def test_topics_that_share_the_kinds_of_joint_states_are_proposed_together(tmp_p
         "/joint_states",
         "/joint_speeds",
     ]
+
+
+def test_poses_of_several_frames_are_a_doubt(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = pose_messages(stamps, moving_rows())
+    for row in rows[::2]:
+        row[2]["header"]["frame_id"] = "camera"
+    write_bag(tmp_path / "1.mcap", rows)
+    (doubt,) = find_out(str(tmp_path)).proposal.doubts["topics.pose"]
+    assert doubt == "its messages are of several frames: base_link, camera"
 
 
 def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
@@ -317,6 +347,16 @@ def test_messages_without_headers_are_stamped_by_the_log(tmp_path, monkeypatch, 
     found = find_out(str(tmp_path))
     assert answer(found, "Do messages say when they were taken?").verdict == "doubtful"
     assert found.motion.number == 1
+
+
+def test_a_file_without_the_pose_of_the_others_is_named(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    for name in "123":
+        topic = "/other" if name == "2" else "/tool"
+        write_bag(tmp_path / f"{name}.mcap", pose_messages(stamps, moving_rows(), topic))
+    found = find_out(str(tmp_path))
+    assert answer(found, "Does every file have the hand's pose?").number == "/tool: 2 of 3"
+    assert found.proposal.doubts["topics.pose"][0].startswith("not in 2,")
 
 
 def test_a_hand_that_does_not_move_has_no_runs(tmp_path, monkeypatch, capsys):
@@ -391,6 +431,7 @@ def test_excitation_is_judged_joint_by_joint_and_with_a_robot_as_a_whole(tmp_pat
     write_bag(tmp_path / "1.mcap", rows)
     found = find_out(str(tmp_path), PANDA)
     assert answer(found, "Is the arm excited as a whole?").verdict == verdict
+    assert "`motion: {source" in found.proposal.doubts["topics.joint_states"][0]
     for name in names:
         assert answer(found, f"Is {name} moved enough to learn its dynamics?").verdict == verdict
 

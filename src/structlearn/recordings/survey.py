@@ -2,7 +2,8 @@
 
 Nothing is refused here: disorder is counted, not mended, and most numbers need no more of a message than its
 stamp. A header is the first field of every message type that has one, so it stands at one place in the bytes
-of all of them, also of types that nobody here can decode.
+of all of them, also of types that nobody here can decode. Of several transforms in a message the first one's
+counts.
 """
 
 import re
@@ -18,8 +19,12 @@ INNER = (5.0, 95.0)
 END_SHARE = 0.1
 """Share of a topic's messages at either end whose delays are compared for a drift of the clocks."""
 
-_HEADER_FIRST = re.compile(r"\s*(std_msgs/(msg/)?)?Header\s+\w+")
-_HEADER_AT, _FRAME_AT = 4, 16  # bytes: behind the encapsulation; behind stamp and length of the frame's name
+_HEADERS = {
+    re.compile(r"(std_msgs/(msg/)?)?Header\s+\w+"): 4,
+    re.compile(r"(geometry_msgs/(msg/)?)?TransformStamped\[\]\s+\w+"): 8,
+}
+"""First fields of definitions, and the byte where the stamp stands: behind the encapsulation, and behind the
+number of transforms."""
 
 
 @dataclass(frozen=True)
@@ -101,10 +106,11 @@ def topic_clocks(messages: RawMessages) -> TopicClocks:
         The header's clock is None where the type has no header, or where all its stamps are zero.
     """
     log = stamps_of(messages.log_times)
-    headers = header_stamps(messages)
-    if headers is None:
+    place = _header_place(messages)
+    if place is None:
         return TopicClocks(log, None, None, ())
-    frames = tuple(sorted({_frame(message) for message in messages.data} - {""}))
+    headers = header_stamps(messages, place)
+    frames = tuple(sorted({_frame(message, place) for message in messages.data} - {""}))
     if not headers.any():
         return TopicClocks(log, None, None, frames)
     return TopicClocks(log, stamps_of(headers), delay_of(messages.log_times, headers), frames)
@@ -144,32 +150,36 @@ def delay_of(log_times: np.ndarray, headers: np.ndarray) -> Delay:
     )
 
 
-def header_stamps(messages: RawMessages) -> np.ndarray | None:
-    """Stamps (T,) int64 ns of the headers, unset ones as zero; None where the type has no header."""
-    if not all(_has_header(schema.data.decode(errors="replace")) for schema in messages.schemas.values()):
-        return None
-    size = _HEADER_AT + 8
-    if any(len(message) < size for message in messages.data):
-        return None
-    heads = np.frombuffer(b"".join(message[:size] for message in messages.data), np.uint8).reshape(-1, size)
+def header_stamps(messages: RawMessages, place: int) -> np.ndarray:
+    """Stamps (T,) int64 ns that stand at one byte of all messages; zero where they are not set."""
+    end = place + 8
+    heads = np.frombuffer(b"".join(message[:end] for message in messages.data), np.uint8).reshape(-1, end)
     stamps = np.zeros(len(heads), dtype=np.int64)
     for order, flag in (("<", 1), (">", 0)):
         mine = heads[:, 1] & 1 == flag
-        seconds = np.ascontiguousarray(heads[mine, _HEADER_AT : _HEADER_AT + 4]).view(f"{order}i4")[:, 0]
-        rest = np.ascontiguousarray(heads[mine, _HEADER_AT + 4 : size]).view(f"{order}u4")[:, 0]
+        seconds = np.ascontiguousarray(heads[mine, place : place + 4]).view(f"{order}i4")[:, 0]
+        rest = np.ascontiguousarray(heads[mine, place + 4 : end]).view(f"{order}u4")[:, 0]
         stamps[mine] = seconds.astype(np.int64) * 10**9 + rest
     return stamps
 
 
-def _has_header(definition: str) -> bool:
-    """Whether the first field of a message type is a header."""
+def _header_place(messages: RawMessages) -> int | None:
+    """Where stamps stand in all messages of a topic; None where there are none."""
+    places = {_place_in(schema.data.decode(errors="replace")) for schema in messages.schemas.values()}
+    place = places.pop() if len(places) == 1 else None
+    whole = place is not None and all(len(message) >= place + 12 for message in messages.data)
+    return place if whole else None
+
+
+def _place_in(definition: str) -> int | None:
+    """Where the stamp stands in messages of a type."""
     lines = (line.partition("#")[0].strip() for line in definition.splitlines())
     first = next((line for line in lines if line and not re.match(r"\S+\s+[A-Z]\w*\s*=", line)), "")
-    return _HEADER_FIRST.fullmatch(first) is not None
+    return next((place for pattern, place in _HEADERS.items() if pattern.fullmatch(first)), None)
 
 
-def _frame(message: bytes) -> str:
-    """Name of the frame in a message's header."""
+def _frame(message: bytes, place: int) -> str:
+    """Name of the frame in a message's header, behind the stamp and its own length."""
     order = "little" if message[1] & 1 else "big"
-    length = int.from_bytes(message[_FRAME_AT - 4 : _FRAME_AT], order)
-    return message[_FRAME_AT : _FRAME_AT + length].rstrip(b"\0").decode(errors="replace")
+    length = int.from_bytes(message[place + 8 : place + 12], order)
+    return message[place + 12 : place + 12 + length].rstrip(b"\0").decode(errors="replace")

@@ -23,11 +23,14 @@ FORMATS = {
     "table": "table of poses",
 }
 
-HEADINGS = ("topic", "type", "messages", "rate", "jitter", "largest gap", "clock", "log - header", "drift")
-SECONDS_OF_A_YEAR = 3.2e7
-
+HEADINGS = (
+    *("topic", "type", "messages", "rate", "jitter", "largest gap"),
+    *("clock", "log - header", "drift", "frame"),
+)
 RIGHT = (2, 3, 4, 5, 7, 8)
 """Columns of numbers."""
+
+SECONDS_OF_A_YEAR = 3.2e7
 
 
 def report(found: Findings) -> str:
@@ -84,7 +87,7 @@ def _file(file: FileSeen) -> Iterator[str]:
     yield f"{file.name}: {FORMATS[file.file.format]}, {end - start:.2f} s from {when}, {count} messages"
     rows = [HEADINGS]
     for topic, seen in file.topics.items():
-        rows.append((topic, seen.type, *(_clock(seen.clocks) if seen.clocks else ("0", *[""] * 6))))
+        rows.append((topic, seen.type, *(_clock(seen.clocks) if seen.clocks else ("0", *[""] * 7))))
     yield from _indented(_aligned(rows, RIGHT))
     for topic, seen in file.topics.items():
         for joints in seen.joints:
@@ -108,9 +111,9 @@ def _clock(clocks: TopicClocks) -> tuple[str, ...]:
     own, delay = clocks.own, clocks.delay
     numbers = (f"{own.count}", f"{own.rate_hz:.4g} Hz", _ms(own.jitter_s), f"{own.largest_gap_s:.3g} s")
     if delay is None:
-        return (*numbers, "log", "", "")
+        return (*numbers, "log", "", "", ", ".join(clocks.frames))
     spread = f"{_ms(delay.median_s)} +- {_ms(delay.spread_s)}"
-    return (*numbers, "header", spread, _ms(delay.drift_s))
+    return (*numbers, "header", spread, _ms(delay.drift_s), ", ".join(clocks.frames))
 
 
 def _ms(seconds: float) -> str:
@@ -119,7 +122,7 @@ def _ms(seconds: float) -> str:
 
 def _sources(sources: Sequence[Candidate]) -> Iterator[str]:
     yield "What may be the pose of the hand (medians over the files); the first is taken"
-    rows = [("source", "files", "extent", "way", "largest speed", "noise at rest")]
+    rows = [("source", "files", "extent", "way", "largest speed", "noise")]
     for one in sources:
         path = max(one.paths.values(), key=lambda path: path.peak_m_s)
         scale, unit = (1e3, "mm") if one.unit == "m" else (1.0, "rad")

@@ -34,8 +34,8 @@ EXTENT = {"m": (0.05, 0.01), "rad": (0.2, 0.05)}
 """How far the hand gets, or the arm's joints: below a centimetre sway and movement are of one size."""
 
 OVER_NOISE = (50.0, 10.0)
-"""How far the hand gets, over its noise while it rests: at 50 the speed of a move of a second stands ten
-times above what is left of the noise behind the low-pass."""
+"""How far the hand gets, over the sensor's noise: at 50 the speed of a move of a second stands ten times
+above what is left of the noise behind the low-pass."""
 
 RATES_HZ = (50.0, 20.0)
 """Hz, of the poses: people's moves have nothing above 5 Hz, and derivatives want ten samples of that."""
@@ -148,7 +148,7 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
     )
     if hand.moves:
         ratio = hand.extent / noise if noise > 0.0 else float("inf")
-        times = f"{ratio:.3g} times ({scale * noise:.2g} {unit} at rest)" if noise > 0.0 else "there is none"
+        times = f"{ratio:.3g} times ({scale * noise:.2g} {unit})" if noise > 0.0 else "there is none"
         yield Answer("Is the motion well above the noise?", at_least(ratio, OVER_NOISE), times)
     if hand.unit == "m":
         worst = max(paths, key=lambda name: paths[name].norm_error)

@@ -19,8 +19,11 @@ SPEED_HZ = 2.0
 MOST_TICKS = 10**7
 """Of a uniform clock; more of them mean that a stamp lies years away from the others."""
 
-REST_SHARE = 0.05
-"""Of the largest speed, below which the hand counts as resting."""
+TO_DEVIATION = 1.4826
+"""Standard deviation of normal numbers over the median of their sizes."""
+
+THIRD_DIFFERENCES = np.sqrt(20.0)
+"""Their standard deviation over that of white noise; what is as smooth as a hand has none to speak of."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class HandPath:
         position: (T, D) m, without what is above `SPEED_HZ`.
         speed: (T,) m/s of it.
         orientation: (T, 4) w, x, y, z of norm 1; None where there is none.
-        noise_m: m, root mean square per axis of what was taken away while the hand rests.
+        noise_m: m, std per axis of the sensor's noise, by third differences, which hardly show motion.
         norm_error: largest difference of a quaternion's norm from 1.
         fault: what no hand does, e.g. a jump, or values that are no numbers; empty where there is nothing.
     """
@@ -113,9 +116,8 @@ def _path(unit: Literal["m", "rad"], topic: str, stamps: np.ndarray, values: np.
     raw = np.stack([np.interp(ticks, time, column) for column in values.T], axis=1)
     position = signals.low_pass(raw, dt, SPEED_HZ)
     speed = np.linalg.norm(signals.derivative(position, dt), axis=1)
-    resting = speed <= REST_SHARE * speed.max()
-    noise = raw[resting] - position[resting] if resting.any() else raw - position
-    noise_m = float(np.sqrt(np.mean(noise**2)))
+    differences = np.abs(np.diff(raw, 3, axis=0)) if len(raw) > 3 else np.zeros((1, 1))
+    noise_m = TO_DEVIATION * float(np.median(differences)) / THIRD_DIFFERENCES
     start_s = 1e-9 * int(stamps[0])
     return HandPath(unit, dt, start_s, position, speed, None, noise_m, norm_error=0.0, fault="")
 

@@ -31,7 +31,6 @@ from structlearn.testbeds.own.task import local_path
 TOUCH = re.compile(r"tactile|biotac|finger|skin|taxel|touch|press", re.IGNORECASE)
 """What topics of tactile arrays are mostly called; other arrays are commands and the like."""
 
-
 TURN_DEG = 3.0
 """Degrees that a hand turns while its position rests, from which on this may be a primitive: sensors are ten
 times as good."""
@@ -113,7 +112,7 @@ def _topics(
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
     source = hand.source
     topics: dict[str, Any] = {"pose": source if isinstance(source, str) else source.model_dump()}
-    doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(hand, others))}
+    doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(seen.files, hand, others))}
     arms = [arm[0] for file in seen.files if (arm := arm_of(file.topics))]
     if arms:
         arm = max(sorted(set(arms)), key=arms.count)
@@ -138,11 +137,18 @@ def _topics(
     return topics, doubts
 
 
-def _pose_doubts(hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+def _pose_doubts(files: Sequence[FileSeen], hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
     if isinstance(hand.source, JointPose) and hand.source.urdf == UNKNOWN_URDF:
         yield "there is no pose: name the robot's URDF and the link that is led, or inspect with URDF=..."
     if not hand.moves:
         yield "it does not move"
+    missing = [file.name for file in files if file.name not in hand.paths]
+    if missing:
+        yield f"not in {_listed(missing)}, which cannot be read by this entry"
+    if isinstance(hand.source, str):
+        frames = {frame for _, _, clocks in clocks_of(files, [hand.source]) for frame in clocks.frames}
+        if len(frames) > 1:
+            yield f"its messages are of several frames: {', '.join(sorted(frames))}"
     for other in others[:3]:
         scale, unit = (1e3, "mm") if other.unit == "m" else (1.0, "rad")
         yield f"also there: {other.words}, which goes {scale * other.travelled:.3g} {unit}"
@@ -169,14 +175,25 @@ def _kinds(seen: TopicSeen) -> set[str]:
 
 def _joint_doubts(files: Sequence[FileSeen], parts: Sequence[str]) -> Iterator[str]:
     arm = parts[0]
-    sets = {joints.names for file in files if arm in file.topics for joints in file.topics[arm].joints}
+    sets = {names for file in files if arm in file.topics for names in _publishers(file.topics[arm])}
     if len(sets) > 1:
         most = max(sorted(sets), key=len)
         others = "; ".join(", ".join(names) for names in sorted(sets - {most}))
         yield f"several publish on it; taken is {', '.join(most)}, not {others} (`joints` names others)"
+    if any("joint_torques" in _kinds(file.topics[arm]) for file in files if arm in file.topics):
+        yield f"it has efforts: `motion: {{source: ..., topic: {arm}, urdf: ...}}` identifies the arm"
     elsewhere = [topic for topic in _of_types(files, READERS["joint_states"]) if topic not in parts]
     if elsewhere:
         yield f"also there: {', '.join(elsewhere)}"
+
+
+def _publishers(seen: TopicSeen) -> list[tuple[str, ...]]:
+    """Names of the joints of each publisher on a topic."""
+    numbers = dict.fromkeys(joints.publisher for joints in seen.joints)
+    return [
+        tuple(name for joints in seen.joints if joints.publisher == number for name in joints.names)
+        for number in numbers
+    ]
 
 
 def _stamps(files: Sequence[FileSeen], read: Sequence[str]) -> tuple[dict[str, str], list[str]]:
