@@ -180,7 +180,7 @@ class Search:
 def candidates(moved: Motion, search: Search) -> Candidates:
     """Runs at every threshold, and neighbouring runs joined, each cut at its ends.
 
-    Where motion pauses for long, all thresholds lead to the same cuts; a short pause shows at a high one only.
+    Long pauses are cut alike at all thresholds; a short one shows at a high threshold alone.
 
     Returns:
         All candidates; there may be none.
