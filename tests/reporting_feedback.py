@@ -178,7 +178,7 @@ def feedback_results() -> FeedbackResults:
         primitives=PRIMITIVES,
         unrolls=unrolls,
         unroll_cuts=cuts,
-        expected=learn_expected(unrolls, cuts, 10.0),
+        expected=learn_expected(unrolls, cuts, 10.0, ["tactile"]),
         datasets={name: dataset() for name in ADAPTED},
         checks={name: checks() for name in ADAPTED},
         networks={name: network() for name in ADAPTED},

@@ -27,7 +27,8 @@ TOPIC = "/tool"
 def project(tmp_path, monkeypatch) -> Path:
     """An empty project with the real parameters, and a task whose demonstrations come from `bags`."""
     write_parameters(parameter_tree({}), tmp_path)
-    own_tasks(tmp_path, task={"source": "bags", "topics": {"pose": TOPIC}, "segment": {"primitives": 1}})
+    move = {"name": "down", "axis": "z", "threshold_m_s": 0.02}
+    own_tasks(tmp_path, task={"source": "bags", "topics": {"pose": TOPIC}, "segment": {"primitives": [move]}})
     (tmp_path / "bags").mkdir()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["stage", "task"])
@@ -114,7 +115,7 @@ def test_bags_that_cannot_be_recorded(root, project, capsys, write, words):
     ("stamps", "rows", "words"),
     [
         (clock() + 10**9 * (np.arange(400) >= 200), pose_rows(400), ["gap", "row 199"]),
-        (clock(), np.tile(pose_rows(1), (400, 1)), ["one", "runs of motion"]),
+        (clock(), np.tile(pose_rows(1), (400, 1)), ["one: primitive 'down': its speed never exceeds"]),
     ],
 )
 def test_recordings_that_cannot_be_cut(root, project, capsys, stamps, rows, words):

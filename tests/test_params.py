@@ -200,13 +200,17 @@ def test_every_key_is_read_by_a_stage_and_every_key_read_is_there(root, models):
             read_parameters(root / "params.yaml", key, model)
 
 
+MAY_BE_LEFT_OUT = {"PrimitiveParameters", "BoundParameters"}
+"""Of a primitive a name is enough: the rest is found from the data."""
+
+
 def test_no_parameter_has_a_second_value_in_the_code(models):
     every = set().union(*(nested_models(model) for its in models.values() for model in its))
     defaults = [
         f"{model.__name__}.{name}"
         for model in every
         for name, field in model.model_fields.items()
-        if not field.is_required()
+        if not field.is_required() and model.__name__ not in MAY_BE_LEFT_OUT
     ]
     assert len(every) > 70
     assert defaults == []

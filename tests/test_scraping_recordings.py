@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -304,7 +305,7 @@ def test_demonstrations_over_the_board_and_one_step_of_the_alignment_per_demonst
     assert "simulated" in note(over_the_board)
 
     kept = segmentation.cuts[segmentation.cuts["demonstration"] != "3"]
-    left = type(segmentation)(kept, segmentation.pairs, pd.DataFrame(), segmentation.reference)
+    left = replace(segmentation, cuts=kept, left_out=pd.DataFrame())
     write_alignment(path, demonstrations, left, parameters)
     assert contents(path)[0]["/down/guess/curve"] == 1
 

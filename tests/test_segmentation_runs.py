@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import Demonstration, read_demonstrations, synchronise
-from structlearn.segmentation.motion_runs import Candidates, Motion, candidates, pace, runs_of_motion
+from structlearn.segmentation.motion_runs import Candidates, Motion, Search, candidates, pace, runs_of_motion
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation, write_segmentation
-from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, RESTED, assign
+from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.own.task import read_task
 from structlearn.testbeds.own.world.pick_and_place import as_recording, takes, write_takes
@@ -38,20 +38,20 @@ def test_runs_are_where_the_speed_is_above_the_threshold():
 
 def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
     moved = along_a_line(SPEED)
-    found = candidates(moved, runs_of_motion(SPEED, 0.5, 9), 1.0, 1, 0.5)
+    found = candidates(moved, Search((0.5,), 1.0, 1, 9))
     assert list(zip(found.first, found.last, found.rested, strict=True)) == [
-        (2, 4, 0),
-        (8, 9, 0),
-        (8, 11, 1),
-        (11, 11, 0),
-    ]
-    assert found.duration.tolist() == [3, 2, 4, 1]
+        (1, 5, 0),
+        (7, 10, 0),
+        (7, 12, 1),
+        (10, 12, 0),
+    ]  # each cut where it comes to rest
+    assert found.duration.tolist() == [5, 4, 6, 3]
 
 
 def test_a_bounded_primitive_reaches_on_to_its_event():
-    moved, runs = along_a_line(SPEED), runs_of_motion(SPEED, 0.5, 9)
-    found = candidates(moved, runs, 1.0, 0, 0.5, ends=np.array([1, 6, 13]))
-    assert list(zip(found.first, found.last, strict=True)) == [(2, 6), (11, 13)]  # 8-9 is followed by a run
+    search = Search((0.5,), 1.0, 0, 9, ends=np.array([1, 7, 13]))
+    found = candidates(along_a_line(SPEED), search)
+    assert list(zip(found.first, found.last, strict=True)) == [(1, 7), (10, 13)]  # 8-9 is followed by a run
 
 
 def test_rests_do_not_change_the_pace():
@@ -67,7 +67,7 @@ def by_hand(demonstrations: list[list[Candidates]]) -> float:
     def chains(primitives):
         for chain in product(*(range(len(one.first)) for one in primitives)):
             parts = [(one.first[g], one.last[g]) for one, g in zip(primitives, chain, strict=True)]
-            if all(a[1] < b[0] for a, b in pairwise(parts)):
+            if all(a[1] <= b[0] and a[0] < b[0] for a, b in pairwise(parts)):
                 yield chain
 
     def extra(primitives, chain, way):
@@ -98,7 +98,7 @@ def by_hand(demonstrations: list[list[Candidates]]) -> float:
                         + sum(unlike(*pair) for pair in zip(reference, chain, other, its, strict=True))
                         for its in chains(other)
                     ]
-                    total += min([*costs, 2.0 * len(reference)])
+                    total += min([*costs, MISSING * len(reference)])
             totals.append(total)
     return min(totals, default=np.inf)
 
@@ -115,8 +115,7 @@ def test_the_assignment_is_the_cheapest_of_all(moves, primitives, bridge):
             [np.append(np.full(n, n % 3 - 1.5), np.zeros(1 + (n + number) % 4)) for n in own]
         )
         moved = along_a_line(np.append(0.0, speed))
-        runs = runs_of_motion(moved.smooth_speed, 0.1, 9)
-        demonstrations.append([candidates(moved, runs, 1.0, bridge, 0.1)] * primitives)
+        demonstrations.append([candidates(moved, Search((0.1, 1.0), 1.0, bridge, 9))] * primitives)
     found = assign(demonstrations, range(len(demonstrations)), [False] * primitives)
     assert (np.inf if found is None else found.total) == pytest.approx(by_hand(demonstrations))
 
@@ -151,7 +150,9 @@ def test_moves_in_space_are_told_apart_by_their_order(moves):
 def test_a_move_that_is_not_made_is_named_with_the_runs_and_the_thresholds():
     made = takes(2, 3, without={"04": "carry"}, twitch=True)
     names = ["reach", "carry", "retreat"]
-    reason = r"04: has \d runs of motion above [\d.]+ m/s \([\d.]+-[\d.]+, .* s\), and .*; tried [\d., ]+ m/s"
+    reason = (
+        r"04: has \d runs of motion above [\d.]+ m/s \([\d.]+-[\d.]+, .* s\), and .*; tried [\d., ]+ m/s too"
+    )
     with pytest.raises(InputError, match=reason):
         segmentation_of(made, names)
     segmentation = segmentation_of(made, names, skip_failures=True)

@@ -1,7 +1,5 @@
 """Recordings of the servoing testbed, of two short simulated demonstrations."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,7 +14,6 @@ from structlearn.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
     held_on_handle,
-    no_contacts,
     recorded,
     true_contacts,
 )
@@ -113,23 +110,6 @@ def test_shown_touches_are_those_that_were_asked_for(world, shown):
     assert set(swipe.truth["trial"]) == {"translation_1_1"}
     with pytest.raises(InputError, match="there is no 'wipe', only rotation_1_1, translation_1_1"):
         shown_touches(*world, ("wipe",), PREPARED.air_s)
-
-
-def test_of_recordings_with_other_names_the_first_are_shown_without_truth(world, tmp_path):
-    demonstrations, dataset, latent_map, _ = world
-    own = [
-        replace(one, name=f"own_{number}", provenance={"origin": "recorded"})
-        for number, one in enumerate(demonstrations)
-    ]
-    touched = (own, dataset, latent_map, no_contacts())
-    wanted = [shown_touches(*touched, names, PREPARED.air_s) for names in (("rotation_4_1",), ("own_1",))]
-    assert [[one.name for one in shown] for shown in wanted] == [["own_0"], ["own_1"]]
-    with pytest.raises(InputError, match="there is no 'rotation_4_1', only own_0, own_1"):
-        shown_touches(*touched, ("own_1", "rotation_4_1"), PREPARED.air_s)
-    path = tmp_path / "recorded.rrd"
-    write_touch_demonstrations(path, wanted[0], SKIN, 1e-3 * PERSON.handle_radius_mm)
-    assert "/own_0/skin/true" not in contents(path)[1]
-    assert "finger on the handle" in view_names(path)
 
 
 def test_demonstrations_show_finger_electrodes_and_both_contacts(shown, tmp_path):

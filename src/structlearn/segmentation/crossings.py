@@ -6,7 +6,7 @@ reference. Otherwise runs of motion are assigned to the primitives by one choice
 (`run_assignment`), which chooses the reference too.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +14,8 @@ import numpy as np
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
-from structlearn.segmentation.crossing import REST_FRACTION, cut_points, moving_interval
-from structlearn.segmentation.motion_runs import Candidates, Motion
+from structlearn.segmentation.crossing import moving_interval
+from structlearn.segmentation.motion_runs import Candidates, Motion, Search
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.run_assignment import Assignment
 
@@ -100,156 +100,121 @@ def _with_axis(parameters: SegmentParameters) -> list[PrimitiveParameters]:
     return [primitive for primitive in parameters.primitives if primitive.axis != BETWEEN]
 
 
-@dataclass(frozen=True)
-class _Choice:
-    """Thresholds of the primitives, which candidates they leave in each demonstration, what is chosen."""
-
-    thresholds: tuple[float, ...]
-    candidates: list[list[Candidates]]
-    assignment: Assignment | None
-
-    @property
-    def total(self) -> float:
-        return np.inf if self.assignment is None else self.assignment.total
-
-
 def _assigned(
     demonstrations: Sequence[Demonstration], parameters: SegmentParameters, named: int | None
 ) -> tuple[int, list[Crossings | InputError]]:
-    """By assignment of runs, at the thresholds at which the demonstrations are most alike."""
+    """By assignment of runs at several thresholds."""
     primitives = _with_axis(parameters)
     axes = dict.fromkeys(primitive.axis for primitive in primitives)
     seen = [{axis: motion_runs.motion(one, axis, parameters) for axis in axes} for one in demonstrations]
-    events = [_events(demonstration, primitives) for demonstration in demonstrations]
     paces = {axis: motion_runs.pace([motions[axis] for motions in seen]) for axis in axes}
-    tried = dict.fromkeys(
-        tuple(primitive.threshold_m_s or fraction * paces[primitive.axis] for primitive in primitives)
-        for fraction in motion_runs.FRACTIONS
-    )
+    candidates = [
+        _candidates(demonstration, motions, primitives, paces, parameters)
+        for demonstration, motions in zip(demonstrations, seen, strict=True)
+    ]
     places = [parameters.primitives.index(primitive) for primitive in primitives]
     between = [place > 0 and parameters.primitives[place - 1].axis == BETWEEN for place in places]
     references = range(len(demonstrations)) if named is None else [named]
-    lowest = next(iter(tried))
-    choices = []
-    for thresholds in tried:
-        candidates = [
-            _candidates(one.dt, motions, ends, primitives, thresholds, lowest, parameters)
-            for one, motions, ends in zip(demonstrations, seen, events, strict=True)
-        ]
-        assignment = run_assignment.assign(candidates, references, between)
-        choices.append(_Choice(thresholds, candidates, assignment))
-    choice = min(choices, key=lambda one: one.total)
-    rests = [REST_FRACTION * threshold for threshold in lowest]
-    if choice.assignment is None:
-        return references[0], [
-            _missing(one, primitives, choice, index, tried) for index, one in enumerate(demonstrations)
-        ]
+    assignment = run_assignment.assign(candidates, references, between)
     found: list[Crossings | InputError] = []
-    for index, (demonstration, motions) in enumerate(zip(demonstrations, seen, strict=True)):
-        chain = choice.assignment.chosen[index]
-        if chain is None or choice.assignment.costs[index].max() > run_assignment.MISSING:
-            found.append(_missing(demonstration, primitives, choice, index, tried))
+    for index, demonstration in enumerate(demonstrations):
+        chain = None if assignment is None else assignment.chosen[index]
+        unlike = None if chain is None else assignment.costs[index]
+        if unlike is None or unlike.max() > run_assignment.MISSING:
+            found.append(_missing(demonstration, primitives, candidates[index], unlike, paces))
         else:
-            found.append(_placed(primitives, motions, choice, index, rests))
-    return choice.assignment.reference, found
+            found.append(_placed(primitives, candidates[index], assignment, index))
+    return references[0] if assignment is None else assignment.reference, found
 
 
-def _events(
-    demonstration: Demonstration, primitives: Sequence[PrimitiveParameters]
-) -> list[np.ndarray | None]:
-    """Samples at one of which each primitive ends; None for those that end with their motion."""
-    return [
-        None if primitive.until is None else motion_runs.events(demonstration, primitive.until)
-        for primitive in primitives
-    ]
+def _thresholds(primitive: PrimitiveParameters, paces: Mapping[Axis, float]) -> tuple[float, ...]:
+    """At which a primitive's runs are looked for, the lowest first."""
+    if primitive.threshold_m_s is not None:
+        return (primitive.threshold_m_s,)
+    return tuple(fraction * paces[primitive.axis] for fraction in motion_runs.FRACTIONS)
 
 
 def _candidates(
-    dt: float,
+    demonstration: Demonstration,
     motions: Mapping[Axis, Motion],
-    events: Sequence[np.ndarray | None],
     primitives: Sequence[PrimitiveParameters],
-    thresholds: Sequence[float],
-    lowest: Sequence[float],
+    paces: Mapping[Axis, float],
     parameters: SegmentParameters,
 ) -> list[Candidates]:
     """Of one demonstration for each primitive. An event ends a run: the hand may go on without a rest."""
-    most, bridge = len(primitives) + motion_runs.SPARE_RUNS, round(parameters.bridge_s / dt)
+    most, bridge = len(primitives) + motion_runs.SPARE_RUNS, round(parameters.bridge_s / demonstration.dt)
+    events = [
+        None if primitive.until is None else motion_runs.events(demonstration, primitive.until)
+        for primitive in primitives
+    ]
     breaks = sorted({int(sample) for ends in events if ends is not None for sample in ends})
     found: dict[tuple, Candidates] = {}  # primitives that are shown alike have the same ones
     rows = []
-    for primitive, threshold, resting, ends in zip(primitives, thresholds, lowest, events, strict=True):
-        key = (primitive.axis, threshold, primitive.until)
+    for primitive, ends in zip(primitives, events, strict=True):
+        key = (primitive.axis, primitive.threshold_m_s, primitive.until)
         if key not in found:
-            moved = motions[primitive.axis]
-            runs = motion_runs.runs_of_motion(moved.smooth_speed, threshold, most, breaks)
-            found[key] = motion_runs.candidates(moved, runs, dt, bridge, resting, ends)
+            thresholds = _thresholds(primitive, paces)
+            search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends)
+            found[key] = motion_runs.candidates(motions[primitive.axis], search)
         rows.append(found[key])
     return rows
 
 
 def _placed(
     primitives: Sequence[PrimitiveParameters],
-    motions: Mapping[Axis, Motion],
-    choice: _Choice,
+    candidates: Sequence[Candidates],
+    assignment: Assignment,
     index: int,
-    rests: Sequence[float],
 ) -> Crossings:
     """Crossings of the candidates that were chosen in a demonstration."""
     found: dict[str, Crossing] = {}
     event, before = None, 0
-    left_out = choice.assignment.left_out[index].tolist()
-    for place, primitive in enumerate(primitives):
-        one, chosen = choice.candidates[index][place], choice.assignment.chosen[index][place]
-        first, last = max(before, int(one.first[chosen])), int(one.last[chosen])
-        speed = motions[primitive.axis].speed
-        after = one.runs[one.runs[:, 0] > last, 0]
-        limits = before, int(after[0]) if len(after) else len(speed) - 1
-        earlier = one.runs[one.runs[:, 1] < first, 1]
-        start, end = cut_points(speed, (first, last), choice.thresholds[place], rests[place], limits)
-        start_known, end_known = first == event, primitive.until is not None
-        start, end = first if start_known else start, last if end_known else end
+    left_out = assignment.left_out[index].tolist()
+    for place, (primitive, one) in enumerate(zip(primitives, candidates, strict=True)):
+        chosen = assignment.chosen[index][place]
+        start, end = max(before, int(one.first[chosen])), int(one.last[chosen])
+        earlier = one.runs[one.runs[:, 1] < start, 1]
+        later = one.runs[one.runs[:, 0] > end, 0]
         found[primitive.name] = Crossing(
             start,
             end,
             max(before, int(earlier[-1]) if len(earlier) else 0),
-            limits[1],
-            start_known,
-            end_known,
-            float(choice.assignment.costs[index][place]),
-            (left_out[place], left_out[-1] if place == len(primitives) - 1 else 0.0),
-            float(one.rested[chosen]),
+            int(later[0]) if len(later) else len(one.path) - 1,
+            start_known=start == event,
+            end_known=primitive.until is not None,
+            unlike=float(assignment.costs[index][place]),
+            left_out=(left_out[place], left_out[-1] if place == len(primitives) - 1 else 0.0),
+            rested=float(one.rested[chosen]),
         )
-        event, before = last if end_known else None, end
+        event, before = end if primitive.until is not None else None, end
     return found
 
 
 def _missing(
     demonstration: Demonstration,
     primitives: Sequence[PrimitiveParameters],
-    choice: _Choice,
-    index: int,
-    tried: Iterable[tuple[float, ...]],
+    candidates: Sequence[Candidates],
+    unlike: np.ndarray | None,
+    paces: Mapping[Axis, float],
 ) -> InputError:
     """Why a demonstration cannot be cut: which runs it has, and which thresholds were tried."""
-    chosen = None if choice.assignment is None else choice.assignment.chosen[index]
-    place = 0 if chosen is None else int(np.argmax(choice.assignment.costs[index]))
-    primitive, one = primitives[place], choice.candidates[index][place]
-    for bounded, its in zip(primitives, choice.candidates[index], strict=True):
-        if chosen is None and bounded.until is not None and len(its.runs) and len(its.first) == 0:
-            what = f"{bounded.until.signal} never comes to {bounded.until}"
-            return InputError(f"{demonstration.name}: primitive '{bounded.name}': {what} after its motion")
+    for primitive, one in zip(primitives, candidates, strict=True):
+        if primitive.until is not None and len(one.runs) and len(one.first) == 0:
+            what = f"{primitive.until.signal} never comes to {primitive.until} after its motion"
+            return InputError(f"{demonstration.name}: primitive '{primitive.name}': {what}")
+    place = 0 if unlike is None else int(np.argmax(unlike))
+    primitive, one = primitives[place], candidates[place]
+    lowest, *others = [f"{threshold:.3g}" for threshold in _thresholds(primitive, paces)]
     unit = "rad/s" if primitive.axis == "rot" else "m/s"
     dt = demonstration.dt
     runs = ", ".join(f"{dt * first:.2f}-{dt * last:.2f}" for first, last in one.runs)
-    thresholds = ", ".join(f"{values[place]:.3g}" for values in tried)
-    names = ", ".join(primitive.name for primitive in primitives)
     what = (
-        f"they cannot be {names} in this order"
-        if chosen is None
+        f"they cannot be {', '.join(primitive.name for primitive in primitives)} in this order"
+        if unlike is None
         else f"none is like '{primitive.name}' in the other demonstrations"
     )
+    tried = f"; tried {', '.join(others)} {unit} too" if others else ""
     return InputError(
-        f"{demonstration.name}: has {len(one.runs)} runs of motion above {choice.thresholds[place]:.3g} "
-        f"{unit}{f' ({runs} s)' if runs else ''}, and {what}; tried {thresholds} {unit}"
+        f"{demonstration.name}: has {len(one.runs)} runs of motion above {lowest} {unit}"
+        f"{f' ({runs} s)' if runs else ''}, and {what}{tried}"
     )

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from structlearn.segmentation.refinement import Refined
+from structlearn.segmentation.movement_alignment import Refined
 from structlearn.segmentation.result import RESULT
 
 COLUMNS = ["demonstration", "primitive", "reason", "number"]

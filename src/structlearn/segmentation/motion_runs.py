@@ -5,7 +5,7 @@ hesitation within one; which of them it is, nobody can tell from the dip. So run
 are candidates both alone and joined, and `run_assignment` decides.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.crossing import REST_FRACTION, cut_points
 from structlearn.segmentation.parameters import AXES, Axis, BoundParameters, SegmentParameters
 
 FRACTIONS = (0.05, 0.08, 0.13, 0.18, 0.25)
@@ -45,13 +46,13 @@ class Candidates:
     """Stretches of one demonstration that may be one primitive; G of them.
 
     Attributes:
-        first, last: (G,) samples.
+        first, last: (G,) samples, where it is cut.
         rested: (G,) s of dips that are taken for hesitations.
         duration: (G,) s.
         way: (G,) m or rad, along the path.
         path: (T, D) m or rad, heavily smoothed.
         travelled: (T,) way up to a sample, without what a hand drifts at rest.
-        runs: (R, 2) first and last samples of all runs.
+        runs: (R, 2) first and last samples of the runs at the lowest threshold.
         turns: whether it is a turn in rad.
     """
 
@@ -154,56 +155,88 @@ def runs_of_motion(
     return found[np.sort(np.argsort(-way, kind="stable")[:most])]
 
 
-def candidates(
-    moved: Motion,
-    runs: np.ndarray,
-    dt: float,
-    bridge: int,
-    resting: float,
-    ends: np.ndarray | None = None,
-) -> Candidates:
-    """Runs, and neighbouring runs joined.
+@dataclass(frozen=True)
+class Search:
+    """How candidates are looked for.
 
-    Args:
-        moved: the axis.
-        runs: (R, 2) of `runs_of_motion`.
+    Attributes:
+        thresholds: of the speed, the lowest first.
         dt: s.
         bridge: longest dip in samples that may be a hesitation.
-        resting: speed below which a way does not count: the lowest threshold that is tried, whichever the
-            runs are of, so that what a higher one hides is missed all the same.
+        most: runs that are looked at, see `runs_of_motion`.
+        breaks: samples at which runs end, whatever the speed.
         ends: (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before
             the next run, and is none if there is none. None: it ends where its last run does.
+    """
+
+    thresholds: Sequence[float]
+    dt: float
+    bridge: int
+    most: int
+    breaks: Sequence[int] = ()
+    ends: np.ndarray | None = None
+
+
+def candidates(moved: Motion, search: Search) -> Candidates:
+    """Runs at every threshold, and neighbouring runs joined, each cut at its ends.
+
+    Long pauses are cut alike at all thresholds; a short one shows at a high threshold alone.
 
     Returns:
         All candidates; there may be none.
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
-    travelled = np.cumsum(np.where(moved.smooth_speed > resting, step, 0.0))
-    rows = []
-    for i in range(len(runs)):
-        rested = 0
-        for j in range(i, len(runs)):
-            dip = runs[j, 0] - runs[j - 1, 1] - 1 if j > i else 0
-            if dip > bridge:
-                break
-            rested += dip
-            last = runs[j, 1]
+    travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))
+    rested: dict[
+        tuple[int, int], int
+    ] = {}  # by first and last sample, at the threshold at which it rests least
+    for threshold in search.thresholds:
+        runs = runs_of_motion(moved.smooth_speed, threshold, search.most, search.breaks)
+        for i, j, dips in _joined(runs, search.bridge):
+            ends = _ends(moved, runs, i, j, threshold, search)
             if ends is not None:
-                limit = runs[j + 1, 0] if j + 1 < len(runs) else len(step) - 1
-                passed = ends[(ends >= last) & (ends <= limit)]
-                if len(passed) == 0:
-                    continue
-                last = passed[0]
-            rows.append((runs[i, 0], last, rested))
-    first, last, rested = np.array(rows, dtype=int).reshape(-1, 3).T
+                rested[ends] = min(dips, rested.get(ends, dips))
+    first, last = np.array(sorted(rested), dtype=int).reshape(-1, 2).T
     return Candidates(
         first,
         last,
-        dt * rested,
-        dt * (last - first + 1),
-        np.maximum(travelled[last] - travelled[first], dt * moved.smooth_speed[first]),  # of one sample: > 0
+        search.dt * np.array([rested[ends] for ends in sorted(rested)]),
+        search.dt * (last - first + 1),
+        np.maximum(
+            travelled[last] - travelled[first], search.dt * search.thresholds[0]
+        ),  # of one sample: > 0
         moved.path,
         travelled,
-        runs,
+        runs_of_motion(moved.smooth_speed, search.thresholds[0], search.most),
         moved.turns,
     )
+
+
+def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:
+    """First and last run of all neighbours between which are short dips, and how long these are together."""
+    for i in range(len(runs)):
+        dips = 0
+        for j in range(i, len(runs)):
+            dip = int(runs[j, 0] - runs[j - 1, 1]) - 1 if j > i else 0
+            if dip > bridge:
+                break
+            dips += dip
+            yield i, j, dips
+
+
+def _ends(
+    moved: Motion, runs: np.ndarray, i: int, j: int, threshold: float, search: Search
+) -> tuple[int, int] | None:
+    """Where a primitive of some runs is cut; None where it should end with an event and there is none."""
+    limits = (
+        int(runs[i - 1, 1]) if i else 0,
+        int(runs[j + 1, 0]) if j + 1 < len(runs) else len(moved.path) - 1,
+    )
+    run = int(runs[i, 0]), int(runs[j, 1])
+    first, last = cut_points(moved.speed, run, threshold, REST_FRACTION * search.thresholds[0], limits)
+    first = run[0] if run[0] in search.breaks else first
+    last = run[1] + 1 if run[1] + 1 in search.breaks else last
+    if search.ends is None:
+        return first, last
+    passed = search.ends[(search.ends >= run[1]) & (search.ends <= limits[1])]
+    return (first, int(passed[0])) if len(passed) else None

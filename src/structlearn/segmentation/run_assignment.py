@@ -29,9 +29,9 @@ HASTE = 0.5
 RESTED = 1.0
 """Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
 
-MISSING = 2.0
-"""Cost of a candidate that is not the pattern's primitive, whatever else it is, e.g. one of opposite
-direction."""
+MISSING = 3.0
+"""Cost of a candidate that is not the pattern's primitive, whatever else it is: a twitch in place of a move,
+or one of opposite direction and of another length."""
 
 OVERLAP = 0.3
 """Part of the shorter of two neighbours that are shown by different axes in which both may move: who turns

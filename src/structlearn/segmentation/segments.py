@@ -19,8 +19,8 @@ from structlearn.segmentation.crossings import Crossings, find_crossings
 from structlearn.segmentation.doubts import COLUMNS as DOUBT_COLUMNS
 from structlearn.segmentation.doubts import doubts
 from structlearn.segmentation.motion_runs import path
+from structlearn.segmentation.movement_alignment import Movement, Refined, refine
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
-from structlearn.segmentation.refinement import Movement, Refined, refine
 from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 
 
