@@ -68,7 +68,11 @@ def test_an_output_that_is_gone_is_named(project):
         (project / "kept").rename(project / "note.txt")
 
 
-@pytest.mark.parametrize("lock", ["stages: [", "stages:\n  write: {outs: [{md5: 1}]}", "note: text", "\x00"])
+LOCKS = ["stages: [", "stages:\n  write: {outs: [{md5: 1}]}", "note: text", "\x00"]
+LOCKS += [f"stages:\n  write: {{outs: [{{path: {path}, md5: a}}]}}" for path in ("3", "null")]
+
+
+@pytest.mark.parametrize("lock", LOCKS)
 def test_a_damaged_lock_is_named(tmp_path, lock):
     (tmp_path / "dvc.lock").write_text(lock)
     code, words = verified(tmp_path)

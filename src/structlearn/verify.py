@@ -65,19 +65,21 @@ def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
             same = digest(path) == written
         except FileNotFoundError:
             yield f"{path}: is not there; stage '{name}' writes it"
-        except OSError as error:
-            yield f"{path}: cannot be read: {error.strerror}"
+        except (OSError, ValueError) as error:  # of values: a path with a zero in it
+            yield f"{path}: cannot be read: {error}"
         else:
             yield None if same else f"{path}: not as stage '{name}' left it"
 
 
-def _outputs(lock: Path) -> list[tuple[str, str, str]]:
+def _outputs(lock: Path) -> list[tuple[str, Path, str]]:
     """Stage, path and digest of every output."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         stages = yaml.load(lock.read_text(encoding="utf-8"), loader)["stages"]
         return [
-            (name, out["path"], out["md5"]) for name, stage in stages.items() for out in stage.get("outs", ())
+            (name, Path(out["path"]), out["md5"])
+            for name, stage in stages.items()
+            for out in stage.get("outs", ())
         ]
     except Exception as error:  # of YAML, or of what is not where it should be
         raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
