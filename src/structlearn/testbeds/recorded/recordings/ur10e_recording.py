@@ -64,7 +64,7 @@ def write_carried(
 
 
 def _blueprint(reach: float) -> rrb.Blueprint:
-    around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # also when it stands upright
+    around = reach * np.array([[0.4, 0, 0], [-0.4, 0, 0], [0, 0.4, 0], [0, 0, 1.0]])  # upright too
     view = arm_view("UR10e with its load", [arm_contents(ARM), f"/{BODY}"], around)
     right = rrb.Vertical(*followed_plots(), notes_view(), row_shares=[3, 3, 3, 4])
     return layout(rrb.Horizontal(view, right, column_shares=[3, 3]), at_end=True)
