@@ -15,7 +15,7 @@ from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
 from structlearn.avoidance.scene_learning import displaced_states, samples_of_scene, scene_states
 from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
 from structlearn.recordings import synchronise, write_recordings
@@ -72,7 +72,7 @@ def made_up_reaches():
 @lru_cache
 def made_up_results():
     reaches, left_out = made_up_reaches()
-    folds = boxes_people.folds_of_people(boxes_people.judged_people(reaches, PARAMETERS), PARAMETERS.folds)
+    folds = boxes_people.folds_of_people(reaches, PARAMETERS)
     return scene_folds.judge_folds(reaches, left_out, folds, PARAMETERS)
 
 
@@ -105,6 +105,13 @@ def test_jumps_and_long_reaches_are_left_out_with_their_reason():
     assert left_out["reason"][1].startswith("tracking jumps, 31")
 
 
+def test_times_that_are_not_of_the_recording_make_no_reach():
+    trial = made_up_trial("p1", 0)
+    late = replace(trial, provenance=trial.provenance | {"moved_s": "100", "reached_s": "101"})
+    reaches, left_out = reaches_past_boxes([late], PARAMETERS.reaches)
+    assert (reaches, left_out["reason"].tolist()) == ([], ["does not move before it ends"])
+
+
 def test_a_recording_that_begins_late_begins_with_its_slowest_sample():
     trial = made_up_trial("p1", 0)
     first = int((REST_S + 0.15 * MOVE_S) * RATE_HZ)
@@ -132,9 +139,17 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
     assert results.reaches.groupby("person")["fold"].nunique().eq(1).all()
     assert results.reaches.groupby("way").size().eq(6).all()
     assert set(results.reaches["way"]) == set(scene_folds.WAYS)
+
+
+def test_few_people_are_left_out_one_at_a_time():
     reaches, _ = made_up_reaches()
-    with pytest.raises(InputError, match="2 people on whom nothing was chosen are too few for 3 folds"):
-        boxes_people.judged_people(reaches, PARAMETERS.model_copy(update={"folds": 3}))
+    more = PARAMETERS.model_copy(update={"folds": 3})
+    assert boxes_people.folds_of_people(reaches, more) == [["p1"], ["p2"]]
+    assert boxes_people.folds_of_people(reaches[:6], more) == [["p1"]]  # p0 is learned from
+    assert boxes_people.folds_of_people(reaches[3:], more) == [["p1"], ["p2"]]
+    for few in (reaches[:3], reaches[3:6]):
+        with pytest.raises(MissingInputError, match=r"reaches of 1 people, \d of them on whom nothing"):
+            boxes_people.folds_of_people(few, more)
 
 
 def test_scores_tell_blocked_from_free_and_the_sides():

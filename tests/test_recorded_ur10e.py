@@ -13,7 +13,8 @@ from recordings_bags import recorded_data
 from reporting_verdicts import AnyFigure, verdicts
 from viewer_files import contents, note
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.recordings.drive_log import DriveLog
 from structlearn.recordings.ur10e import URDF, read_logs
 from structlearn.reporting.document import render, words_in_view
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, write_identified
@@ -29,6 +30,7 @@ from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES, ur10e
 from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.protocol import ur10e_identification as protocol
+from structlearn.testbeds.recorded.protocol import ur10e_logs
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
 
@@ -198,8 +200,46 @@ def test_the_page_is_whole_and_short():
     assert text == render(page(results), dict.fromkeys(drawn, ()))
 
 
-def test_logs_that_are_missing_are_named():
-    assert protocol.missing_logs([PARAMETERS.train], PARAMETERS) == [PARAMETERS.rest, PARAMETERS.test]
+def logs_of(**lengths_s: float) -> dict[str, DriveLog]:
+    """Logs that rest or move at 10 Hz, by name."""
+    made = {}
+    for name, length in lengths_s.items():
+        time = np.arange(0.0, length, 0.1)
+        speed = np.zeros((len(time), 1)) if name.startswith("still") else np.cos(time)[:, None]
+        zero = np.zeros_like(speed)
+        made[name] = DriveLog(name, ("one",), (1e9 * time).astype(np.int64), zero, speed, zero, zero, zero)
+    return made
+
+
+def test_other_logs_take_the_place_of_those_that_are_missing():
+    logs = logs_of(
+        still=3.0, short=5.0, long=9.0, longLoad=8.0, a_unload=6.0, a_load=6.0, b_load_2600=7.0, xLoad=4.0
+    )
+    found = ur10e_logs.logs_that_are_there(logs, PARAMETERS)
+    assert (found.rest, found.train, found.test) == ("still", "long", "a_unload")
+    assert found.load_pairs == (("long", "longLoad"), ("a_unload", "a_load"), ("long", "xLoad"))
+    one = logs_of(long=9.0, short=5.0)
+    assert ur10e_logs.logs_that_are_there(one, PARAMETERS).rest is None
+    with pytest.raises(MissingInputError, match="of 2 logs 1 are motions of all joints without a load"):
+        ur10e_logs.logs_that_are_there(logs_of(still=3.0, long=9.0), PARAMETERS)
+
+
+def test_logs_that_are_there_are_what_the_parameters_say():
+    names = dict.fromkeys((PARAMETERS.train, PARAMETERS.test, *sum(PARAMETERS.load_pairs, ())), 5.0)
+    logs = logs_of(**names, still=3.0, longer=9.0)
+    logs[PARAMETERS.rest] = logs["still"]
+    assert ur10e_logs.logs_that_are_there(logs, PARAMETERS) == PARAMETERS
+
+
+def test_the_page_of_logs_without_a_rest():
+    tables = dict(made_up().tables)
+    for name in ("drives", "drive_draws"):
+        tables[name] = tables[name][tables[name]["quantity"] != protocol.AT_REST]
+    tables["gains"] = tables["gains"].assign(assumed=False)
+    results = Ur10eResults(tables, PARAMETERS)
+    judged = {one.claim.evidence: one.verdict for one in page(results).judged}
+    assert judged["assumed_gains"] == "not tested"
+    assert "There is no log at rest" in render(page(results), AnyFigure())
 
 
 def test_without_the_load_the_rest_is_shown():

@@ -57,6 +57,16 @@ def test_a_trial_has_hand_boxes_walls_and_target(folder):
     assert len(known["sha256"].split()) == 3
 
 
+def test_a_trial_may_lie_in_folders_as_it_was_published(folder):
+    (whole,) = read_reaches_past_boxes(folder)
+    files = folder / "sub_01" / "T007"
+    for name, kind in (("HandTracker_movement", "movement"), ("grid_objects_layout", "scene")):
+        (files / kind).mkdir()
+        (files / f"{name}_T007.csv").rename(files / kind / f"{name}_T007.csv")
+    (found,) = read_reaches_past_boxes(folder)
+    assert found.provenance["sha256"] == whole.provenance["sha256"]
+
+
 def test_rotations_are_those_of_reflected_matrices():
     """Unity turns about z, x, y; in the base frame that matrix stands between two exchanges of axes."""
     rng = np.random.default_rng(0)

@@ -3,7 +3,6 @@
 from dataclasses import fields
 
 from structlearn.ground.artefacts import filled, publish, write_table
-from structlearn.ground.errors import MissingInputError
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings.drive_log import read_drive_log
 from structlearn.recordings.ur10e import URDF
@@ -11,7 +10,7 @@ from structlearn.rigid_body.arm_identification import write_identified
 from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
-from structlearn.testbeds.recorded.protocol.ur10e_identification import identify_ur10e, missing_logs
+from structlearn.testbeds.recorded.protocol.ur10e_identification import identify_ur10e
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 
@@ -20,8 +19,6 @@ def main() -> None:
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
     raw = filled("data/raw/recorded/ur10e")
     logs = {path.stem: read_drive_log(path) for path in sorted(raw.glob("*.mcap"))}
-    if missing := missing_logs(list(logs), parameters):
-        raise MissingInputError(f"{raw}: nothing is identified without the logs {', '.join(missing)}")
     robot = read_urdf(raw / URDF)
     identified, results = identify_ur10e(robot, logs, parameters, learning)
     with publish("data/recorded/ur10e") as folder:

@@ -27,7 +27,7 @@ from structlearn.avoidance.scene_unroll import (
     local_clouds,
     unroll_through,
 )
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.ground.minimum_jerk import progress
 from structlearn.ground.parallel import parallel_map
 from structlearn.primitives.position import fit_position
@@ -83,7 +83,7 @@ def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> V
     """The primitive of reaches that hardly leave the straight line; its forcing grows with their length.
 
     Raises:
-        InputError: there is none.
+        MissingInputError: there is none.
     """
     straight = [
         reach.path
@@ -91,7 +91,7 @@ def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> V
         if np.linalg.norm(reach.path.position[:, 1:], axis=1).max() <= straight_share * reach.goal[0]
     ]
     if not straight:
-        raise InputError(f"no reach keeps within {straight_share:g} of its length of a straight line")
+        raise MissingInputError(f"no reach keeps within {straight_share:g} of its length of a straight line")
     return fit_position(straight, scaled=(True, False, False)).local
 
 

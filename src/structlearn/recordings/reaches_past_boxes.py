@@ -41,7 +41,8 @@ def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
     stamp) stands in the provenance, with person, trial and type.
 
     Args:
-        folder: the data set's folder, or any part of it: trials whose folder is missing are passed over.
+        folder: the data set's folder, or any part of it: trials whose folder is missing are passed over. A
+            trial's files lie in its folder, or in folders there, as they were published.
 
     Returns:
         Recordings named PERSON_TRIAL, e.g. "sub_01_T012", in the order of the table of trials.
@@ -94,10 +95,8 @@ def unity_rotation(degrees: np.ndarray) -> np.ndarray:
 
 def _trial(folder: Path, trial: Path, row: dict[str, str], times: np.ndarray) -> Recording:
     """Times: (2,) s when the hand had moved, and when the target was reached, on the clock of the stamps."""
-    hand, boxes, scene = (
-        trial / f"{name}_{trial.name}.csv"
-        for name in ("HandTracker_movement", "grid_objects_layout", "scene_layout")
-    )
+    names = ("HandTracker_movement", "grid_objects_layout", "scene_layout")
+    hand, boxes, scene = (_within(trial, f"{name}_{trial.name}.csv") for name in names)
     stamps, values = read_stamped_table(hand, HAND_COLUMNS, separator=",", header_lines=1)
     check_rising(hand, stamps)
     pose = np.hstack([unity_to_base(values[:, :3]), unity_rotation(values[:, 3:])])
@@ -114,6 +113,11 @@ def _trial(folder: Path, trial: Path, row: dict[str, str], times: np.ndarray) ->
     shapes = (*_layout(boxes), *_walls(scene))
     streams = (Stream("/pose", "pose", stamps, pose),)
     return Recording(f"{row['participant']}_{trial.name}", streams, provenance=provenance, shapes=shapes)
+
+
+def _within(trial: Path, name: str) -> Path:
+    """A file of a trial: `movement/NAME`, `scene/NAME`, or NAME, which need not exist."""
+    return next(iter(sorted(trial.rglob(name))), trial / name)
 
 
 def _layout(path: Path) -> list[NamedShape]:

@@ -7,6 +7,7 @@ Detection", Frontiers in Robotics and AI 2020). Times are those of the controlle
 from pathlib import Path
 
 from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.recordings.bag_files import check_unique
 from structlearn.recordings.drive_log import DriveLog
 from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
 
@@ -35,33 +36,35 @@ def read_logs(folder: str | Path) -> list[DriveLog]:
     """All logs of a folder, whatever their number.
 
     Args:
-        folder: holds `ur-*.csv` without header: time in s, then the columns of `SIGNALS`.
+        folder: holds `ur-*.csv`, or folders of them; no header; time in s, then the columns of `SIGNALS`.
 
     Returns:
         Logs by name, the file's stem without its `ur-`.
 
     Raises:
         MissingInputError: there is no log.
-        InputError: one is no table of 31 numbers per line, or its times do not increase; the message names
-            file and line.
+        InputError: a name comes twice; one is no table of 31 numbers per line, or its times do not
+            increase; the message names file and line.
     """
     folder = Path(folder)
-    paths = sorted(folder.glob("ur-*.csv"))
+    paths = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.name)
     if not paths:
         raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
+    check_unique([path.name for path in paths], str(folder))
     return [_read_log(folder, path) for path in paths]
 
 
 def urdf_path(folder: str | Path) -> Path:
-    """The arm's URDF beside its logs.
+    """The arm's URDF beside its logs, or in a folder there.
 
     Raises:
         InputError: there is none.
     """
     path = Path(folder) / URDF
-    if not path.is_file():
+    found = path if path.is_file() else next(iter(sorted(Path(folder).rglob(URDF))), None)
+    if found is None:
         raise InputError(f"{path}: is not there; logs alone do not say what moves")
-    return path
+    return found
 
 
 def _read_log(folder: Path, path: Path) -> DriveLog:

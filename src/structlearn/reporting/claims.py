@@ -73,7 +73,9 @@ def geometric_mean(samples: np.ndarray, comparisons: int = 1) -> Evidence:
 
 
 def share(count: int, n: int, comparisons: int = 1) -> Evidence:
-    """A rate over independent trials, with Wilson's interval."""
+    """A rate over independent trials, with Wilson's interval; unknown without any."""
+    if n == 0:
+        return UNKNOWN
     low, high = wilson_interval(count, n, confidence(comparisons))
     value = count / n
     return Evidence(value, min(float(low), value), max(float(high), value), n, int(count))
@@ -95,6 +97,8 @@ def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1
         Evidence whose n and count are of trials.
     """
     pooled = share(int(np.sum(counts)), int(np.sum(trials)), comparisons)
+    if pooled.n == 0:
+        return UNKNOWN
     people = mean(np.divide(counts, trials), comparisons)
     low, high = (np.fmin(pooled.low, people.low), np.fmax(pooled.high, people.high))
     return Evidence(pooled.value, max(float(low), 0.0), min(float(high), 1.0), pooled.n, pooled.count)

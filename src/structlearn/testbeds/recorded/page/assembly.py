@@ -102,9 +102,10 @@ def recorded_report(results: RecordedResults, reports: Path = Path("reports")) -
         reports: folder in which simulated testbeds left theirs; those that are missing have no verdicts.
     """
     there = [part for part in PARTS if part.there(results)]
-    metrics = {name: value for part in there for name, value in part.metrics(results).items() if known(value)}
+    found = {name: value for part in there for name, value in part.metrics(results).items()}
+    metrics = {name: value for name, value in found.items() if known(value)}
     tables = {name: table for part in there for name, table in part.tables(results).items()}
-    facts = {"published": published()} | metrics
+    facts = {"published": published()} | found
     for part in there:
         facts |= part.facts(results)
     simulated = simulated_claims(reports)

@@ -10,7 +10,7 @@ class BoxesParameters(SceneLearningParameters):
 
     Attributes:
         tuned_on: people on whom all else was chosen, each left out in turn; they are learned from and never
-            judged on. All others are judged on.
+            judged on. All others are judged on; where they are fewer than `folds`, one at a time.
     """
 
     tuned_on: tuple[str, ...] = Field(min_length=1)

@@ -13,23 +13,21 @@ from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParamet
 from structlearn.testbeds.recorded.protocol.boxes_reaches import reaches_past_boxes
 
 
-def folds_of_people(people: Sequence[str], count: int) -> list[list[str]]:
-    """People dealt out in turn, in their order."""
-    return [list(people[number::count]) for number in range(count)]
-
-
-def judged_people(reaches: Sequence[SceneReach], parameters: BoxesParameters) -> list[str]:
-    """People on whom nothing was chosen, in alphabetical order.
+def folds_of_people(reaches: Sequence[SceneReach], parameters: BoxesParameters) -> list[list[str]]:
+    """People on whom nothing was chosen, in alphabetical order, dealt out in turn; fewer are fewer folds.
 
     Raises:
-        MissingInputError: there are fewer than folds.
+        MissingInputError: there is nobody, or nobody else to learn from.
     """
-    people = sorted({reach.person for reach in reaches} - set(parameters.tuned_on))
-    if len(people) < parameters.folds:
+    people = sorted({reach.person for reach in reaches})
+    judged = [person for person in people if person not in parameters.tuned_on]
+    if not judged or len(people) < 2:
         raise MissingInputError(
-            f"{len(people)} people on whom nothing was chosen are too few for {parameters.folds} folds"
+            f"reaches of {len(people)} people, {len(judged)} of them on whom nothing was chosen: one is "
+            "needed to be judged, and another person to learn from"
         )
-    return people
+    count = min(parameters.folds, len(judged))
+    return [judged[number::count] for number in range(count)]
 
 
 def learn_past_boxes(trials: Sequence[Demonstration], parameters: BoxesParameters) -> SceneResults:
@@ -37,8 +35,7 @@ def learn_past_boxes(trials: Sequence[Demonstration], parameters: BoxesParameter
 
     Raises:
         InputError: as `reaches_past_boxes`.
-        MissingInputError: people are too few.
+        MissingInputError: people are too few, or none of their reaches is nearly straight.
     """
     reaches, left_out = reaches_past_boxes(trials, parameters.reaches)
-    folds = folds_of_people(judged_people(reaches, parameters), parameters.folds)
-    return judge_folds(reaches, left_out, folds, parameters)
+    return judge_folds(reaches, left_out, folds_of_people(reaches, parameters), parameters)

@@ -59,6 +59,8 @@ def _reach(trial: Demonstration, parameters: SceneReachParameters) -> SceneReach
     smooth = differentiated(trial.position, trial.dt, parameters.smoothing_hz)
     begins, ends = (int(np.searchsorted(trial.time, at - 1e-6)) for at in (moved, reached))
     ends = min(ends, len(trial.time) - 1)
+    if begins >= ends:
+        return "does not move before it ends"
     speed = np.linalg.norm(smooth.velocity, axis=1)
     before = speed[: begins + 1]
     slow = np.flatnonzero(before < parameters.onset_share * speed[begins : ends + 1].max())

@@ -34,6 +34,7 @@ from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.rigid_body.torque_blocks import block_table
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.testbeds.recorded.protocol.network_choice import choose_networks
+from structlearn.testbeds.recorded.protocol.ur10e_logs import CARRIES, logs_that_are_there, moving_logs
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"
@@ -96,11 +97,6 @@ class Ur10eResults:
     bodies: pd.DataFrame
 
 
-def missing_logs(names: Sequence[str], parameters: RecordedUr10eParameters) -> list[str]:
-    """Logs that nothing can be learned or asked without."""
-    return [name for name in (parameters.rest, parameters.train, parameters.test) if name not in names]
-
-
 def identify_ur10e(
     robot: Robot,
     logs: Mapping[str, DriveLog],
@@ -114,21 +110,21 @@ def identify_ur10e(
 
     Args:
         robot: with the maker's inertias.
-        logs: by name, without `missing_logs`.
-        parameters: see there.
+        logs: by name.
+        parameters: see there; other logs may take the place of those it names (`logs_that_are_there`).
         learning: of the networks, where `parameters` chooses nothing.
 
     Raises:
         InputError: a joint has no gain; a log cannot be put on one clock, or its torques do not vary.
+        MissingInputError: there are not enough logs.
     """
+    parameters = logs_that_are_there(logs, parameters)
     drives, drive_draws, delay_curves = _drives(robot.tree, logs, parameters)
     gains = found_gains(drives, parameters)
     late = _of(drives, DELAY, parameters.train)
     found, quoted = gains["found"].to_numpy(), gains["quoted"].to_numpy()
-    pairs = [pair for pair in parameters.load_pairs if set(pair) <= set(logs)]
-    loaded = {pair[1] for pair in parameters.load_pairs}
-    moving = {name: log for name, log in logs.items() if np.abs(log.velocities).max() > parameters.rest_rad_s}
-    asked = [name for name in moving if name not in {parameters.train, *loaded}]
+    pairs, moving = parameters.load_pairs, moving_logs(logs, parameters)
+    asked = [name for name in moving if name != parameters.train and not CARRIES.search(name)]
     asked.sort(key=lambda name: name != parameters.test)
 
     cuts = {name: _motion(log, found, late, parameters) for name, log in moving.items()}
@@ -164,12 +160,12 @@ def _drives(
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Values, draws and curves; in motion also of the test, to see whether they come back."""
     draws, seed = parameters.intervals.draws, parameters.intervals.seed
-    rest = logs[parameters.rest]
     bootstrap = parameters.block, draws, seed
-    found = {
-        (AT_REST, rest.name): resting_gains(rest.desired_currents, rest.target_torques, *bootstrap),
-    }
-    curves, counts = [], {rest.name: block_count(len(rest.stamps), parameters.block)}
+    found, curves, counts = {}, [], {}
+    if parameters.rest is not None:
+        rest = logs[parameters.rest]
+        found[AT_REST, rest.name] = resting_gains(rest.desired_currents, rest.target_torques, *bootstrap)
+        counts[rest.name] = block_count(len(rest.stamps), parameters.block)
     first, last = parameters.delays_s
     delays = first + parameters.delay_step_s * np.arange(round((last - first) / parameters.delay_step_s) + 1)
     tried = np.repeat(delays[:, None], len(tree.names), axis=1)
@@ -222,8 +218,14 @@ def _of(drives: pd.DataFrame, quantity: str, log: str) -> np.ndarray:
 
 
 def found_gains(drives: pd.DataFrame, parameters: RecordedUr10eParameters) -> pd.DataFrame:
-    """Gain of every joint: that at rest, or that of the joint which stands in, and the quoted one."""
-    measured = _of(drives, AT_REST, parameters.rest)
+    """Gain of every joint: that at rest, or that of the joint which stands in, and the quoted one.
+
+    Where the arm never rests it is the gain in the training log's motion.
+    """
+    if parameters.rest is None:
+        measured = _of(drives, IN_MOTION, parameters.train)
+    else:
+        measured = _of(drives, AT_REST, parameters.rest)
     found, assumed = measured.copy(), np.isnan(measured)
     for joint, other in parameters.assumed_gains.items():
         if assumed[joint - 1]:

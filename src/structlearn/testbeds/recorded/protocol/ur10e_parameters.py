@@ -68,10 +68,11 @@ class RecordedUr10eParameters(Parameters):
     """Parameters of the recorded UR10e.
 
     Attributes:
-        rest: log in which the arm stands still; gains come from it.
+        rest: log in which the arm stands still; gains come from it. None: from the motion learned from.
         train: log that models learn from, without load.
         test: the log that they are asked about; all others without load are asked about too.
-        load_pairs: logs of the same motion without and with the load.
+        load_pairs: logs of the same motion without and with the load. Where logs are missing, others take
+            their place: see `ur10e_logs.logs_that_are_there`.
         load_kg: what the load weighs.
         assumed_gains: number of a joint that shows no gain at rest, and of the one whose gain stands in.
         quoted_gains: N m/A, published beside the logs.
@@ -88,7 +89,7 @@ class RecordedUr10eParameters(Parameters):
         body_draws: fits for the intervals of inertias.
     """
 
-    rest: Log
+    rest: Log | None
     train: Log
     test: Log
     load_pairs: tuple[tuple[Log, Log], ...]

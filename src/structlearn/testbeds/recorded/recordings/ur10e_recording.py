@@ -78,8 +78,8 @@ def _notes(parameters: RecordedUr10eParameters) -> str:
         "error of the empty arm's model": EMPTY,
     }
     return (
-        "### A recorded UR10e with a load at its flange\n\nThe arm was identified on the same motion without "
-        "the load, by motor currents; sticks join its joints. What is older than "
+        "### A recorded UR10e with a load at its flange\n\nThe arm was identified on a motion without the "
+        "load, by motor currents; sticks join its joints. What is older than "
         f"{parameters.carried.memory_s:g} s counts half.\n\n{legend(colours)}\n\n"
         "Its first moment: x red, y green, z blue.\n"
     )

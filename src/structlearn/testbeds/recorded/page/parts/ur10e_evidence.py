@@ -61,6 +61,7 @@ def _models(results: Ur10eResults) -> dict[str, Found]:
         f"{log}: {joint}": found
         for log in results.further
         for joint, found in zip(joints, results.joint_error(log), strict=True)
+        if found.n >= FEWEST_BLOCKS
     }
     return {
         "better_joints": counted(int(better.sum()), len(better)),

@@ -107,9 +107,13 @@ def gain_panel(results: Ur10eResults) -> Figure:
     gains, train = results["gains"], results.parameters.train
     known = gains[~gains["assumed"]]
     axes.plot(gains["joint"] + 0.2, gains["quoted"], "x", color=VERMILION, label="quoted")
-    axes.plot(known["joint"] - 0.2, known["found"], "o", color=BLUE, label="at rest")
+    if results.parameters.rest is not None:
+        axes.plot(known["joint"] - 0.2, known["found"], "o", color=BLUE, label="at rest")
     assumed = gains[gains["assumed"]]
-    axes.plot(assumed["joint"] - 0.2, assumed["found"], "o", color=BLUE, fillstyle="none", label="assumed")
+    if len(assumed):
+        axes.plot(
+            assumed["joint"] - 0.2, assumed["found"], "o", color=BLUE, fillstyle="none", label="assumed"
+        )
     moving = [results.drive("gain in motion", train, joint) for joint in gains["joint"]]
     values = np.array([one.value for one in moving])
     low, high = np.array([percentiles(one.draws) for one in moving]).T

@@ -82,9 +82,13 @@ def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
         "load": load,
         "carried": carried,
         "first": first,
+        "settled": first is not None and bool(np.isfinite(carried[first].value)),
         "largest_empty_kg": empty["mass_kg"].abs().max(),
         "quoted_percent": results.load("all pairs", "quoted").value if first else np.nan,
         "gain_factors": gains["quoted"] / gains["found"],
+        "stand_in": {
+            joint: own.assumed_gains[joint] for joint in gains.loc[gains["assumed"], "joint"].tolist()
+        },
         "further_worst": {log: results.errors[log].loc[BEST] for log in results.further},
         "further_bounds": {log: results.errors[log].loc[BOUNDS] for log in results.further},
         "choice": {
@@ -133,9 +137,10 @@ def _joints(results: Ur10eResults, gains: pd.DataFrame) -> Table:
     rows = []
     for row in gains.itertuples():
         its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
-        its["at rest"] = (
-            "assumed" if row.assumed else _text(results, "gain at rest", parameters.rest, row.joint)
-        )
+        if parameters.rest is not None:
+            its["at rest"] = (
+                "assumed" if row.assumed else _text(results, "gain at rest", parameters.rest, row.joint)
+            )
         its["used"] = rounded(row.found, ".3f")
         for log, words in ((parameters.train, "learned from"), (parameters.test, "asked about")):
             its[f"in motion, {words}"] = _text(results, "gain in motion", log, row.joint)

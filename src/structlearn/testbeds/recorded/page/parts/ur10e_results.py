@@ -48,14 +48,26 @@ class Ur10eResults:
 
     Attributes:
         tables: of the stage, by their names in `files.SETS`.
-        parameters: that it was made with.
+        chosen: parameters that it was made with.
     """
 
     tables: Mapping[str, pd.DataFrame]
-    parameters: RecordedUr10eParameters
+    chosen: RecordedUr10eParameters
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]
+
+    @cached_property
+    def parameters(self) -> RecordedUr10eParameters:
+        """Those chosen, with the logs that were there in place of missing ones."""
+        drives, asked = self["drives"], self["errors"]["part"]
+        rest = drives.loc[drives["quantity"] == "gain at rest", "log"].tolist()
+        update = {
+            "rest": rest[0] if rest else None,
+            "train": chosen(drives, quantity="delay")["log"].iloc[0],
+            "test": asked[asked != "train"].iloc[0],
+        }
+        return self.chosen.model_copy(update=update)
 
     @property
     def joints(self) -> list[int]:
