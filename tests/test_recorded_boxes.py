@@ -209,10 +209,12 @@ def test_without_feedback_it_is_the_primitive_and_with_its_target_the_demonstrat
     assert np.abs(pushed.position - alone.position).max() > 0.05
 
 
-def test_no_straight_reach_is_an_error():
+def test_where_no_reach_is_straight_the_straightest_is_the_baseline():
     reaches, _ = made_up_reaches()
-    with pytest.raises(InputError, match=r"no reach keeps within 0\.001 of its length of a straight line"):
-        scene_models.straight_baseline(reaches[:1], 0.001)
+    bent = [reach for reach in reaches if reach.name.endswith("_0")]
+    alone = scene_models.straight_baseline(bent[:1], PARAMETERS.straight_share)  # its bow is the smallest
+    both = scene_models.straight_baseline(bent, PARAMETERS.straight_share)
+    assert np.array_equal(alone.unroll(0.01, duration=1.0).position, both.unroll(0.01, duration=1.0).position)
 
 
 def test_states_elsewhere_lead_back():

@@ -12,7 +12,7 @@ from reporting_verdicts import AnyFigure, cases, verdicts
 from viewer_files import contents, note
 
 from structlearn.ground.artefacts import read_table, write_table
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
 from structlearn.recordings.eflesh import PRESSES, STROKES, ProbeRun, read_runs
 from structlearn.reporting.document import render, words_in_view
@@ -198,12 +198,25 @@ def test_lags_and_forces_are_found(learned):
     assert set(tables["force"]["press"]) == set(range(8))
 
 
-def test_a_scale_that_reads_nothing_is_an_error():
-    quiet = toy_strokes("c", gain=0.1)
-    with pytest.raises(InputError, match="c: the scale never reads more than 5 N"):
-        skin_force.force_errors([quiet], SMALL)
-    with pytest.raises(InputError, match="c: 3 presses are too few"):
-        skin_force.force_errors([toy_strokes("c", presses=3)], SMALL)
+def test_a_scale_that_says_too_little_is_left_aside(capsys):
+    mute = replace(toy_strokes("mute"), force=np.full(len(toy_strokes("mute").time), np.nan))
+    quiet, few, sound = toy_strokes("c", gain=0.1), toy_strokes("few", presses=3), toy_strokes("d", presses=4)
+    errors, lags, traces = skin_force.force_errors([mute, quiet, few, sound], SMALL)
+    assert set(errors["learned_from"]) == set(lags["run"]) == {"d"}
+    assert traces.empty
+    assert capsys.readouterr().out.count("left aside: 0 presses") == 2
+
+
+def test_a_run_in_one_block_has_nothing_held_out():
+    spot = toy_run("spot", 2, size=3)
+    with pytest.raises(MissingInputError, match="no presses in two blocks of 3 mm"):
+        skin_map.map_errors([spot], SMALL)
+    quick = SMALL.model_copy(update={"folds": 4, "block_mm": 4.0})
+    narrow = toy_run("narrow", 2)
+    strip = narrow.place[:, 0] < 4e-3
+    cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts", "force")}
+    errors = skin_map.map_errors([replace(narrow, **cut)], quick)  # two blocks, of folds 0 and 2
+    assert errors.groupby("model")["block"].nunique().eq(2).all()
 
 
 def test_names_are_those_of_the_protocols(root):

@@ -27,7 +27,6 @@ from structlearn.avoidance.scene_unroll import (
     local_clouds,
     unroll_through,
 )
-from structlearn.ground.errors import MissingInputError
 from structlearn.ground.minimum_jerk import progress
 from structlearn.ground.parallel import parallel_map
 from structlearn.primitives.position import fit_position
@@ -80,18 +79,13 @@ def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParamet
 
 
 def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> VectorPrimitive:
-    """The primitive of reaches that hardly leave the straight line; its forcing grows with their length.
+    """The primitive of reaches that hardly leave the straight line, or of the straightest where all do.
 
-    Raises:
-        MissingInputError: there is none.
+    Its forcing grows with their length.
     """
-    straight = [
-        reach.path
-        for reach in reaches
-        if np.linalg.norm(reach.path.position[:, 1:], axis=1).max() <= straight_share * reach.goal[0]
-    ]
-    if not straight:
-        raise MissingInputError(f"no reach keeps within {straight_share:g} of its length of a straight line")
+    away = [np.linalg.norm(reach.path.position[:, 1:], axis=1).max() / reach.goal[0] for reach in reaches]
+    most = max(straight_share, min(away))
+    straight = [reach.path for reach, its in zip(reaches, away, strict=True) if its <= most]
     return fit_position(straight, scaled=(True, False, False)).local
 
 

@@ -198,7 +198,9 @@ def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANN
             counts=its[list(channels)].to_numpy(),
             force=its["force_n"].to_numpy(),
             provenance={
-                key.split(".")[1]: str(value) for key, value in known.items() if key.startswith(f"{name}.")
+                key.rpartition(".")[2]: str(value)
+                for key, value in known.items()
+                if key.rpartition(".")[0] == str(name)
             },
         )
         for name, its in table.groupby("run")

@@ -35,7 +35,7 @@ def learn_past_boxes(trials: Sequence[Demonstration], parameters: BoxesParameter
 
     Raises:
         InputError: as `reaches_past_boxes`.
-        MissingInputError: people are too few, or none of their reaches is nearly straight.
+        MissingInputError: people are too few.
     """
     reaches, left_out = reaches_past_boxes(trials, parameters.reaches)
     return judge_folds(reaches, left_out, folds_of_people(reaches, parameters), parameters)

@@ -35,7 +35,8 @@ def learn_recorded_skin(
         (`skin_force`).
 
     Raises:
-        InputError: a channel never changes, or a run on a scale has too few presses.
+        InputError: a channel never changes.
+        MissingInputError: no run has presses in two folds of blocks.
     """
     with threadpool_limits(1):  # as in processes of their own, so that their number changes no bit
         skins = dict(zip([run.name for run in presses], learn_runs(presses, parameters), strict=True))

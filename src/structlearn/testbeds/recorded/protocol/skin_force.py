@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.eflesh import ProbeRun
 from structlearn.testbeds.recorded.protocol.skin_map import (
@@ -80,6 +79,8 @@ def force_errors(
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Errors of forces on presses left out and on other runs.
 
+    A run whose scale says too little to leave a press out is left aside.
+
     Args:
         runs: with a scale.
         parameters: see there.
@@ -88,10 +89,12 @@ def force_errors(
         Errors: `learned_from`, `asked_about`, `new`, `model`, `press`, `rms_n`, `worst_n`. Lags: `run`,
         `signals_s`, `force_s`, `readings` of the scale, `presses`. Traces on other runs: `learned_from`,
         `asked_about`, `time_s`, `force_n` and `read_n` of `QUADRATIC`.
-
-    Raises:
-        InputError: a run has fewer than `INNER_FOLDS` + 1 presses.
     """
+    counts = {run.name: press_count(run, parameters.force.pressed_n) for run in runs}
+    for name, count in counts.items():
+        if count <= INNER_FOLDS:
+            print(f"skin: {name} left aside: {count} presses on the scale are too few to leave some out")
+    runs = [run for run in runs if counts[run.name] > INNER_FOLDS]
     found = parallel_map(partial(_run_errors, runs=runs, parameters=parameters), runs, "forces", local=True)
     errors, lags, traces = (
         [table for one in found for table in one[part]] for part in ("errors", "lags", "traces")
@@ -109,8 +112,6 @@ def _run_errors(
     lag = run_lags(run, parameters.force.longest_lag_s)
     own = weighed_presses(run, lag, parameters.force.pressed_n)
     presses = np.unique(own.press)
-    if len(presses) <= INNER_FOLDS:
-        raise InputError(f"{run.name}: {len(presses)} presses are too few to leave some out")
     lags = {"run": run.name, "signals_s": lag.signals, "force_s": lag.force}
     lags |= {"readings": len(own.force), "presses": len(presses)}
     errors, traces = [], []
@@ -170,17 +171,12 @@ def weighed_presses(run: ProbeRun, lags: Lags, pressed: float) -> WeighedPresses
     """Readings of the scale with the channels that belong to them.
 
     Args:
-        run: with a scale.
+        run: with a scale that reads `pressed` at times.
         lags: of its streams.
         pressed: N that a press reaches at least.
-
-    Raises:
-        InputError: the scale never reads so much.
     """
     weighed = np.isfinite(run.force)
     time, force = run.time[weighed], run.force[weighed]
-    if not (force > pressed).any():
-        raise InputError(f"{run.name}: the scale never reads more than {pressed:g} N")
     at = time - lags.force + lags.signals
     after = np.searchsorted(run.time, at)
     inside = (after > 0) & (after < len(run.time))
@@ -190,6 +186,13 @@ def weighed_presses(run: ProbeRun, lags: Lags, pressed: float) -> WeighedPresses
     channels = np.hstack([channels, np.linalg.norm(channels, axis=1, keepdims=True)])
     found = WeighedPresses(time, channels, force, press_numbers(time, force, pressed))
     return found.part(kept)
+
+
+def press_count(run: ProbeRun, pressed: float) -> int:
+    """Presses of a run that the scale weighed."""
+    weighed = np.isfinite(run.force)
+    time, force = run.time[weighed], run.force[weighed]
+    return len(np.unique(press_numbers(time, force, pressed))) if (force > pressed).any() else 0
 
 
 def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.ndarray:
@@ -231,7 +234,7 @@ def _quadratic(taught: WeighedPresses, penalties: Sequence[float]) -> Callable[[
                 Ridge(penalty).fit(seen[part != one], taught.force[part != one]).predict(seen[part == one])
                 - taught.force[part == one]
             ).sum()
-            for one in range(INNER_FOLDS)
+            for one in np.unique(part)
         )
         for penalty in penalties
     ]

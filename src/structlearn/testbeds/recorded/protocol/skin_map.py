@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from structlearn.ground.errors import MissingInputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.recordings.eflesh import ProbeRun
@@ -102,7 +103,7 @@ def map_errors(runs: Sequence[ProbeRun], parameters: SkinParameters) -> pd.DataF
     """Errors of all models on blocks held out, block by block.
 
     Args:
-        runs: over places.
+        runs: over places; of one whose blocks fall into one fold nothing can be held out.
         parameters: see there.
 
     Returns:
@@ -110,8 +111,13 @@ def map_errors(runs: Sequence[ProbeRun], parameters: SkinParameters) -> pd.DataF
 
     Raises:
         InputError: a channel or the pressure never changes.
+        MissingInputError: nothing can be held out of any run.
     """
-    work = [(run, fold) for run in runs for fold in range(parameters.folds)]
+    side = 1e-3 * parameters.block_mm
+    folds = {run.name: np.unique(held_out(run.place[:, :PLANE], side, parameters.folds)[1]) for run in runs}
+    work = [(run, fold) for run in runs for fold in folds[run.name] if len(folds[run.name]) > 1]
+    if not work:
+        raise MissingInputError(f"no presses in two blocks of {parameters.block_mm:g} mm to hold one out")
     return pd.concat(
         parallel_map(partial(_fold_errors, parameters=parameters), work, "maps of a skin", local=True),
         ignore_index=True,

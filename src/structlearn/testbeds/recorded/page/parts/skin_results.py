@@ -137,7 +137,7 @@ def skin_facts(results: SkinResults, parameters: SkinParameters) -> dict[str, ob
         "run_count": len(runs.places),
         "presses": int(presses.iloc[0]),
         "blocks": int(errors[errors["new"] == names.SKIN_NEW_BLOCKS]["block"].nunique()),
-        "tuned": listing(runs.numbers[name] for name in runs.numbers if name in results.tuned_on),
+        "tuned": listing(runs.numbers.get(name, name) for name in results.tuned_on),
         "depth_runs": listing(sorted(set(runs.depth_runs())), "no run"),
         "judged": len(runs.held_out("map_nmse")) > 0,
         "crossed": "maps" in results.tables,
