@@ -56,6 +56,18 @@ def test_reaches_have_no_orientation(folder):
     assert synchronise(recordings[0]).orientation is None
 
 
+def test_folders_may_be_as_they_were_published(folder):
+    published = folder / "cart_coord_dmp/multi_traj_training/dataset2"
+    shutil.copytree(folder / "cart_coord_dmp/dataset1", published)
+    shutil.rmtree(folder / "cart_coord_dmp/dataset1")
+    assert len(clmc.read_reaches(folder, "dataset2*")) == 3
+    with pytest.raises(MissingInputError, match=r"dataset1: holds no reaches"):
+        clmc.read_reaches(folder)
+    (folder / "quat_dmp_unscrewing/prim02").mkdir()
+    shutil.move(folder / "quat_dmp_unscrewing/01.txt", folder / "quat_dmp_unscrewing/prim02/04.txt")
+    assert [one.name for one in clmc.read_unscrewing(folder)] == ["04"]
+
+
 def test_unscrewing_columns_and_clock(folder):
     (recording,) = clmc.read_unscrewing(folder)
     assert recording.name == "01"

@@ -32,7 +32,8 @@ def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recordin
 
     Args:
         folder: the data set's folder.
-        dataset: the reaches' folder in `cart_coord_dmp`.
+        dataset: the reaches' folder in `cart_coord_dmp`, or in a folder there; of several that a pattern
+            means, such as `dataset2*`, the first in alphabetical order.
 
     Returns:
         Recordings in the order of their numbers, with pose and twist.
@@ -42,6 +43,7 @@ def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recordin
         InputError: a file is not a table of 10 columns.
     """
     reaches = Path(folder) / "cart_coord_dmp" / dataset
+    reaches = next(iter(sorted(reaches.parent.rglob(dataset))), reaches)
     files = [path for path in reaches.glob("*.txt") if path.stem.isdecimal()]
     if not files:
         raise MissingInputError(f"{reaches}: holds no reaches (1.txt, 2.txt, ...)")
@@ -65,7 +67,7 @@ def read_unscrewing(folder: str | Path) -> list[Recording]:
         InputError: a file is not a table of 93 columns whose times are those of 300 Hz.
     """
     logs = Path(folder) / "quat_dmp_unscrewing"
-    files = sorted(logs.glob("*.txt"), key=lambda path: natural_order(path.stem))
+    files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))
     if not files:
         raise MissingInputError(f"{logs}: holds no logs (01.txt, 02.txt, ...)")
     return [_unscrewing(Path(folder), path) for path in files]

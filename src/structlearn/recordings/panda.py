@@ -38,19 +38,20 @@ def read_trajectories(folder: str | Path) -> list[JointLog]:
         The logs by their names, such as `exciting_traj`, with the folders' before it where there are some.
 
     Raises:
-        MissingInputError: there is no file of times.
+        MissingInputError: there is no file of positions.
         InputError: a file is missing, no table of numbers or not of the length that the times ask for.
     """
     folder = Path(folder)
-    times = sorted(folder.rglob("*_time.txt"), key=lambda path: natural_order(path.as_posix()))
-    if not times:
-        raise MissingInputError(f"{folder}: holds no motion (exciting_traj_time.txt, ...)")
-    return [_read(folder, path) for path in times]
+    found = sorted(folder.rglob("*_positions.txt"), key=lambda path: natural_order(path.as_posix()))
+    if not found:
+        raise MissingInputError(f"{folder}: holds no motion (exciting_traj_positions.txt, ...)")
+    return [_read(folder, path) for path in found]
 
 
-def _read(folder: Path, times: Path) -> JointLog:
-    name = times.name.removesuffix("_time.txt")
-    paths = {signal: times.with_name(f"{name}_{word}.txt") for signal, word in SIGNALS.items()}
+def _read(folder: Path, positions: Path) -> JointLog:
+    name = positions.name.removesuffix("_positions.txt")
+    paths = {signal: positions.with_name(f"{name}_{word}.txt") for signal, word in SIGNALS.items()}
+    times = positions.with_name(f"{name}_time.txt")
     stamps, _ = read_stamped_table(times, 1)
     signals = {}
     for signal, path in paths.items():

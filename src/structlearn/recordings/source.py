@@ -17,7 +17,7 @@ class PublicSourceParameters(Parameters):
         source: folder that holds `clmc`, `slide`, `panda`, `reaches_past_boxes`, `eflesh` and `ur10e`, or
             some; the environment variable RECORDED_DATA stands in for it, so that the place of the data on
             a machine need not be written into a file under version control.
-        reaches: folder of the nominal reaches in `clmc/cart_coord_dmp`.
+        reaches: folder of the nominal reaches in `clmc/cart_coord_dmp`, or a pattern of its name.
         corrected_reaches: likewise of those with the same start and goal along a higher arc.
         scraping: folder of the execution in `clmc/scraping`; None: the first that holds primitives.
         slide_trials: the first so many trials of each material are taken; None: all.
