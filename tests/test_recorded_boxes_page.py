@@ -122,6 +122,21 @@ def test_the_page_is_whole_and_short():
     assert "badge" not in text.partition("</header>")[0].partition("</style>")[2]  # nothing here is simulated
 
 
+def test_one_person_alone_in_scenes_of_their_own_without_a_blocked_reach():
+    tables = dict(made_up().tables)
+    reaches = tables["reaches"].query("person == 'p1' and not blocked")
+    tables |= {name: tables[name][:0] for name in ("people", "left_out", "paths", "shapes")}
+    found = BoxesFound(tables | {"reaches": reaches})
+    asked = results(found)
+    text, drawn = page(found), PART.pictures(asked)
+    assert set(drawn) == {"boxes_rates"}
+    assert "unknown % of them take the same gaps" in text
+    judged = {one.claim.evidence: one.verdict for one in recorded_report(asked).pages["boxes"].judged}
+    assert judged["hits_blocked"] == "not tested"
+    assert judged["path"] == "undecided"  # one person has no interval
+    assert {"boxes_people_apart_mm", "boxes_hits_blocked"}.isdisjoint(recorded_report(asked).metrics)
+
+
 def test_numbers_of_the_sentences_follow_the_tables():
     good, bad = page(made_up()), page(made_up(False))
     assert "whole scene it is 0.0 %" in good

@@ -48,7 +48,9 @@ def show_slides(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_boxes(stored: files.RecordedFiles, folder: Path) -> None:
-    write_box_reaches(folder / "boxes.rrd", stored.of_set("boxes"))
+    tables = stored.of_set("boxes")
+    if len(tables["paths"]):
+        write_box_reaches(folder / "boxes.rrd", tables)
 
 
 def show_skin(stored: files.RecordedFiles, folder: Path) -> None:
