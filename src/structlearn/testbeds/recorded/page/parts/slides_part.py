@@ -61,7 +61,9 @@ def by_channels(results: RecordedResults) -> pd.DataFrame:
         row |= {"median_rms_counts": its["rms"].median(), "nmse": in_words(geometric_mean(nmse), ".2f")}
         rows.append(row | {"better_than_their_mean": f"{(nmse < 1).sum()} of {len(nmse)}"})
     order = {material: place for place, material in enumerate(dict.fromkeys(whole["material"]))}
-    return pd.DataFrame(rows).sort_values("material", key=lambda its: its.map(order), kind="stable")
+    columns = ["material", "channels", "electrodes", "median_rms_counts", "nmse", "better_than_their_mean"]
+    table = pd.DataFrame(rows, columns=columns)
+    return table.sort_values("material", key=lambda its: its.map(order), kind="stable")
 
 
 def metrics(results: RecordedResults) -> Metrics:
@@ -132,7 +134,9 @@ def facts(results: RecordedResults) -> dict[str, object]:
         "foretold": listing(
             f"{(its < 1).sum()} of {len(its)} over {name}"
             for name, its in list(left_out.groupby("material", sort=False)["nmse"])[:FEW]
-        ),
+        )
+        if len(left_out)
+        else "",
         "worst_slide": deviations.loc[deviations["rms"].idxmax()].to_dict(),
         "more_counts": in_words(found["other_material"], ".1f"),
         "more_counts_by_material": {
