@@ -6,7 +6,7 @@ the sensor gave them: not smoothed and not interpolated, for that would take noi
 
 import numpy as np
 
-from structlearn.ground.errors import InputError
+from structlearn.ground.errors import MissingInputError
 
 RANGE_QUANTILES = (0.005, 0.995)
 """A range leaves out this much at either end: single spikes are no motion."""
@@ -27,10 +27,10 @@ def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray
         (E,) counts.
 
     Raises:
-        InputError: the trace ends before the contact is made, or both means overlap.
+        MissingInputError: the trace ends before the contact is made, or both means overlap.
     """
     if not 2 * average <= contact <= len(counts):
-        raise InputError(
+        raise MissingInputError(
             f"contact at sample {contact} and means of {average} do not fit a trace of {len(counts)} samples"
         )
     return counts[contact - average : contact].mean(axis=0) - counts[:average].mean(axis=0)
@@ -56,13 +56,15 @@ def noise(counts: np.ndarray, rate_hz: float) -> np.ndarray:
         (E,) counts.
 
     Raises:
-        InputError: the trace is shorter than one window.
+        MissingInputError: the trace is shorter than one window.
     """
     window = round(NOISE_WINDOW_S * rate_hz)
     second = np.diff(counts, n=2, axis=0)
     windows = len(second) // window
     if windows < 1:
-        raise InputError(f"a trace of {len(counts)} samples is too short to measure noise at {rate_hz:g} Hz")
+        raise MissingInputError(
+            f"a trace of {len(counts)} samples is too short to measure noise at {rate_hz:g} Hz"
+        )
     square = second[: windows * window].reshape(windows, window, -1) ** 2
     return np.sqrt(np.median(square.mean(axis=1), axis=0) / 6)
 
@@ -79,13 +81,13 @@ def spectrum(counts: np.ndarray, rate_hz: float, segment_s: float) -> tuple[np.n
         Frequencies (F,) in Hz and densities (F, E) in counts^2 / Hz; their integral is the variance.
 
     Raises:
-        InputError: the trace is shorter than one window.
+        MissingInputError: the trace is shorter than one window.
     """
     from scipy.signal import welch
 
     segment = round(segment_s * rate_hz)
     if len(counts) < segment:
-        raise InputError(f"a trace of {len(counts) / rate_hz:g} s has no window of {segment_s:g} s")
+        raise MissingInputError(f"a trace of {len(counts) / rate_hz:g} s has no window of {segment_s:g} s")
     return welch(counts, fs=rate_hz, nperseg=segment, detrend="linear", axis=0)
 
 
