@@ -43,6 +43,19 @@ def test_faults_are_named_with_file_and_row(folder, tmp_path_factory):
         ur10e.read_logs(tmp_path_factory.mktemp("empty"))
 
 
+def test_logs_may_lie_in_folders_and_older_ones_are_left_aside(folder, capsys):
+    (folder / "logs").mkdir()
+    (folder / "ur-b.csv").rename(folder / "logs" / "ur-b.csv")
+    (folder / "logs" / "ur-19_09_27.csv").write_text(",".join("0" * ur10e.OLDER_COLUMNS) + "\n")
+    assert [log.name for log in ur10e.read_logs(folder)] == ["a", "b"]
+    assert "ur-19_09_27.csv" in capsys.readouterr().out
+    (folder / "logs" / "ur10e.urdf").touch()
+    assert ur10e.urdf_path(folder).parent.name == "logs"
+    (folder / "logs" / "ur-a.csv").write_text((folder / "ur-a.csv").read_text())
+    with pytest.raises(InputError, match=r"several recordings have the name ur-a\.csv"):
+        ur10e.read_logs(folder)
+
+
 def test_a_log_goes_through_a_file_bit_by_bit_and_to_the_same_bytes(folder, tmp_path):
     log = ur10e.read_logs(folder)[0]
     write_drive_log(log, tmp_path / "a.mcap")

@@ -31,9 +31,12 @@ URDF = "ur10e.urdf"
 SIGNALS = ("positions", "velocities", "currents", "desired_currents", "target_torques")
 """In the order of the columns, one of each per joint."""
 
+OLDER_COLUMNS = 19
+"""Of the logs of 2019, which hold positions, velocities and currents alone: no gain follows from them."""
+
 
 def read_logs(folder: str | Path) -> list[DriveLog]:
-    """All logs of a folder, whatever their number.
+    """All logs of a folder, whatever their number; those of `OLDER_COLUMNS` are left aside.
 
     Args:
         folder: holds `ur-*.csv`, or folders of them; no header; time in s, then the columns of `SIGNALS`.
@@ -47,7 +50,10 @@ def read_logs(folder: str | Path) -> list[DriveLog]:
             increase; the message names file and line.
     """
     folder = Path(folder)
-    paths = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.name)
+    found = sorted(folder.rglob("ur-*.csv"), key=lambda path: path.name)
+    paths = [path for path in found if not _is_older(path)]
+    if older := [path.name for path in found if path not in paths]:
+        print(f"ur10e: left aside, without what the controller asked for: {', '.join(older)}")
     if not paths:
         raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
     check_unique([path.name for path in paths], str(folder))
@@ -65,6 +71,11 @@ def urdf_path(folder: str | Path) -> Path:
     if found is None:
         raise InputError(f"{path}: is not there; logs alone do not say what moves")
     return found
+
+
+def _is_older(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.readline().count(b",") == OLDER_COLUMNS - 1
 
 
 def _read_log(folder: Path, path: Path) -> DriveLog:
