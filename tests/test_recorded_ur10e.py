@@ -13,7 +13,7 @@ from recordings_bags import recorded_data
 from reporting_verdicts import AnyFigure, verdicts
 from viewer_files import contents, note
 
-from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.drive_log import DriveLog
 from structlearn.recordings.ur10e import URDF, read_logs
 from structlearn.reporting.document import render, words_in_view
@@ -218,6 +218,7 @@ def test_other_logs_take_the_place_of_those_that_are_missing():
     found = ur10e_logs.logs_that_are_there(logs, PARAMETERS)
     assert (found.rest, found.train, found.test) == ("still", "long", "a_unload")
     assert found.load_pairs == (("long", "longLoad"), ("a_unload", "a_load"), ("long", "xLoad"))
+    assert [name for name in ("c_noload", "no_load_1") if ur10e_logs.CARRIES.search(name)] == []
     one = logs_of(long=9.0, short=5.0)
     assert ur10e_logs.logs_that_are_there(one, PARAMETERS).rest is None
     with pytest.raises(MissingInputError, match="of 2 logs 1 are motions of all joints without a load"):
@@ -253,11 +254,16 @@ def test_without_the_load_the_rest_is_shown():
     assert not any(name.startswith("ur10e_load_kg") for name in ur10e_metrics(results))
 
 
-def test_a_joint_without_a_gain_is_named():
+def test_a_joint_without_a_gain_at_rest_has_that_of_its_motion():
     drives = made_up()["drives"].copy()
-    drives.loc[(drives["quantity"] == protocol.AT_REST) & (drives["joint"] == 3), "value"] = np.nan
-    with pytest.raises(InputError, match="joint 3 shows no gain at rest, and none is assumed"):
-        protocol.found_gains(drives, PARAMETERS)
+    rests = drives["quantity"] == protocol.AT_REST
+    drives.loc[rests & drives["joint"].isin([1, 3]), "value"] = np.nan
+    drives.loc[drives["quantity"] == protocol.IN_MOTION, "value"] = 12.0
+    gains = protocol.found_gains(drives, PARAMETERS).set_index("joint")
+    assert gains["found"].tolist() == [11.0, 11.0, 12.0, 11.0, 11.0, 11.0]  # joint 2 stands in for 1
+    assert gains.index[gains["assumed"]].tolist() == [1]
+    never = PARAMETERS.model_copy(update={"rest": None})
+    assert protocol.found_gains(drives[~rests], never)["found"].eq(12.0).all()
 
 
 def test_names_are_those_of_the_protocol():

@@ -9,7 +9,6 @@ import pandas as pd
 
 from structlearn.ground import signals
 from structlearn.ground.block_bootstrap import block_count
-from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.drive_log import DriveLog, on_clock
 from structlearn.rigid_body.arm_identification import (
@@ -115,7 +114,7 @@ def identify_ur10e(
         learning: of the networks, where `parameters` chooses nothing.
 
     Raises:
-        InputError: a joint has no gain; a log cannot be put on one clock, or its torques do not vary.
+        InputError: a log cannot be put on one clock, or its torques do not vary.
         MissingInputError: there are not enough logs.
     """
     parameters = logs_that_are_there(logs, parameters)
@@ -220,19 +219,18 @@ def _of(drives: pd.DataFrame, quantity: str, log: str) -> np.ndarray:
 def found_gains(drives: pd.DataFrame, parameters: RecordedUr10eParameters) -> pd.DataFrame:
     """Gain of every joint: that at rest, or that of the joint which stands in, and the quoted one.
 
-    Where the arm never rests it is the gain in the training log's motion.
+    Where a joint shows none at rest and none stands in, it is the gain in the training log's motion.
     """
-    if parameters.rest is None:
-        measured = _of(drives, IN_MOTION, parameters.train)
-    else:
+    moving = _of(drives, IN_MOTION, parameters.train)
+    measured = np.full_like(moving, np.nan)
+    assumed = np.zeros(len(moving), dtype=bool)
+    if parameters.rest is not None:
         measured = _of(drives, AT_REST, parameters.rest)
-    found, assumed = measured.copy(), np.isnan(measured)
-    for joint, other in parameters.assumed_gains.items():
-        if assumed[joint - 1]:
-            found[joint - 1] = measured[other - 1]
-    if np.isnan(found).any():
-        joint = int(np.argmax(np.isnan(found))) + 1
-        raise InputError(f"{parameters.rest}: joint {joint} shows no gain at rest, and none is assumed")
+        stands_in = {joint: measured[other - 1] for joint, other in parameters.assumed_gains.items()}
+        stand_in = np.array([stands_in.get(joint, np.nan) for joint in range(1, len(measured) + 1)])
+        assumed = np.isnan(measured) & ~np.isnan(stand_in)
+        measured = np.where(assumed, stand_in, measured)
+    found = np.where(np.isnan(measured), moving, measured)
     columns = {"joint": np.arange(1, len(found) + 1), "found": found, "assumed": assumed}
     return pd.DataFrame(columns | {"quoted": parameters.quoted_gains})
 

@@ -9,10 +9,13 @@ from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.drive_log import DriveLog
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
-CARRIES = re.compile(r"(?<!un)load|mass", re.IGNORECASE)
+LOAD = "(?<!un)(?<!no)(?<!no.)load"
+"""Not `unload` nor `no_load`."""
+
+CARRIES = re.compile(f"{LOAD}|mass", re.IGNORECASE)
 """In the name of a log with something at the flange."""
 
-THE_LOAD = re.compile(r"(?<!un)load$", re.IGNORECASE)
+THE_LOAD = re.compile(f"{LOAD}$", re.IGNORECASE)
 """At the end of a name: it is the load that was weighed, of others the mass is not known."""
 
 

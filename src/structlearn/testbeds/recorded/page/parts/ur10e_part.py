@@ -153,6 +153,8 @@ def _text(
     results: Ur10eResults, quantity: str, log: str, joint: int, scale: float = 1.0, number: str = ".3f"
 ) -> str:
     its = results.drive(quantity, log, joint, scale).evidence()
+    if np.isnan(its.value):
+        return "none"
     return f"{rounded(its.value, number)} {interval(its.low, its.high, number)}"
 
 
