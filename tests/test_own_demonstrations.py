@@ -47,6 +47,15 @@ def run_stages(root: Path, task: str, *stages: str) -> None:
         sys.argv = arguments
 
 
+CORRECTED = {
+    "executions": "runs",
+    "corrections": "corrected",
+    "settings": [5],
+    "primitives": ["reach"],
+    "axes": ["x"],
+}
+
+
 def write_reach(path: Path, duration: float, rest: float) -> None:
     time = np.arange(0.0, duration + 2 * rest, 1 / 250)
     way = minimum_jerk((time - rest) / duration)
@@ -129,6 +138,8 @@ def test_parts_that_an_entry_does_not_name_are_null(folder):
         (REACH | {"segmant": {}}, "tasks.task.segmant: unknown parameter"),
         (REACH | {"topics": {}}, "tasks.task.topics.pose"),
         (REACH | {"clock": {"rate_hz": -1}}, "tasks.task.clock.rate_hz"),
+        (REACH | {"feedback": CORRECTED | {"primitives": ["raech"]}}, "no primitive 'raech' among reach"),
+        (REACH | {"feedback": CORRECTED}, "tasks.task: feedback.sensors: tactile is felt by no topic"),
     ],
 )
 def test_entries_that_are_none(folder, entry, words):

@@ -48,10 +48,9 @@ def answer(found, question):
 
 
 def as_task(entry, folder):
-    """The task that an entry becomes below the defaults of the parameter file."""
-    whole = yaml.safe_load(PARAMETER_FILE.read_text())
-    (folder / "params.yaml").write_text(yaml.safe_dump(whole | yaml.safe_load(entry)))
-    (name,) = yaml.safe_load(entry)["tasks"]
+    """The task that an entry becomes at the end of the parameter file."""
+    (folder / "params.yaml").write_text(PARAMETER_FILE.read_text() + entry)
+    (name,) = yaml.safe_load(entry)
     return read_task(name, folder / "params.yaml")
 
 

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import Demonstration, read_demonstrations, synchronise
-from structlearn.segmentation.motion_runs import Candidates, Motion, Search, candidates, pace, runs_of_motion
+from structlearn.segmentation.motion_runs import (
+    Candidates,
+    Motion,
+    Search,
+    candidates,
+    motion,
+    pace,
+    runs_of_motion,
+)
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation, write_segmentation
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
@@ -46,6 +54,29 @@ def test_runs_with_a_short_dip_between_them_are_candidates_alone_and_joined():
         (10, 12, 0),
     ]  # each cut where it comes to rest
     assert found.duration.tolist() == [5, 4, 6, 3]
+
+
+def test_what_comes_back_is_joined_with_no_move():
+    """A twitch there and back lies as near to the move as the halves of a hesitating one to each other."""
+    twitch, move = [0, 1, 1, 0, -1, -1, 0, 0], [1, 5, 9, 9, 9, 9, 0, 9, 9, 9, 5, 0]
+    found = candidates(along_a_line(np.array(twitch + move, dtype=float)), Search((0.5,), 1.0, 2, 9))
+    joined = sorted(
+        (int(first), int(last))
+        for first, last, rested in zip(found.first, found.last, found.rested, strict=True)
+        if rested
+    )
+    assert joined == [(0, 6), (7, 19)]  # each by itself
+
+
+def test_a_hand_that_rests_at_the_ends_of_a_recording_does_not_move_there():
+    defaults = read_task("pick").segment
+    parameters = defaults.model_validate(defaults.model_dump() | {"primitives": 1})
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 3.0, 0.01)
+    for _ in range(20):
+        noisy = Demonstration("01", time, 1e-3 * rng.standard_normal((len(time), 3)))
+        speed = motion(noisy, "xyz", parameters).smooth_speed
+        assert max(speed[0], speed[-1]) <= speed[20:-20].max()
 
 
 def test_a_bounded_primitive_reaches_on_to_its_event():
@@ -213,6 +244,9 @@ def test_a_gripper_or_a_force_may_end_a_primitive(tmp_path):
     nothing = [{"name": "reach", "until": {"signal": "force", "above": 99.0}}, "carry", "retreat"]
     with pytest.raises(InputError, match="primitive 'reach': force never comes to above 99 after its motion"):
         cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": nothing}))
+    late = ["reach", {"name": "carry", "until": {"signal": "force", "above": 3.0}}, "retreat"]
+    with pytest.raises(InputError, match=r"in this order; force comes to above 3 at [\d.]+ s; tried"):
+        cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": late}))
     unknown = [{"name": "reach", "until": {"signal": "thumb", "above": 99.0}}]
     with pytest.raises(InputError, match=r"01: no 'thumb' was recorded .* joints: panda_joint1"):
         cut(demonstrations, SegmentParameters(**task.segment.model_dump() | {"primitives": unknown}))

@@ -213,6 +213,12 @@ def _missing(
         if unlike is None
         else f"none is like '{primitive.name}' in the other demonstrations"
     )
+    for bounded in primitives:
+        if bounded.until is not None:
+            times = ", ".join(f"{dt * at:.2f}" for at in motion_runs.events(demonstration, bounded.until))
+            what += (
+                f"; {bounded.until.signal} comes to {bounded.until} at {f'{times} s' if times else 'no time'}"
+            )
     tried = f"; tried {', '.join(others)} {unit} too" if others else ""
     return InputError(
         f"{demonstration.name}: has {len(one.runs)} runs of motion above {lowest} {unit}"

@@ -19,8 +19,8 @@ APART = 0.2
 """Largest distance of an end by crossing from the same by alignment, in durations of the reference's."""
 
 OFF_SHAPE = 0.5
-"""Largest mean distance of the aligned movement from the reference's, each about its own mean, in the
-reference's own distance (root mean square) from that."""
+"""Largest mean distance of the aligned movement from the reference's, each about its own mean and in its own
+distance (root mean square) from that: a longer way is no other shape."""
 
 UNLIKE = 1.0
 """Largest cost of a run of motion that was chosen (`run_assignment`): one of 2.7 times the duration."""
@@ -73,6 +73,7 @@ def _of_alignment(one: Refined) -> Iterator[tuple[str, float, float]]:
     aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))
     own = np.stack([np.interp(aligned, np.arange(len(one.own.path)), x) for x in one.own.path.T], axis=1)
     centred = [path - path.mean(axis=0) for path in (one.reference.path[times], own)]
-    extent = max(float(np.sqrt(np.mean(np.sum(centred[0] ** 2, axis=1)))), np.finfo(float).tiny)
-    off = float(np.linalg.norm(centred[1] - centred[0], axis=1).mean()) / extent
+    tiny = np.finfo(float).tiny
+    shapes = [path / max(float(np.sqrt(np.mean(np.sum(path**2, axis=1)))), tiny) for path in centred]
+    off = float(np.linalg.norm(shapes[1] - shapes[0], axis=1).mean())
     yield "aligned, it has another shape than the reference's (sizes)", off, OFF_SHAPE

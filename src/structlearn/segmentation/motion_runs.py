@@ -20,6 +20,11 @@ FRACTIONS = (0.05, 0.08, 0.13, 0.18, 0.25)
 """Of the pace, tried as thresholds where none is given. Below the first, a hand at rest moves; the last is
 for pauses of a third of a second, in which the smoothed speed does not fall far."""
 
+LED, STRAYED = 0.02, 0.1
+"""Parts of its way: at each of its dips a candidate has come nearer to its end by the first, or is away from
+its start by the second, and likewise backwards. A hesitation lies within a move; what comes back, or hardly
+leaves, is a twitch or the noise of a hand beside one."""
+
 SPARE_RUNS = 8
 """More runs than primitives, of which the longest are kept: the others are the noise of a low threshold."""
 
@@ -94,7 +99,22 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
     smooth = signals.low_pass(raw, dt, parameters.guess_cutoff_hz)
     light = signals.low_pass(raw, dt, parameters.cut_cutoff_hz)
     speeds = [np.linalg.norm(signals.derivative(one, dt), axis=1) for one in (smooth, light)]
+    if parameters.assigns_runs:  # the largest movement is found whatever the ends show
+        cutoffs_hz = (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
+        speeds = [_without_ends(*pair, dt) for pair in zip(speeds, cutoffs_hz, strict=True)]
     return Motion(smooth, *speeds, turns=axis == "rot")
+
+
+def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
+    """A speed that near a recording's ends is no larger than half a period of the low-pass inside.
+
+    There the low-pass has noise to go by on one side alone, and follows it: a hand at rest seems to move.
+    """
+    count = min(round(0.5 / (cutoff_hz * dt)), len(speed) - 1)
+    limited = speed.copy()
+    limited[:count] = np.minimum(speed[:count], speed[count])
+    limited[-count - 1 :] = np.minimum(limited[-count - 1 :], limited[-count - 1])
+    return limited
 
 
 def pace(motions: Sequence[Motion]) -> float:
@@ -193,6 +213,8 @@ def candidates(moved: Motion, search: Search) -> Candidates:
     for threshold in search.thresholds:
         runs = runs_of_motion(moved.smooth_speed, threshold, search.most, search.breaks)
         for i, j, dips in _joined(runs, search.bridge):
+            if not _leads(moved.path, travelled, runs[i : j + 1]):
+                continue
             ends = _ends(moved, runs, i, j, threshold, search)
             if ends is not None:
                 rested[ends] = min(dips, rested.get(ends, dips))
@@ -222,6 +244,18 @@ def _joined(runs: np.ndarray, bridge: int) -> Iterator[tuple[int, int, int]]:
                 break
             dips += dip
             yield i, j, dips
+
+
+def _leads(path: np.ndarray, travelled: np.ndarray, runs: np.ndarray) -> bool:
+    """Whether joined runs lead somewhere before, and after, each dip between them (`LED`)."""
+    start, end = path[runs[0, 0]], path[runs[-1, 1]]
+    way = travelled[runs[-1, 1]] - travelled[runs[0, 0]]
+    for dips, here, there in ((path[runs[1:, 0]], start, end), (path[runs[:-1, 1]], end, start)):
+        led = np.linalg.norm(here - there) - np.linalg.norm(dips - there, axis=1)
+        strayed = np.linalg.norm(dips - here, axis=1)
+        if np.any((led < LED * way) & (strayed < STRAYED * way)):
+            return False
+    return True
 
 
 def _ends(

@@ -49,14 +49,14 @@ def report(found: Findings) -> str:
     if found.proposal is None:
         lines += ["No entry can be proposed: nothing here could be the pose of a hand."]
     else:
-        lines += ["To paste into stages/own/params.yaml, below its key `tasks`:", ""]
+        lines += ["To paste at the end of stages/own/params.yaml, where its tasks stand:", ""]
         lines += [as_yaml(found.proposal)]
     return "\n".join(line.rstrip() for line in lines).rstrip() + "\n"
 
 
 def as_yaml(proposal: Proposal) -> str:
-    """An entry below `tasks:`, each value with its doubts above it."""
-    lines = ["tasks:", f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
+    """An entry below `tasks:`, indented so that it can be appended, each value with its doubts above it."""
+    lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
     return "\n".join(lines) + "\n"
 
 

@@ -95,6 +95,9 @@ class TaskParameters(Parameters):
             for name in self.feedback.primitives:
                 if name not in known:
                     raise ValueError(f"feedback: there is no primitive '{name}' among {', '.join(known)}")
+            for sensor in self.feedback.sensors:
+                if not getattr(self.topics, sensor):
+                    raise ValueError(f"feedback.sensors: {sensor} is felt by no topic; name it in topics")
         return self
 
     def sources(self) -> dict[str, tuple[str, ...]]:
