@@ -19,7 +19,8 @@ from structlearn.feedback.skill_file import read_provenance, read_skill
 from structlearn.ground.errors import InputError
 from structlearn.recordings import read_recordings, write_recordings
 from structlearn.reporting.document import words_in_view
-from structlearn.testbeds.own.task import OF_DEMONSTRATIONS, PARTS, read_task
+from structlearn.testbeds.own.files import TaskFiles
+from structlearn.testbeds.own.task import OF_DEMONSTRATIONS, PARTS, read_checked, read_task
 from structlearn.testbeds.own.world.pick_and_place import takes, write_takes
 
 STAGES = (
@@ -146,6 +147,19 @@ def test_entries_that_are_none(folder, entry, words):
     own_tasks(folder, task=entry)
     with pytest.raises(InputError, match=re.escape(words)):
         read_task("task")
+
+
+def test_parameters_that_no_import_wrote_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("structlearn.testbeds.own.files.DATA", tmp_path)
+    files = TaskFiles("pour")
+    files.folder.mkdir()
+    files.parameters.write_text("source: of an older version\n")
+    for read in (lambda: files.has("robot"), files.values, lambda: files.clock):
+        with pytest.raises(InputError, match=r"pour/parameters\.yaml: key '\w+' is missing"):
+            read()
+    files.parameters.write_text("5\n")
+    with pytest.raises(InputError, match=r"parameters\.yaml: task: Input should be a valid dictionary"):
+        read_checked(files.parameters)
 
 
 def test_a_name_that_is_no_folder_is_refused(folder):

@@ -89,6 +89,7 @@ def test_a_wrong_value_is_named_with_its_file_and_dotted_key(tmp_path, text, exp
         ("segment: " + "[" * 200_000 + "]" * 200_000, "not a YAML file: nested too deeply"),
         ("segment: {a: " + "[\n" * 200_000 + "]" * 200_000, "not a YAML file: nested too deeply"),
         ("- " * 200_000, "not a YAML file: nested too deeply"),
+        ("a:\r" + "- " * 200_000, "not a YAML file: nested too deeply"),
         ("segment: {extension_s: 1\nother: [", "not a YAML file: .*line 2"),
         (BOMB, "segment.extension_s: .*valid number.* \\(got \\[{6}.{,600}$"),
         ("segment: {extension_s: 1, count: 1.5}", "segment.count: .*valid integer.* \\(got 1.5\\)"),
@@ -108,6 +109,12 @@ def test_a_binary_file_is_not_yaml(tmp_path):
     path.write_bytes(b"PAR1\x80\x81\xff")
     with pytest.raises(InputError, match=r"params\.yaml: not a YAML file"):
         read_parameters(path, "segment", SegmentParameters)
+
+
+def test_a_line_may_be_long(tmp_path):
+    path = tmp_path / "params.yaml"
+    path.write_text(f"segment: {{extension_s: 1}} # {'- ' * 20_000}\n")
+    assert read_parameters(path, "segment", SegmentParameters).extension_s == 1.0
 
 
 def test_a_missing_file_is_named(tmp_path):

@@ -100,6 +100,12 @@ def test_files_are_taken_by_their_kind(plain, tmp_path):
         recording_files(tmp_path)
 
 
+def test_no_description_of_a_bag_ends_the_process(tmp_path):
+    (tmp_path / "metadata.yaml").write_text("a: " + "[" * 100_000 + "]" * 100_000)
+    with pytest.raises(InputError, match=r"metadata\.yaml: not a YAML file: nested too deeply"):
+        recording_files(tmp_path)
+
+
 @pytest.mark.parametrize("name", ["take.db3", "take.bag"])
 def test_without_the_extra_it_is_said_how_to_get_it(tmp_path, monkeypatch, name):
     for module in ("rosbags", "rosbags.highlevel", "rosbags.rosbag1"):

@@ -64,6 +64,9 @@ def test_a_description_is_checked(toy):
     (folder / "toy/steps.yaml").write_text(DESCRIPTION + "color: red\n")
     with pytest.raises(InputError, match="color"):
         read_description("toy/steps", folder)
+    (folder / "toy/steps.yaml").write_text(DESCRIPTION + "target: front\n")
+    with pytest.raises(InputError, match=r"steps\.yaml: key 'target' stands twice"):
+        read_description("toy/steps", folder)
 
 
 def test_repeats_over_a_population_are_its_test_seeds(toy):
@@ -88,6 +91,9 @@ def test_a_study_is_quoted_only_with_its_parameters(toy):
     np.testing.assert_array_equal(study.values("less", "cost_a"), [4.0, 6.0])
     parameters.write_text("people: {}\nlearn: {seed: 0, steps: 4}\n")
     assert read_study("toy/steps", results, parameters) is not None  # what it depends on is as before
+    (results / "toy/steps/table.csv").write_text("variant,cost_a\nless\nmore,1,2,3\n")
+    with pytest.raises(InputError, match=r"table\.csv: not a table"):
+        read_study("toy/steps", results, parameters)
     parameters.write_text("learn: {seed: 0, steps: 5}\n")
     assert read_study("toy/steps", results, parameters) is None
 

@@ -13,10 +13,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import yaml
-
 from structlearn.ground.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.ground.errors import InputError
+from structlearn.ground.params import read_values
 from structlearn.recordings.bag_reader import read_bag
 
 SKILL = '{"reactive_skill"'
@@ -73,15 +72,14 @@ def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
 
 def _outputs(lock: Path) -> list[tuple[str, Path, str]]:
     """Stage, path and digest of every output."""
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    content = read_values(lock)
     try:
-        stages = yaml.load(lock.read_text(encoding="utf-8"), loader)["stages"]
         return [
             (name, Path(out["path"]), out["md5"])
-            for name, stage in stages.items()
+            for name, stage in content["stages"].items()
             for out in stage.get("outs", ())
         ]
-    except Exception as error:  # of YAML, or of what is not where it should be
+    except (AttributeError, KeyError, TypeError) as error:  # of what is not where it should be
         raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
 
 

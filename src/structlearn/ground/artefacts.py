@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -206,3 +207,17 @@ def write_csv(frame: pd.DataFrame, target: str | Path) -> None:
     """Publish a table as CSV for people: no index, six significant digits."""
     with publish(target) as path:
         frame.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+
+
+def read_csv(path: str | Path, **options: Any) -> pd.DataFrame:
+    """Read a table that `write_csv` wrote; options are those of pandas' reader.
+
+    Raises:
+        InputError: the file is missing or no table.
+    """
+    try:
+        return pd.read_csv(path, **options)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:  # no text, no columns, or rows of other lengths
+        raise InputError(f"{path}: not a table: {error}") from error

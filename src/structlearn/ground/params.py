@@ -61,12 +61,21 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
         InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a value
             is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
     """
+    return checked(value_at(path, key), model, path, key)
+
+
+def value_at(path: str | Path, key: str) -> Any:
+    """What stands at one key of a YAML file, not checked yet; nobody may change it.
+
+    Raises:
+        InputError: as `read_values`, or the key is absent.
+    """
     values = read_values(path)
     for part in key.split("."):
         if not isinstance(values, dict) or part not in values:
             raise InputError(f"{path}: key '{key}' is missing")
         values = values[part]
-    return checked(values, model, path, key)
+    return values
 
 
 def read_values(path: str | Path) -> Any:
@@ -122,13 +131,15 @@ def _tree(path: Path, modified_ns: int, size: int) -> Any:
     """What one version of the file holds; nobody may change it."""
     text = path.read_bytes().decode()
     brackets = np.cumsum([1 if bracket in "[{" else -1 for bracket in re.findall(r"[\[\]{}]", text)])
-    if max(brackets, default=0) > DEEPEST or max(map(len, text.splitlines()), default=0) > LONGEST_LINE:
+    levels = (len(re.match(r"[\s?-]*", line).group()) for line in text.splitlines())
+    if max(brackets, default=0) > DEEPEST or max(levels, default=0) > DEEPEST:
         raise ValueError("nested too deeply")  # the loader in C would end the process
     return yaml.load(text, _Loader)
 
 
-DEEPEST, LONGEST_LINE = 1000, 10_000
-"""Brackets in brackets, and characters of a line: each further level takes one of either."""
+DEEPEST = 1000
+"""Brackets in brackets, and blanks, dashes and question marks that begin a line: each level takes one. Lines
+may be long: in the description of a bag one has the settings of all publishers of a topic."""
 
 
 class _DuplicateKeyError(ValueError):

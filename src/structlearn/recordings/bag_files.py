@@ -17,10 +17,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Literal
 
-import yaml
-
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import NAME
+from structlearn.ground.params import NAME, read_values
 from structlearn.recordings.bag_reader import COMPRESSED, Bag, joined, read_bag, unpacked_messages
 from structlearn.recordings.pose_table import read_pose_table
 from structlearn.recordings.rosbags_reader import read_db3, read_ros1_bag
@@ -176,12 +174,7 @@ def _bags(folder: Path) -> list[RecordingFile]:
 
 def _listed(path: Path) -> list[str]:
     """Names of the files that the description of a bag lists; none where it has another form."""
-    try:
-        content = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, ValueError) as error:
-        raise InputError(f"{path}: not a YAML file: {error}") from error
+    content = read_values(path)
     information = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
     listed = information.get("relative_file_paths") if isinstance(information, dict) else None
     return [PurePath(str(name)).name for name in listed] if isinstance(listed, list) else []

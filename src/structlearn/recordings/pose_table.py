@@ -98,7 +98,7 @@ def _of_parquet(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     import pyarrow.parquet
 
     try:
-        table = pyarrow.parquet.read_table(path)
+        table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
         columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error}") from error

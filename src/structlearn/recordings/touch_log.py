@@ -7,6 +7,7 @@ pose of what touches as place.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.demonstration import Demonstration
 
 PLACE, HEIGHT, TIME = ("x_m", "y_m"), "z_m", "time_s"
-READERS = {".csv": pd.read_csv, ".parquet": pd.read_parquet}
+READERS = {".csv": pd.read_csv, ".parquet": partial(pd.read_parquet, page_checksum_verification=True)}
 
 
 @dataclass(frozen=True)

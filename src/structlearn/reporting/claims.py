@@ -19,11 +19,11 @@ from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-import yaml
 from jinja2 import Environment
 from pydantic import BaseModel, ConfigDict, model_validator
 
 from structlearn.ground.metrics import mean_interval, wilson_interval
+from structlearn.ground.params import read_values
 from structlearn.reporting.prose import capitalised, interval, percent, rounded
 
 YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"
@@ -239,7 +239,7 @@ def read_claims(path: Path) -> list[Claim]:
     Raises:
         ValueError: an entry has an unknown key, an unknown test, or lacks something.
     """
-    return [Claim(**entry) for entry in yaml.safe_load(Path(path).read_text(encoding="utf-8"))]
+    return [Claim(**entry) for entry in read_values(path)]
 
 
 def combined(verdicts: Sequence[str]) -> str:

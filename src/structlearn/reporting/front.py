@@ -5,11 +5,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from jinja2 import UndefinedError
 from pydantic import BaseModel, ConfigDict
 
 from structlearn.ground.artefacts import Metrics, read_metrics
+from structlearn.ground.params import read_values
 from structlearn.reporting.claims import VERDICTS
 from structlearn.reporting.document import environment
 
@@ -85,7 +85,7 @@ def read_report(folder: Path, card: Path, pages: Mapping[str, str] | None = None
         InputError: a file is missing or not readable.
     """
     metrics = {**read_metrics(folder / "metrics.json"), **read_metrics(folder / "details.json")}
-    described = Card(**yaml.safe_load(card.read_text(encoding="utf-8")))
+    described = Card(**read_values(card))
     return Report(folder.name, described, metrics, pages or {})
 
 

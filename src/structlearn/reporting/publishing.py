@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics, publish, write_csv, write_metrics
+from structlearn.ground.artefacts import Metrics, publish, read_csv, write_csv, write_metrics
 from structlearn.ground.parallel import parallel_map
 from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
@@ -75,7 +75,7 @@ def _recorded_claims(reports: Path) -> pd.DataFrame:
     path = reports / "recorded/tables/claims.csv"
     if not path.exists():
         return claims_table([]).assign(set="", counterpart="")
-    return pd.read_csv(path, keep_default_na=False)
+    return read_csv(path, keep_default_na=False)
 
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics, read_metrics, write_csv, write_metrics
+from structlearn.ground.artefacts import Metrics, read_csv, read_metrics, write_csv, write_metrics
 from structlearn.ground.publication import publish
 from structlearn.reporting.document import Document, Table, render
 
@@ -45,7 +45,7 @@ def keep(name: str, table: pd.DataFrame, command: str, metrics: Metrics, folder:
     write_csv(table, folder / f"{name}.csv")
     write_metrics({key: found[key] for key in sorted(found)}, path)
     tables = {one: folder / f"{one}.csv" for one in SUMMED_BY}
-    shown = {one: pd.read_csv(file) for one, file in tables.items() if file.exists()}
+    shown = {one: read_csv(file) for one, file in tables.items() if file.exists()}
     with publish(folder / "index.html") as page:
         page.write_text(reliability_page(shown, found), encoding="utf-8")
 

@@ -12,9 +12,9 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 import pandas as pd
-import yaml
 
 from structlearn.ground.artefacts import publish
+from structlearn.ground.params import read_values
 from structlearn.ground.wall_clock import TIMES, StageTime, read_times
 from structlearn.reporting.document import Document, Table, render
 from structlearn.reporting.prose import counted
@@ -123,7 +123,7 @@ def _sum(table: pd.DataFrame, name: str) -> pd.DataFrame:
 
 def main() -> None:
     """Render the page of this project's pipelines."""
-    pipelines = [yaml.safe_load(Path(name).read_text()) for name in PIPELINES]
+    pipelines = [read_values(name) for name in PIPELINES]
     page = times_page(stage_times(pipelines, read_times()), this_machine())
     with publish(TIMES.with_name("index.html")) as path:
         path.write_text(page, encoding="utf-8")

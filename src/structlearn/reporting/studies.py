@@ -15,12 +15,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-import yaml
 from pydantic import Field, PositiveFloat
 
-from structlearn.ground.artefacts import publish, read_metrics, write_csv, write_metrics
+from structlearn.ground.artefacts import publish, read_csv, read_metrics, write_csv, write_metrics
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters, read_parameters
+from structlearn.ground.params import Parameters, checked, read_parameters, read_values
 from structlearn.ground.populations import Population
 from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Document, Table, render
@@ -108,11 +107,7 @@ def read_description(name: str, folder: Path = DESCRIPTIONS) -> Description:
     path = Path(folder, f"{name}.yaml")
     if not path.exists():
         raise InputError(f"{path}: no such study; there are {', '.join(study_names(folder))}")
-    values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    try:
-        return Description.model_validate(values)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
+    return checked(read_values(path), Description, path, "study")
 
 
 def study_names(folder: Path = DESCRIPTIONS) -> list[str]:
@@ -154,7 +149,7 @@ def upstream_parameters(pipeline: Mapping[str, Any], target: str) -> list[str]:
 
 def digests(parameters: Path, keys: list[str]) -> dict[str, str]:
     """A digest of each key's value, `absent` where there is none; the order within mappings is no matter."""
-    values = yaml.safe_load(Path(parameters).read_text(encoding="utf-8"))
+    values = read_values(parameters)
     return {
         key: hashlib.md5(json.dumps(values[key], sort_keys=True).encode()).hexdigest()
         if key in values
@@ -185,7 +180,7 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
     made_with = read_metrics(made / "study.json")
     if made_with != digests(parameters, list(made_with)):
         return None
-    return Study(pd.read_csv(made / "table.csv"))
+    return Study(read_csv(made / "table.csv"))
 
 
 def studies_page(studies: Mapping[str, tuple[Description, pd.DataFrame]]) -> str:

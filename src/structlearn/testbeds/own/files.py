@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, read_table
-from structlearn.ground.params import ParametersType, checked, read_values
+from structlearn.ground.params import ParametersType, read_parameters, read_values, value_at
 from structlearn.ground.stage import run
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
@@ -49,16 +49,17 @@ class TaskFiles:
 
     def part(self, key: str, model: type[ParametersType]) -> ParametersType:
         """Parameters of one part that the task has."""
-        return checked(read_values(self.parameters)[key], model, self.parameters, key)
+        return read_parameters(self.parameters, key, model)
 
     def has(self, key: str) -> bool:
         """Whether the task has a part, by its key."""
-        return read_values(self.parameters)[key] is not None
+        return value_at(self.parameters, key) is not None
 
     def values(self) -> tuple[dict[str, Any], dict[str, dict[str, str]]]:
         """All parameters, and the digests of all files, by what they are for."""
-        values = dict(read_values(self.parameters))
-        return values, values.pop("files")
+        files = value_at(self.parameters, "files")
+        values = read_values(self.parameters).items()
+        return {key: value for key, value in values if key != "files"}, files
 
     @property
     def clock(self) -> ClockParameters:

@@ -155,8 +155,10 @@ def _with_defaults(defaults: dict[str, Any], entry: dict[str, Any]) -> dict[str,
 
 def read_checked(path: Path) -> TaskParameters:
     """What `write_task` published."""
-    values = {key: value for key, value in read_values(path).items() if key != "files"}
-    return checked(values, TaskParameters, path, "")
+    values = read_values(path)
+    if isinstance(values, dict):
+        values = {key: value for key, value in values.items() if key != "files"}
+    return checked(values, TaskParameters, path, "task")
 
 
 def write_task(task: TaskParameters, path: Path) -> None:

@@ -5,9 +5,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from structlearn.ground.artefacts import Metrics
+from structlearn.ground.params import read_values
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, STRICT, in_order
 from structlearn.rigid_body.seeded_training import OURS, TEXT
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
@@ -32,7 +31,7 @@ HEADLINES = (
 @lru_cache
 def published() -> Mapping[str, Any]:
     """What the dissertation prints, `published.yaml`."""
-    return yaml.safe_load((Path(__file__).parent / "published.yaml").read_text(encoding="utf-8"))
+    return read_values(Path(__file__).with_name("published.yaml"))
 
 
 def metrics(results: DynamicsResults) -> Metrics:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from structlearn.avoidance.learned_models import (
     ALL,
@@ -17,6 +16,7 @@ from structlearn.avoidance.learned_models import (
     SETTING,
 )
 from structlearn.avoidance.shapes import SHAPES
+from structlearn.ground.params import read_values
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, environment
 from structlearn.reporting.studies import read_study
@@ -52,7 +52,7 @@ SOURCES = {
 
 def read_published() -> dict[str, Any]:
     """What the dissertation prints."""
-    return yaml.safe_load((FOLDER / "published.yaml").read_text(encoding="utf-8"))
+    return read_values(FOLDER / "published.yaml")
 
 
 def document(results: ObstacleResults) -> Document:

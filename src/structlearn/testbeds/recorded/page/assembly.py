@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
-from structlearn.ground.artefacts import Metrics
+from structlearn.ground.artefacts import Metrics, read_csv
+from structlearn.ground.params import read_values
 from structlearn.reporting.claims import NOT_TESTED, UNKNOWN, Judged, judge, verdict_in
 from structlearn.reporting.document import Document, Source, Table, anchor, environment
 from structlearn.reporting.figure_style import Drawing
@@ -167,7 +167,7 @@ def judged_part(
 def simulated_claims(reports: Path) -> dict[str, pd.DataFrame]:
     """Tables of claims by testbed, as they are kept beside the reports."""
     files = sorted(reports.glob("*/tables/claims.csv"))
-    return {file.parts[-3]: pd.read_csv(file, keep_default_na=False) for file in files}
+    return {file.parts[-3]: read_csv(file, keep_default_na=False) for file in files}
 
 
 def known(value: object) -> bool:
@@ -182,4 +182,4 @@ def source(path: str, stage: str = "") -> Source:
 
 def published() -> dict[str, float]:
     """What the dissertation prints."""
-    return yaml.safe_load((package_files(PACKAGE) / "published.yaml").read_text(encoding="utf-8"))
+    return read_values(package_files(PACKAGE) / "published.yaml")

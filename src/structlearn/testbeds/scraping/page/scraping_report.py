@@ -4,11 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import yaml
-
 from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters
+from structlearn.ground.params import Parameters, read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures, segmentation_figures
 from structlearn.reporting.claims import UNKNOWN, Found, judge, read_claims
@@ -93,7 +91,7 @@ class ScrapingReport:
 
 def published() -> Mapping[str, object]:
     """What the dissertation prints for this testbed."""
-    return yaml.safe_load(Path(__file__).with_name("published.yaml").read_text(encoding="utf-8"))
+    return read_values(Path(__file__).with_name("published.yaml"))
 
 
 def scraping_report(

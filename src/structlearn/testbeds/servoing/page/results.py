@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters
+from structlearn.ground.params import Parameters, read_values
 from structlearn.reporting.studies import Study
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.flat_maps import map_laying
@@ -23,7 +22,7 @@ from structlearn.testbeds.servoing.protocol.controller_scores import ControllerS
 from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
 from structlearn.testbeds.servoing.protocol.servo_variants import AS_DATA, Comparison
 
-PUBLISHED = yaml.safe_load(Path(__file__).with_name("published.yaml").read_text(encoding="utf-8"))
+PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))
 """Numbers as the dissertation prints them."""
 
 STUDIES = ("people", "controller", "loss_weights")
