@@ -35,7 +35,7 @@ def level_name(level: float) -> str:
 
 
 def rounded(value: float, number_format: str) -> str:
-    """With a true minus sign, and none before a zero; `unknown` where nothing was found, as no run succeeded."""
+    """With a true minus sign, and none before a zero; `unknown` where no run gave a number."""
     if not math.isfinite(value):
         return "unknown"
     text = f"{value:{number_format}}"
