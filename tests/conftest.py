@@ -23,10 +23,17 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """First the pipeline, which takes longest, and last what would wait for it in another process."""
+    """First the pipeline, which takes longest; what waits for it where another process gets when it is done.
+
+    So the last that are given out are short, and all processes end together.
+    """
     waiting = {item.path for item in items if "reduced_project" in item.fixturenames}
-    waiting -= {ROOT / "tests/test_pipeline.py"}
-    items.sort(key=lambda item: (item.path in waiting, not item.path.name.startswith("test_pipeline")))
+    pipeline = ROOT / "tests/test_pipeline.py"
+    others = list(dict.fromkeys(item.path for item in items if item.path not in waiting))
+    half = len(others) // 2
+    order = [pipeline, *others[:half], *sorted(waiting - {pipeline}), *others[half:]]
+    rank = {path: place for place, path in enumerate(order)}
+    items.sort(key=lambda item: rank[item.path])
 
 
 @pytest.fixture(scope="session")

@@ -39,9 +39,9 @@ def values(project) -> dict[str, float]:
 
 
 @pytest.fixture(scope="module")
-def few(root, tmp_path_factory) -> Path:
-    """Every stage has run on four reaches that are made up, all that its source holds."""
-    source, project = (tmp_path_factory.mktemp(name) for name in ("source", "few"))
+def source(tmp_path_factory) -> Path:
+    """Four reaches that are made up."""
+    source = tmp_path_factory.mktemp("source")
     reaches = source / "clmc/cart_coord_dmp/dataset1"
     reaches.mkdir(parents=True)
     for number, duration in zip((2, 31, 32, 120), (0.6, 0.7, 0.8, 0.65), strict=True):
@@ -52,7 +52,13 @@ def few(root, tmp_path_factory) -> Path:
         np.savetxt(
             reaches / f"{number}.txt", np.column_stack([time, position, velocity, 0 * velocity]), "%.6f"
         )
-    return by_hand(clone(root, project), file=FILE, RECORDED_DATA=str(source))
+    return source
+
+
+@pytest.fixture(scope="module")
+def few(root, source, tmp_path_factory) -> Path:
+    """Every stage has run on all that this source holds."""
+    return by_hand(clone(root, tmp_path_factory.mktemp("few")), file=FILE, RECORDED_DATA=str(source))
 
 
 def test_the_pipeline_goes_on_with_what_there_is(few):
@@ -94,10 +100,10 @@ def test_everything_is_shown(project):
     assert {"reaches", "corrected_reaches", "unscrewing", "scraping_recorded", "slides"} <= recordings
 
 
-def test_the_import_runs_whenever_dvc_is_asked_for_anything(project, recorded_data):
-    asked, variables = f"{FILE}:unscrewing", {"RECORDED_DATA": str(recorded_data.resolve())}
-    assert repro(project, asked, **variables) == [f"{FILE}:import_recordings", asked]
-    assert repro(project, asked, **variables) == [f"{FILE}:import_recordings"]
+def test_the_import_runs_whenever_dvc_is_asked_for_anything(few, source):
+    asked, variables = f"{FILE}:reaches", {"RECORDED_DATA": str(source)}
+    assert repro(few, asked, **variables) == [f"{FILE}:import_recordings", asked]
+    assert repro(few, asked, **variables) == [f"{FILE}:import_recordings"]
 
 
 def test_reaches_are_found_between_rests(values):

@@ -94,6 +94,11 @@ def test_what_is_named_must_be_there(package, changes, error):
         render(document(package, **changes), PANELS)
 
 
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_a_number_that_no_run_gave_has_a_word(package, value):
+    assert '<p class="lead">unknown</p>' in render(document(package, facts=FACTS | {"error": value}), PANELS)
+
+
 def publish_twice(package, tmp_path, drawings, headlines=("error",), metrics=None):
     written = []
     for name in ("a", "b"):

@@ -35,8 +35,8 @@ def level_name(level: float) -> str:
 
 
 def rounded(value: float, number_format: str) -> str:
-    """With a true minus sign, and none before a zero; `unknown` where there is no number."""
-    if math.isnan(value):
+    """With a true minus sign, and none before a zero; `unknown` where no run gave a number."""
+    if not math.isfinite(value):
         return "unknown"
     text = f"{value:{number_format}}"
     return text.lstrip("-") if float(text.rstrip("%")) == 0.0 else text.replace("-", "\N{MINUS SIGN}")

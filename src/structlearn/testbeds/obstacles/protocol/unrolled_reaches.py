@@ -14,6 +14,9 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED,
 KEYS = ["protocol", "obstacle", "scenario", "speed_m_s", "model", "learned_from"]
 """Columns of an evaluation that name an unroll of one person."""
 
+NUMBERS = ["time_s", "x_m", "y_m", "z_m", "coupling_x", "coupling_y", "coupling_z"]
+"""Columns of its paths: time, position, coupling term."""
+
 
 class SituationKey(NamedTuple):
     """Which reach of an evaluation: the columns of `avoidance_protocols.situation_keys`."""
@@ -72,10 +75,12 @@ def reaches_by_situation(
     limited = scores[scores["rules"] == LIMITED].set_index(KEYS)
     scored = limited[["obstacle_distance", "hit", "goal_distance_m"]].to_dict("index")
     axes = baseline_axes(baseline)
+    numbers = paths[NUMBERS].to_numpy(float).T
+    rows = pd.Series(range(len(paths)), paths.index).groupby([paths[key] for key in KEYS], sort=False)
     reaches: dict[SituationKey, list[Reach]] = {}
-    for key, rows in paths.groupby(KEYS, sort=False):
-        coupling = rows[["coupling_x", "coupling_y", "coupling_z"]].to_numpy(float)
-        time, position = rows["time_s"].to_numpy(float), rows[["x_m", "y_m", "z_m"]].to_numpy(float)
+    for key, places in rows:  # thousands: a frame of each would take longer than all else
+        time, position, coupling = np.split(numbers.take(places, axis=1), [1, 4])
+        time, position, coupling = time[0], position.T, coupling.T
         reach = Reach(*key[4:], time, position, coupling, coupling @ axes.T, **scored[key])
         reaches.setdefault(SituationKey(*key[:4]), []).append(reach)
     return reaches
