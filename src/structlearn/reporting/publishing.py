@@ -35,7 +35,7 @@ def publish_report(
         folder: of the testbed's report.
         pages: by name, e.g. `index`.
         drawings: by name; a sequence is a figure of several panels.
-        tables: by name, whether a page shows them or not; `claims` is added.
+        tables: by name; `claims` is added.
         metrics: flat.
         headlines: those that stand in `metrics.json`, with the counts of verdicts; the others are details.
 

@@ -95,14 +95,12 @@ def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
 
 
 def ur10e_tables(results: Ur10eResults) -> dict[str, Table]:
-    """By name; all become CSV files, also those that no page shows."""
-    gains = results["gains"]
-    raw = ("drives", "delay_curves", "errors", "friction", "links", "choice", "loads", "carried", "bodies")
-    return {f"ur10e_{name}": Table(results[name]) for name in raw} | {
+    """By name."""
+    return {
         "ur10e_nmse": _errors(results, results.parameters.test),
         "ur10e_nmse_further": _further(results),
         "ur10e_motions": shown(results["motions"], start_s=".1f", end_s=".1f", length_s=".1f"),
-        "ur10e_joints": _joints(results, gains),
+        "ur10e_joints": _joints(results),
         "ur10e_weighed": _weighed(results),
         "ur10e_followed": _followed(results),
         "ur10e_choice": shown(results["choice"]),
@@ -127,11 +125,11 @@ def _further(results: Ur10eResults) -> Table:
     return shown(pd.DataFrame(rows))
 
 
-def _joints(results: Ur10eResults, gains: pd.DataFrame) -> Table:
+def _joints(results: Ur10eResults) -> Table:
     """Gains and delays of every joint, with intervals as text."""
     parameters = results.parameters
     rows = []
-    for row in gains.itertuples():
+    for row in results["gains"].itertuples():
         its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
         its["at rest"] = (
             "assumed" if row.assumed else _text(results, "gain at rest", parameters.rest, row.joint)
