@@ -3,12 +3,11 @@
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import UNKNOWN, Found
+from structlearn.reporting.claims import UNKNOWN
 from structlearn.reporting.document import Table
 from structlearn.reporting.prose import interval, rounded
 from structlearn.testbeds.recorded.files import SETS
-from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
+from structlearn.testbeds.recorded.page.parts.part import Part, of
 from structlearn.testbeds.recorded.page.parts.ur10e_evidence import RIVALS, ur10e_evidence
 from structlearn.testbeds.recorded.page.parts.ur10e_figures import ur10e_pictures
 from structlearn.testbeds.recorded.page.parts.ur10e_results import (
@@ -33,29 +32,9 @@ def found(results: RecordedResults) -> Ur10eResults:
     return Ur10eResults(results.of_set("ur10e_"), results.parameters[KEY])
 
 
-def metrics(results: RecordedResults) -> Metrics:
-    """Of every model, the drives and the load."""
-    return ur10e_metrics(found(results))
-
-
-def evidence(results: RecordedResults) -> dict[str, Found]:
-    """By the names of the claims."""
-    return ur10e_evidence(found(results))
-
-
 def facts(results: RecordedResults) -> dict[str, object]:
     """What its sentences say, under one name."""
     return {"ur10e": ur10e_facts(found(results))}
-
-
-def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
-    return ur10e_tables(found(results))
-
-
-def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
-    return ur10e_pictures(found(results))
 
 
 def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
@@ -207,9 +186,9 @@ PART = Part(
     page="ur10e",
     needs=tuple(f"ur10e_{table}" for table in SETS["ur10e"]),
     parameters=(KEY,),
-    metrics=metrics,
-    evidence=evidence,
+    metrics=of(found, ur10e_metrics),
+    evidence=of(found, ur10e_evidence),
     facts=facts,
-    tables=tables,
-    pictures=pictures,
+    tables=of(found, ur10e_tables),
+    pictures=of(found, ur10e_pictures),
 )
