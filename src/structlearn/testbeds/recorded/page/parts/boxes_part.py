@@ -1,12 +1,13 @@
 """People past boxes: one obstacle's features, and a look ahead at the whole scene."""
 
 from structlearn.reporting.document import Table
+from structlearn.reporting.scene_ways import OURS
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import SETS
 from structlearn.testbeds.recorded.page.parts.avoidance_part import listed
 from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_evidence
 from structlearn.testbeds.recorded.page.parts.boxes_figures import boxes_pictures
-from structlearn.testbeds.recorded.page.parts.boxes_results import AXES, OURS, BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page.parts.boxes_results import AXES, BoxesFound, boxes_metrics
 from structlearn.testbeds.recorded.page.parts.part import Part, of
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
