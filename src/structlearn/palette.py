@@ -4,6 +4,8 @@ The categorical colours are those of Okabe and Ito, which people with common col
 yellow is left out because it vanishes on a white ground. All colours are hex strings (`#rrggbb`).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 BLUE = "#0072b2"
@@ -15,6 +17,14 @@ SKY = "#56b4e9"
 BLACK = "#1b1f24"
 GREY = "#8a9199"  # what is context: other demonstrations, true values, grids
 LIGHT_GREY = "#d5d9de"
+
+
+class Look(NamedTuple):
+    """How something is called (in running text, legends, tables and recordings) and drawn."""
+
+    name: str
+    colour: str
+
 
 CATEGORICAL_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK, GREY)
 
@@ -38,6 +48,16 @@ METHOD_NAMES = {
     "wls": "weighted, with crossings",
 }
 METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wls": BLUE}
+
+# who or what moves a hand through a scene of obstacles, in the order of tables
+SCENE_WAYS = {
+    "none": Look("baseline alone", BLACK),
+    "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),
+    "text": Look("17 features, as in the text", VERMILION),
+    "text_ensemble": Look("17 features, trained our way", PURPLE),
+    "scene": Look("look ahead at the scene", BLUE),
+    "planned": Look("planned way, followed", GREEN),
+}
 
 
 def primitive_colour(index: int) -> str:

@@ -21,10 +21,7 @@ from structlearn.networks.torch_settings import as_tensor, seeded
 
 
 def train_phase_modulated(
-    dataset: AvoidanceDataset,
-    parameters: TrainingParameters,
-    hidden: Sequence[int] = (100,),
-    description: str | None = None,
+    dataset: AvoidanceDataset, parameters: TrainingParameters, hidden: Sequence[int]
 ) -> PhaseModulatedAvoidance:
     """Train on all samples but those that say when to stop.
 
@@ -32,7 +29,6 @@ def train_phase_modulated(
         dataset: samples of any number of scenarios.
         parameters: of the training; its chunks of consecutive samples are split together.
         hidden: nodes of the regular hidden layers.
-        description: what the progress bar says; no bar without one.
 
     Raises:
         InputError: too few samples, or the target of an axis is constant.
@@ -56,7 +52,7 @@ def train_phase_modulated(
         target=as_tensor(np.stack([one.target / scale for one, scale in zip(per_axis, scales, strict=True)])),
         folds=[fold] * len(AXES),
     )
-    train(stack, data, parameters, description)
+    train(stack, data, parameters)
     return PhaseModulatedAvoidance(
         tuple(stack.to_network(place, mean, spread, scale) for place, scale in enumerate(scales))
     )

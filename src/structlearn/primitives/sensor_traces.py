@@ -8,8 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from structlearn.primitives.kernels import KERNEL_COUNT
-from structlearn.primitives.regression import Regression
 from structlearn.primitives.trajectory import differentiated
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
 
@@ -31,28 +29,18 @@ def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.nda
     return trace - (trace if first is None else first)[:OFFSET_SAMPLES].mean(axis=0)
 
 
-def fit_expected_traces(
-    traces: Sequence[np.ndarray],
-    dt: float,
-    smoothing_hz: float,
-    method: Regression = "joint",
-    kernel_count: int = KERNEL_COUNT,
-) -> VectorPrimitive:
+def fit_expected_traces(traces: Sequence[np.ndarray], dt: float, smoothing_hz: float) -> VectorPrimitive:
     """Expected traces from repeated runs of a primitive.
 
     Args:
         traces: per run (T_l, E) readings without offset, on one uniform clock from start to end.
         dt: sampling interval in s.
         smoothing_hz: low-pass before the traces are differentiated.
-        method: regression of the forcing weights.
-        kernel_count: number of kernels.
 
     Returns:
         A vector primitive with one dimension per channel.
     """
-    return fit_vector(
-        [differentiated(trace, dt, smoothing_hz) for trace in traces], None, method, kernel_count
-    )
+    return fit_vector([differentiated(trace, dt, smoothing_hz) for trace in traces])
 
 
 def expected(primitive: VectorPrimitive, samples: int, dt: float) -> np.ndarray:

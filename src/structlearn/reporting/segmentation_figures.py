@@ -30,22 +30,13 @@ APART = 0.03
 """Top pairs are this fraction of the reference segment apart: neighbouring samples have the same weight."""
 
 
-def top_pairs(pairs: pd.DataFrame, count: int = TOP_PAIRS, apart: float = APART) -> pd.DataFrame:
-    """Pairs of largest weight that are at least a fraction of the reference segment apart.
-
-    Args:
-        pairs: rows of one demonstration and primitive (`Segmentation.pairs`).
-        count: how many at most.
-        apart: fraction of the span of `reference_s`.
-
-    Returns:
-        The chosen rows in order of time.
-    """
-    distance = apart * np.ptp(pairs["reference_s"].to_numpy())
+def top_pairs(pairs: pd.DataFrame) -> pd.DataFrame:
+    """Rows of largest weight of one demonstration and primitive (`Segmentation.pairs`), in order of time."""
+    distance = APART * np.ptp(pairs["reference_s"].to_numpy())
     chosen: list[int] = []
     times = pairs["reference_s"].to_numpy()
     for place in np.argsort(-pairs["weight"].to_numpy(), kind="stable"):
-        if len(chosen) == count or pairs["weight"].iloc[place] <= 0.0:
+        if len(chosen) == TOP_PAIRS or pairs["weight"].iloc[place] <= 0.0:
             break
         if all(abs(times[place] - times[other]) >= distance for other in chosen):
             chosen.append(int(place))
@@ -132,7 +123,6 @@ def alignment_figure(
     demonstrations: Sequence[Demonstration],
     segmentation: Segmentation,
     primitives: Sequence[PrimitiveParameters],
-    methods: Sequence[str] = ("zvc", "ls", "wls_text", "wls"),
 ) -> list[Figure]:
     """Figure IV.15a, b: segments of all demonstrations stretched to one duration, before and after refining.
 
@@ -140,13 +130,12 @@ def alignment_figure(
         demonstrations: the complete ones.
         segmentation: of these.
         primitives: those with an axis, one panel each.
-        methods: drawn beside each other, two in a row.
     """
     figures = []
     for primitive in primitives:
         figures.append(canvas(4.6, PANEL_WIDTH))
-        grid = figures[-1].subplots((len(methods) + 1) // 2, 2, sharex=True, sharey=True, squeeze=False)
-        for panel, method in zip(grid.ravel(), methods, strict=False):
+        grid = figures[-1].subplots(2, 2, sharex=True, sharey=True)
+        for panel, method in zip(grid.ravel(), ("zvc", "ls", "wls_text", "wls"), strict=True):
             arguments = (demonstrations, segmentation, primitive.name, method, primitive.axis)
             curves, names = aligned_segments(*arguments)
             curves = 1e3 * (curves - curves.mean(axis=1, keepdims=True))

@@ -256,7 +256,7 @@ def _blueprint(
         ),
         *(plot(f"{name} ({UNITS[name]})", [f"/{name}/**"]) for name in rates),
     ]
-    running = [lanes("Primitives", ["/primitive/**"])] if primitives > 1 else []
+    running = [lanes(["/primitive/**"])] if primitives > 1 else []
     left = rrb.Vertical(scene, *running, notes_view(), row_shares=[4, *(1 for _ in running), 1])
     return layout(
         rrb.Horizontal(left, rrb.Grid(*plots, grid_columns=2), column_shares=[2, 3]),

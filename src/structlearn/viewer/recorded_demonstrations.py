@@ -195,7 +195,7 @@ def _blueprint(
     plots = [plot(f"{axis} (mm)", [f"/position/{axis}/**", f"/cuts/{axis}/**"], False) for axis in AXES]
     if any(demonstration.orientation is not None for demonstration in demonstrations):
         plots.append(plot("turned (degrees)", ["/turned/**"], legend=False))
-    cuts = [] if segmentation is None else [lanes("Primitives", ["/primitive/**"])]
+    cuts = [] if segmentation is None else [lanes(["/primitive/**"])]
     shares = [3] * len(cuts) + [2] * len(plots)
     overview = rrb.Horizontal(
         rrb.Vertical(scene, notes_view(), row_shares=[4, 1]),
@@ -227,7 +227,7 @@ def _detail(
         plots += [plot("force (N)", [entity("force", name)]), plot("torque (N m)", [entity("torque", name)])]
     fingers = _fingers(demonstration)
     plots += [plot(f"{finger} (counts since the start)", [entity(finger, name)], False) for finger in fingers]
-    cuts = [] if segmentation is None else [lanes("Primitives", [entity("primitive", name)])]
+    cuts = [] if segmentation is None else [lanes([entity("primitive", name)])]
     left = rrb.Vertical(scene, *cuts, row_shares=[5, 1][: 1 + len(cuts)])
     right = rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
     return rrb.Horizontal(left, right, name=name, column_shares=[2, 3])

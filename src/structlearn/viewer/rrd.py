@@ -282,9 +282,9 @@ def plot(name: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSer
     )
 
 
-def lanes(name: str, contents: Sequence[str]) -> rrb.StateTimelineView:
+def lanes(contents: Sequence[str]) -> rrb.StateTimelineView:
     """Lanes of primitives over time."""
-    return rrb.StateTimelineView(name=name, origin="/", contents=list(contents))
+    return rrb.StateTimelineView(name="Primitives", origin="/", contents=list(contents))
 
 
 def layout(

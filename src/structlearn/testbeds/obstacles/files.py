@@ -101,9 +101,9 @@ def read_scenarios(scenarios: Sequence[Scenario], folder: str | Path = RAW) -> l
     return parallel_map(read_demonstrations, folders, "read demonstrations", local=True)
 
 
-def read_unhindered(folder: str | Path = RAW) -> list[Demonstration]:
+def read_unhindered() -> list[Demonstration]:
     """Demonstrations without obstacle."""
-    return read_demonstrations(f"{folder}/{BASELINE}")
+    return read_demonstrations(f"{RAW}/{BASELINE}")
 
 
 def write_baselines(baselines: Mapping[int, PositionPrimitive], path: str | Path) -> None:

@@ -3,8 +3,6 @@
 A picture colours either kinds of models (`KINDS`) or what they learned from (`SOURCES`), never both.
 """
 
-from dataclasses import dataclass
-
 from structlearn.avoidance.learned_models import (
     ALL,
     ENSEMBLE,
@@ -13,7 +11,7 @@ from structlearn.avoidance.learned_models import (
     PHASE_MODULATED,
     SETTING,
 )
-from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
+from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION, Look
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     GOAL_CHANGE,
     LIMITED,
@@ -24,20 +22,6 @@ from structlearn.testbeds.obstacles.protocol.avoidance_protocols import (
     TRAINED,
     UNSEEN,
 )
-
-
-@dataclass(frozen=True)
-class Look:
-    """How something is called and drawn.
-
-    Attributes:
-        name: in running text, legends, tables and recordings.
-        colour: hex.
-    """
-
-    name: str
-    colour: str
-
 
 KINDS = {
     NO_MODEL: Look("no avoidance", BLACK),

@@ -3,8 +3,6 @@
 Keys are those of the protocols' tables; they stand here as text, so that drawing does not import what learns.
 """
 
-from typing import NamedTuple
-
 from structlearn.palette import (
     BLACK,
     BLUE,
@@ -14,19 +12,13 @@ from structlearn.palette import (
     ORANGE,
     PURPLE,
     REPRODUCTION_COLOUR,
+    SCENE_WAYS,
     SKY,
     VERMILION,
+    Look,
 )
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.model_names import NAMES as MODEL_NAMES
-
-
-class Look(NamedTuple):
-    """How something is called and drawn."""
-
-    name: str
-    colour: str
-
 
 RECORDED = Look("recorded", DEMONSTRATION_COLOUR)
 LEARNED = Look("primitive", REPRODUCTION_COLOUR)
@@ -64,15 +56,7 @@ INPUTS = {
 }
 """What a representation sees."""
 
-BOX_WAYS = {
-    "recorded": Look("person", DEMONSTRATION_COLOUR),
-    "none": Look("baseline alone", BLACK),
-    "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),
-    "text": Look("17 features, as in the text", VERMILION),
-    "text_ensemble": Look("17 features, trained our way", PURPLE),
-    "scene": Look("look ahead at the scene", BLUE),
-    "planned": Look("planned way, followed", GREEN),
-}
+BOX_WAYS = {"recorded": Look("person", DEMONSTRATION_COLOUR)} | SCENE_WAYS
 """Ways past boxes: who or what moves the hand."""
 
 TOUCH_MODELS = {

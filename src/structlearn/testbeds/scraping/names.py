@@ -1,7 +1,6 @@
 """Names, order and colours of what is compared on the board, for pages and recordings alike."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
 from structlearn.palette import (
@@ -14,24 +13,11 @@ from structlearn.palette import (
     PURPLE,
     SKY,
     VERMILION,
+    Look,
 )
 from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
-
-
-@dataclass(frozen=True)
-class Look:
-    """How something is called and drawn.
-
-    Attributes:
-        name: in running text, legends and recordings.
-        colour: hex.
-    """
-
-    name: str
-    colour: str
-
 
 CORRECTED = "corrected"
 """Key of the executions that a person corrects."""

@@ -39,11 +39,11 @@ def evidence(results: ObstacleResults, largest_nmse: float, largest_goal_m: floa
     between = limited.loc[limited["model"] == ENSEMBLE, "excursion_m"]
     goals = 100 * limited[["goal_distance_m", "late_goal_distance_m"]].max()
     across = {
-        (kind, every): results.fit_by_person(kind, "nmse_across", every)
+        (kind, every): results.fit_by_person(kind, every)
         for kind in (NETWORK, ENSEMBLE)
         for every in (False, True)
     }
-    rai_across = results.fit_by_person(HUMAN_INSPIRED, "nmse_across")
+    rai_across = results.fit_by_person(HUMAN_INSPIRED)
     errors = {
         f"{shape}, {axis}": (results.fit(NETWORK, shape, shape)[f"nmse_{axis}"],)
         for shape in SHAPES

@@ -112,9 +112,9 @@ class ObstacleResults:
         mask = found["person"].isin(self.people if person is None else [person])
         return found[mask if obstacle is None else mask & (found["obstacle"] == obstacle)]
 
-    def shown_rows(self, protocol: str, model: str = NO_MODEL, learned_from: str = "") -> pd.DataFrame:
-        """The same with limits at the goal of the person that is shown."""
-        return self.rows(protocol, model, learned_from, person=self.population.shown)
+    def shown_rows(self, protocol: str) -> pd.DataFrame:
+        """The same without avoidance, of the person that is shown."""
+        return self.rows(protocol, person=self.population.shown)
 
     def hits(self, protocol: str, model: str = NO_MODEL, learned_from: str | Iterable[str] = "") -> int:
         """Number of hits with limits at the goal, of all people together."""
@@ -150,9 +150,9 @@ class ObstacleResults:
         mask = (fits["model"] == model) & (fits["learned_from"] == learned_from)
         return fits[mask & (fits["obstacle"] == obstacle) & (fits["part"] == part)]
 
-    def fit_by_person(self, model: str, column: str, all_shapes: bool = False) -> np.ndarray:
-        """Held-out errors (P,), each the mean over shapes of models of a shape, or of one of all shapes."""
-        rows = [self.fit(model, ALL if all_shapes else shape, shape)[column].to_numpy() for shape in SHAPES]
+    def fit_by_person(self, model: str, all_shapes: bool = False) -> np.ndarray:
+        """Held-out `nmse_across` (P,), mean over shapes, of models of a shape each or of one of all."""
+        rows = [self.fit(model, ALL if all_shapes else shape, shape)["nmse_across"] for shape in SHAPES]
         return np.mean(rows, axis=0)
 
     def shown_error(self, model: str) -> float:

@@ -30,7 +30,7 @@ DRAWN = {("urdf", "none"): GREY, ("least_squares", "coulomb"): ORANGE, BEST: BLU
 def section(files: TaskFiles) -> Section:
     """Of a task with logs of joints."""
     parameters = files.part("motion", MotionParameters)
-    names = ("logs", "errors", "gravity", "base", "excitation", "friction", "links", "traces")
+    names = ("logs", "errors", "gravity", "base", "excitation", "traces")
     tables = {name: files.table(f"motion/{name}") for name in names}
     errors, gravity = tables["errors"], tables["gravity"]
     excitation = tables["excitation"].iloc[0]
@@ -113,8 +113,6 @@ def motion_tables(tables: dict[str, pd.DataFrame]) -> dict[str, Table]:
             },
         ),
         "motion_base": Table(base, dict.fromkeys(("value", "low", "high", "urdf"), ".3g"), {"urdf": "URDF"}),
-        "motion_friction": Table(tables["friction"], {"value": ".3g"}),
-        "motion_links": Table(tables["links"]),
     }
 
 

@@ -3,52 +3,28 @@
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.palette import BLACK, BLUE, DEMONSTRATION_COLOUR, GREEN, GREY, ORANGE, PURPLE, VERMILION
-from structlearn.reporting.claims import Evidence, clustered_share, mean
+from structlearn.palette import DEMONSTRATION_COLOUR, SCENE_WAYS, Look
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, percent, rounded
+from structlearn.reporting.scene_ways import NONE, OURS, PLANNED, RECORDED, TEXT, SceneWays
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
-
-WAYS = {
-    "none": "baseline alone",
-    "human_inspired": "human-inspired (Rai et al.)",
-    "text": "17 features, as in the text",
-    "text_ensemble": "17 features, trained our way",
-    "scene": "look ahead at the scene",
-    "planned": "planned way, followed",
-}
-"""Who or what moves the hand, in the order of tables."""
 
 FEWEST = 20
 """Reaches, below which the page says that they are few."""
 
-OURS, NONE, RECORDED = "scene", "none", "recorded"
-COLOURS = {
-    RECORDED: DEMONSTRATION_COLOUR,
-    "none": BLACK,
-    "human_inspired": ORANGE,
-    "text": VERMILION,
-    "text_ensemble": PURPLE,
-    "scene": BLUE,
-    "planned": GREEN,
-}
-PATHS = {RECORDED: 3.5, "none": 1.0, "text": 1.3, OURS: 1.8, "planned": 1.0}
-"""Ways that are drawn, with the width of their lines."""
-
 
 def section(files: TaskFiles) -> Section:
     """Of a task with reaches past obstacles."""
-    reaches, errors, left_out, paths, shapes = (
-        files.table(f"obstacles/{name}") for name in ("reaches", "errors", "left_out", "paths", "shapes")
-    )
-    found = {way: _found(reaches[reaches["way"] == way]) for way in WAYS}
-    own = reaches[reaches["way"] == OURS]
+    tables = ("reaches", "errors", "left_out", "paths", "shapes")
+    found = SceneWays({name: files.table(f"obstacles/{name}") for name in tables})
+    own, left_out = found.of(OURS), found["left_out"]
+    hits = {way: found.share("hit", way) for way in found.ways}
+    path_mm = {way: found.mean_path(way).value for way in found.ways}
     facts = {
         "reaches": len(own),
         "people": own["person"].nunique(),
@@ -56,18 +32,14 @@ def section(files: TaskFiles) -> Section:
         "blocked": int(own["blocked"].sum()),
         "left_out": len(left_out),
         "fewest": FEWEST,
-        "touches": {way: percent(its["hit"].count, its["hit"].n) for way, its in found.items()},
-        "path_mm": {way: its["path_mm"].value for way, its in found.items()},
+        "touches": {way: percent(its.count, its.n) for way, its in hits.items()},
+        "path_mm": path_mm,
         "goal_mm": own["left_mm"].max(),
     }
-    drawn = list(paths["reach"].unique())
-    pictures = [distance_panel(reaches)]
-    if drawn:
-        pictures.insert(0, paths_panel(paths, shapes, drawn[0]))
+    pictures = [paths_panel(found, reach) for reach in found["paths"]["reach"].unique()[:1]]
     metrics: Metrics = {"obstacles_goal_max_mm": facts["goal_mm"]}
-    for way, end in ((OURS, ""), (NONE, "_none"), ("text", "_text"), ("planned", "_planned")):
-        metrics[f"obstacles_hits{end}"] = found[way]["hit"].value
-        metrics[f"obstacles_path{end}_mm"] = found[way]["path_mm"].value
+    for way, end in ((OURS, ""), (NONE, "_none"), (TEXT, "_text"), (PLANNED, "_planned")):
+        metrics |= {f"obstacles_hits{end}": hits[way].value, f"obstacles_path{end}_mm": path_mm[way]}
     return Section(
         "obstacles",
         "Reaches past obstacles",
@@ -75,36 +47,24 @@ def section(files: TaskFiles) -> Section:
         facts=facts,
         metrics=metrics,
         tables={
-            "obstacles_ways": ways_table(reaches, errors, found),
-            "obstacles_reaches": Table(reaches, words={"way": WAYS}),
+            "obstacles_ways": ways_table(found),
             "obstacles_left_out": Table(left_out),
         },
-        pictures={"obstacles": pictures},
+        pictures={"obstacles": [*pictures, distance_panel(found)]},
     )
 
 
-def _found(its: pd.DataFrame) -> dict[str, Evidence]:
-    """Share of reaches that touch, and distance from the recorded path, with intervals over people."""
-    people = its.groupby("person")
-    hits = people["hit"]
-    return {
-        "hit": clustered_share(hits.sum().to_numpy(int), hits.size().to_numpy()),
-        "path_mm": mean(people["path_mm"].mean().to_numpy()),
-    }
-
-
-def ways_table(reaches: pd.DataFrame, errors: pd.DataFrame, found: dict[str, dict[str, Evidence]]) -> Table:
+def ways_table(found: SceneWays) -> Table:
     """One row per way."""
-    sums = errors.groupby("way")[["squared", "variance"]].sum()
+    sums = found["errors"].groupby("way")[["squared", "variance"]].sum()
     nmse = sums["squared"] / sums["variance"]
     rows = []
-    for way in WAYS:
-        its, path = reaches[reaches["way"] == way], found[way]["path_mm"]
-        hit = found[way]["hit"]
-        blocked = its[its["blocked"]]
+    for way in found.ways:
+        its, blocked = found.of(way), found.of(way, blocked=True)
+        hit, path = found.share("hit", way), found.mean_path(way)
         rows.append(
             {
-                "way": way,
+                "way": SCENE_WAYS[way].name,
                 "touches (%)": f"{100 * hit.value:.0f} {interval(100 * hit.low, 100 * hit.high, '.0f')}",
                 "of blocked ones (%)": 100 * blocked["hit"].mean() if len(blocked) else np.nan,
                 "goal (mm)": its["left_mm"].max(),
@@ -119,38 +79,23 @@ def ways_table(reaches: pd.DataFrame, errors: pd.DataFrame, found: dict[str, dic
         "same gaps (%)": ".0f",
         "coupling, NMSE": ".2f",
     }
-    strong = frozenset({list(WAYS).index(OURS)})
-    return Table(pd.DataFrame(rows), formats, strong=strong, words={"way": WAYS})
+    return Table(pd.DataFrame(rows), formats, strong=frozenset({found.ways.index(OURS)}))
 
 
 @styled
-def paths_panel(paths: pd.DataFrame, shapes: pd.DataFrame, reach: str) -> Figure:
+def paths_panel(found: SceneWays, reach: str) -> Figure:
     """One reach from above, with those of ways that had never seen its recording."""
     figure, axes = panel(f"From above: {reach}", 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-    for row in shapes[shapes["reach"] == reach].itertuples():
-        corner = 1e3 * np.array([row.x_m - 0.5 * row.width_m, row.y_m - 0.5 * row.depth_m])
-        axes.add_patch(Rectangle(corner, 1e3 * row.width_m, 1e3 * row.depth_m, color=GREY, linewidth=0))
-    of_reach = paths[paths["reach"] == reach]
-    for way, width in PATHS.items():
-        its, line = of_reach[of_reach["way"] == way], "--" if way == NONE else "-"
-        label = WAYS.get(way, way)
-        axes.plot(1e3 * its["x_m"], 1e3 * its["y_m"], line, color=COLOURS[way], linewidth=width, label=label)
+    found.draw_paths(axes, reach, Look(RECORDED, DEMONSTRATION_COLOUR))
     axes.margins(0.1)
     return legend(figure)
 
 
 @styled
-def distance_panel(reaches: pd.DataFrame) -> Figure:
+def distance_panel(found: SceneWays) -> Figure:
     """Distance from the recorded paths, a stroke per person or recording."""
     figure, axes = panel("Distance from the recorded path", 4.4, xlabel="mean of a person or recording (mm)")
-    for place, way in enumerate(WAYS):
-        means = reaches[reaches["way"] == way].groupby("person")["path_mm"].mean()
-        axes.plot(means, np.full(len(means), place), "|", color=COLOURS[way], markersize=11)
-        axes.plot(means.mean(), place, "o", color=COLOURS[way], markersize=5)
-    axes.set_yticks(
-        range(len(WAYS)), [name.replace(" (", "\n(").replace(", ", ",\n") for name in WAYS.values()]
-    )
-    axes.grid(axis="y", visible=False)
-    axes.invert_yaxis()
+    found.draw_distances(axes)
+    found.name_ways(axes)
     axes.set_xlim(left=0.0)
     return figure

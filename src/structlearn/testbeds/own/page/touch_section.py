@@ -66,7 +66,6 @@ def section(files: TaskFiles) -> Section:
         metrics=metrics | {"touch_samples": len(lies)},
         tables={
             "touch_errors": errors_table(errors),
-            "touch_folds": Table(errors, words={"model": MODELS}),
             "touch_recordings": Table(recordings),
         },
         pictures={"touch": map_panels(lies)},

@@ -86,7 +86,7 @@ def metrics(comparison: pd.DataFrame) -> Metrics:
 
 
 def tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
-    """By name: the comparison, medians of all sets, and those behind the figures."""
+    """By name: the comparison, and medians of all sets."""
     fingers = stored["fingers"]
     statistics = [name for name in STATISTICS if name in fingers]
     medians = fingers.groupby("group")[statistics].median().T
@@ -96,7 +96,6 @@ def tables(stored: Mapping[str, pd.DataFrame]) -> dict[str, Table]:
     return {
         "statistics": shown(comparison, ratio=".2f"),
         "medians": shown(medians, **dict.fromkeys(names.TOUCH_WORLDS, ".4g")),
-        **{name: Table(stored[name]) for name in ("comparison", "fingers", "spectra", "components")},
     }
 
 

@@ -111,9 +111,9 @@ def learn_reaches(
     return primitive, pd.concat(tables, ignore_index=True)
 
 
-def own_spread_mm(segments: Sequence[Segment], samples: int = 500) -> float:
+def own_spread_mm(segments: Sequence[Segment]) -> float:
     """Mean distance in mm of the demonstrations from their own mean, in local frame and normalised time."""
     curves = [
-        signals.time_normalised(in_local_frame(position, "up").position, samples) for position, _ in segments
+        signals.time_normalised(in_local_frame(position, "up").position, 500) for position, _ in segments
     ]
     return 1e3 * float(np.linalg.norm(curves - np.mean(curves, axis=0), axis=2).mean())

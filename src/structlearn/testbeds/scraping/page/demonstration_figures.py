@@ -38,10 +38,10 @@ LINES = ("-", (0, (4, 1.5)))
 """Line styles of the sequences in one figure."""
 
 
-def busiest_electrodes(runs: Sequence[Demonstration], count: int = ELECTRODES_SHOWN) -> np.ndarray:
+def busiest_electrodes(runs: Sequence[Demonstration]) -> np.ndarray:
     """Channels whose counts change most in any of the runs, rising."""
     moved = np.max([np.ptp(run.tactile, axis=0) for run in runs], axis=0)
-    return np.sort(np.argsort(-moved, kind="stable")[:count])
+    return np.sort(np.argsort(-moved, kind="stable")[:ELECTRODES_SHOWN])
 
 
 def draw_electrodes(panel: Axes, run: Demonstration, channels: Sequence[int]) -> None:

@@ -171,7 +171,7 @@ def _send_lane(stream: rr.RecordingStream, parent: str, one: Execution) -> rrb.S
     segments = one.run.true_segments
     times = time_column(np.append(segments[:, 0], segments[-1, 1]))
     send_primitive_lane(stream, entity(parent, "primitive"), [times], [*one.primitives, ""])
-    return lanes("Primitives", [entity(parent, "primitive")])
+    return lanes([entity(parent, "primitive")])
 
 
 def _send_settings(

@@ -10,9 +10,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.ground import quaternion
-from structlearn.palette import GREY
+from structlearn.palette import GREY, Look
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.testbeds.scraping.names import Look
 from structlearn.testbeds.scraping.world.layout import EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.viewer.rrd import entity, plot, send_curve, thinning
 

@@ -112,8 +112,6 @@ def tables(results: RecordedResults) -> dict[str, Table]:
     )
     best = frozenset({held_out.index.get_loc(best_representation(results))})
     return {
-        "avoidance": Table(results["avoidance_scores"]),
-        "avoidance_phase": Table(results["avoidance_phase"]),
         "avoidance_models": shown(_named(wide), best, **dict.fromkeys(wide, ".2f")),
         "avoidance_gains": shown(_named(worth.loc[[key for key in held_out.index if key in worth.index]])),
     }

@@ -1,12 +1,10 @@
 """What was found on reaches past boxes, by the names that `boxes_claims.yaml` uses."""
 
-import pandas as pd
-
 from structlearn.reporting.claims import Evidence, Found, difference, exact
-from structlearn.testbeds.recorded.page.parts.boxes_results import NONE, OURS, PLANNED, TEXT, BoxesFound
+from structlearn.reporting.scene_ways import NONE, OURS, PLANNED, TEXT, SceneWays
 
 
-def boxes_evidence(found: BoxesFound) -> dict[str, Found]:
+def boxes_evidence(found: SceneWays) -> dict[str, Found]:
     """By the names of the claims."""
     return {
         "text_hits": found.share("hit", TEXT),
@@ -19,21 +17,16 @@ def boxes_evidence(found: BoxesFound) -> dict[str, Found]:
         "path": found.mean_path(),
         "same_gap": found.share("same_gaps"),
         "features_alone": fewer(found, "text_ensemble", OURS),
-        "nearer_than_planned": difference(*(by_person(found, way, "path_mm") for way in (PLANNED, OURS))),
+        "nearer_than_planned": difference(*(found.by_person(way, "path_mm") for way in (PLANNED, OURS))),
     }
 
 
-def fewer(found: BoxesFound, first: str, second: str) -> Evidence:
+def fewer(found: SceneWays, first: str, second: str) -> Evidence:
     """Reaches that touch a box by the first way minus those by the second, in %, in pairs by person."""
-    return difference(*(100 * by_person(found, way, "hit") for way in (first, second)))
+    return difference(*(100 * found.by_person(way, "hit") for way in (first, second)))
 
 
-def furthest(found: BoxesFound, way: str) -> Evidence:
+def furthest(found: SceneWays, way: str) -> Evidence:
     """Largest distance from the goal at the prescribed end, mm."""
     left = found.of(way)["left_mm"]
     return exact(left.max(), len(left))
-
-
-def by_person(found: BoxesFound, way: str, column: str) -> pd.Series:
-    """Mean of a column for each person."""
-    return found.of(way).groupby("person")[column].mean()

@@ -1,15 +1,14 @@
 """People past boxes: one obstacle's features, and a look ahead at the whole scene."""
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import Found
 from structlearn.reporting.document import Table
+from structlearn.reporting.scene_ways import OURS
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import SETS
 from structlearn.testbeds.recorded.page.parts.avoidance_part import listed
 from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_evidence
 from structlearn.testbeds.recorded.page.parts.boxes_figures import boxes_pictures
-from structlearn.testbeds.recorded.page.parts.boxes_results import AXES, OURS, BoxesFound, boxes_metrics
-from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
+from structlearn.testbeds.recorded.page.parts.boxes_results import AXES, BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page.parts.part import Part, of
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
 
@@ -19,16 +18,6 @@ KEY = "recorded_boxes"
 def found_of(results: RecordedResults) -> BoxesFound:
     """What the stage wrote."""
     return BoxesFound(results.of_set("boxes_"))
-
-
-def metrics(results: RecordedResults) -> Metrics:
-    """Of what was learned and its rivals."""
-    return boxes_metrics(found_of(results))
-
-
-def evidence(results: RecordedResults) -> dict[str, Found]:
-    """By the names of the claims."""
-    return boxes_evidence(found_of(results))
 
 
 def facts(results: RecordedResults) -> dict[str, object]:
@@ -41,16 +30,6 @@ def facts(results: RecordedResults) -> dict[str, object]:
             "errors_of": lambda way: listed(found.nmse.loc[way]),
         }
     }
-
-
-def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
-    return boxes_tables(found_of(results))
-
-
-def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
-    return boxes_pictures(found_of(results))
 
 
 def boxes_tables(found: BoxesFound) -> dict[str, Table]:
@@ -85,9 +64,9 @@ PART = Part(
     page="boxes",
     needs=tuple(f"boxes_{table}" for table in SETS["boxes"]),
     parameters=(KEY,),
-    metrics=metrics,
-    evidence=evidence,
+    metrics=of(found_of, boxes_metrics),
+    evidence=of(found_of, boxes_evidence),
     facts=facts,
-    tables=tables,
-    pictures=pictures,
+    tables=of(found_of, boxes_tables),
+    pictures=of(found_of, boxes_pictures),
 )

@@ -1,18 +1,14 @@
 """Reaches past boxes: what the stage wrote, and the numbers that follow."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import Evidence, clustered_share, mean
+from structlearn.reporting.scene_ways import NONE, OURS, PLANNED, TEXT, SceneWays
 from structlearn.testbeds.recorded import names
 
 AXES = ("x", "y", "z")
-
-OURS, TEXT, NONE, PLANNED = "scene", "text", "none", "planned"
 
 METRIC_WAYS = {
     "text_features": TEXT,
@@ -24,38 +20,8 @@ METRIC_WAYS = {
 """By the end of a metric's name."""
 
 
-@dataclass(frozen=True)
-class BoxesFound:
-    """All that the pages show.
-
-    Attributes:
-        tables: of the stage, by their names in `files.SETS`.
-    """
-
-    tables: Mapping[str, pd.DataFrame]
-
-    def __getitem__(self, name: str) -> pd.DataFrame:
-        return self.tables[name]
-
-    @cached_property
-    def ways(self) -> list[str]:
-        """Keys of `names.BOX_WAYS` that were tried, in their order."""
-        tried = set(self["reaches"]["way"])
-        return [way for way in names.BOX_WAYS if way in tried]
-
-    def of(self, way: str, blocked: bool = False) -> pd.DataFrame:
-        """Reaches of one way; of those alone whose straight line a box blocks."""
-        its = self["reaches"].query("way == @way")
-        return its[its["blocked"]] if blocked else its
-
-    def share(self, column: str, way: str = OURS, blocked: bool = False) -> Evidence:
-        """Share of the reaches of one way, its interval clustered by person."""
-        people = self.of(way, blocked).groupby("person")[column]
-        return clustered_share(people.sum().to_numpy(int), people.size().to_numpy())
-
-    def mean_path(self, way: str = OURS) -> Evidence:
-        """Distance in mm from people's own paths, mean over people of each one's mean."""
-        return mean(self.of(way).groupby("person")["path_mm"].mean().to_numpy())
+class BoxesFound(SceneWays):
+    """All that the pages show."""
 
     @cached_property
     def nmse(self) -> pd.DataFrame:

@@ -77,9 +77,6 @@ def facts(results: RecordedResults) -> dict[str, object]:
 def tables(results: RecordedResults) -> dict[str, Table]:
     """By name."""
     return {
-        "corrected_reaches": Table(results["coupling_distances"]),
-        "corrected_reach_ends": Table(results["coupling_completeness"]),
-        "coupling_scores": Table(results["coupling_scores"]),
         "coupling_paths": shown(_paths(results)),
         "coupling_axes": shown(_axes(results), largest_m=".1f", spread_m=".1f"),
     }

@@ -119,8 +119,6 @@ def tables(results: RecordedResults) -> dict[str, Table]:
     rubbing = _of_cov(results["panda_friction"]).pivot_table(index="joint", columns="term", values="value")
     centre = [f"centre_{axis}_m" for axis in AXES]
     return {
-        "panda_friction": Table(results["panda_friction"]),
-        "panda_links": Table(results["panda_links"]),
         "panda": shown(pd.concat([keys, numbers.reset_index(drop=True)], axis=1), plain),
         "panda_rubbing": shown(rubbing.reset_index()[["joint", "viscous", "coulomb"]]),
         "panda_bodies": shown(_of_cov(results["panda_links"])[["link", "mass_kg", "true_mass_kg", *centre]]),

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files as package_files
+from typing import Any
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.reporting.claims import Claim, Found, read_claims
@@ -53,3 +54,10 @@ class Part:
     def claims(self) -> list[Claim]:
         """In order."""
         return read_claims(package_files(__package__) / f"{self.name}_claims.yaml")
+
+
+def of(
+    found: Callable[[RecordedResults], Any], make: Callable[[Any], Any]
+) -> Callable[[RecordedResults], Any]:
+    """What is made of the results that one set has found among all."""
+    return lambda results: make(found(results))

@@ -103,15 +103,12 @@ def facts(results: RecordedResults) -> dict[str, object]:
 
 def tables(results: RecordedResults) -> dict[str, Table]:
     """By name."""
-    levels = by_level(results)
-    wide = levels.pivot_table(index="noise_mm", columns="method", values="mean_ms")
+    wide = by_level(results).pivot_table(index="noise_mm", columns="method", values="mean_ms")
     headings = {method: f"{name} (ms)" for method, name in METHOD_NAMES.items()}
     formats = dict.fromkeys(METHODS, ".1f")
     cuts = Table(wide[list(METHODS)].reset_index(), formats, headings | {"noise_mm": "noise (mm)"})
     return {
-        "reach_cut_errors": Table(levels),
         "reach_comparison": Table(paired_comparison(errors_by_seed(results["cut_errors"]))),
-        "reach_reproduction": Table(results["reach_errors"]),
         "reach_cuts": cuts,
         "reach_fit": shown(reach_fit(results), max_mm=".1f", end_max_mm=".3f"),
     }

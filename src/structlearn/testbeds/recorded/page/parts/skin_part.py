@@ -1,9 +1,6 @@
 """A magnetic skin that was pressed at known places: is its map the skin, and can one servo in it?"""
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import Found
-from structlearn.reporting.document import Table
-from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
+from structlearn.testbeds.recorded.page.parts.part import Part, of
 from structlearn.testbeds.recorded.page.parts.skin_evidence import skin_evidence
 from structlearn.testbeds.recorded.page.parts.skin_figures import skin_pictures
 from structlearn.testbeds.recorded.page.parts.skin_results import (
@@ -22,29 +19,9 @@ def found(results: RecordedResults) -> SkinResults:
     return SkinResults(results.of_set("skin_"), results.parameters[KEY].tuned_on)
 
 
-def metrics(results: RecordedResults) -> Metrics:
-    """Of the structured latent space and its rivals."""
-    return skin_metrics(found(results))
-
-
-def evidence(results: RecordedResults) -> dict[str, Found]:
-    """By the names of the claims."""
-    return skin_evidence(found(results).runs)
-
-
 def facts(results: RecordedResults) -> dict[str, object]:
     """What its sentences say, under one name."""
     return {"skin": skin_facts(found(results), results.parameters[KEY])}
-
-
-def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
-    return skin_tables(found(results))
-
-
-def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
-    return skin_pictures(found(results))
 
 
 PART = Part(
@@ -53,9 +30,9 @@ PART = Part(
     page="skin",
     needs=("skin_errors",),
     parameters=(KEY,),
-    metrics=metrics,
-    evidence=evidence,
+    metrics=of(found, skin_metrics),
+    evidence=of(found, lambda its: skin_evidence(its.runs)),
     facts=facts,
-    tables=tables,
-    pictures=pictures,
+    tables=of(found, skin_tables),
+    pictures=of(found, skin_pictures),
 )

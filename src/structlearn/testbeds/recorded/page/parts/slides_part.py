@@ -155,10 +155,6 @@ def tables(results: RecordedResults) -> dict[str, Table]:
     """By name."""
     clock = results["clock_errors"]
     return {
-        "slide_deviations": Table(results["slide_deviations"]),
-        "slide_left_one_out": Table(results["slide_left_one_out"]),
-        "slide_left_one_out_by_channels": Table(results["slide_channels"]),
-        "slide_across_materials": Table(results["slide_across"]),
         "slide_channels": shown(by_channels(results)),
         "slide_clock": shown(clock.assign(unit=clock["kind"].map(STREAM_UNITS))),
         "slides": shown(by_group(results)),

@@ -140,7 +140,6 @@ def facts(results: RecordedResults) -> dict[str, object]:
 def tables(results: RecordedResults) -> dict[str, Table]:
     """By name."""
     return {
-        "latent_touch": Table(results["touch_errors"]),
         "touch_scores": Table(_scores_in_words(results)),
         "latent_touch_sets": shown(results["touch_sets"]),
         "latent_touch_likeness": shown(results["touch_likeness"]),

@@ -3,12 +3,11 @@
 import numpy as np
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import UNKNOWN, Found
+from structlearn.reporting.claims import UNKNOWN
 from structlearn.reporting.document import Table
 from structlearn.reporting.prose import interval, rounded
 from structlearn.testbeds.recorded.files import SETS
-from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
+from structlearn.testbeds.recorded.page.parts.part import Part, of
 from structlearn.testbeds.recorded.page.parts.ur10e_evidence import RIVALS, ur10e_evidence
 from structlearn.testbeds.recorded.page.parts.ur10e_figures import ur10e_pictures
 from structlearn.testbeds.recorded.page.parts.ur10e_results import (
@@ -33,29 +32,9 @@ def found(results: RecordedResults) -> Ur10eResults:
     return Ur10eResults(results.of_set("ur10e_"), results.parameters[KEY])
 
 
-def metrics(results: RecordedResults) -> Metrics:
-    """Of every model, the drives and the load."""
-    return ur10e_metrics(found(results))
-
-
-def evidence(results: RecordedResults) -> dict[str, Found]:
-    """By the names of the claims."""
-    return ur10e_evidence(found(results))
-
-
 def facts(results: RecordedResults) -> dict[str, object]:
     """What its sentences say, under one name."""
     return {"ur10e": ur10e_facts(found(results))}
-
-
-def tables(results: RecordedResults) -> dict[str, Table]:
-    """By name."""
-    return ur10e_tables(found(results))
-
-
-def pictures(results: RecordedResults) -> Pictures:
-    """By name."""
-    return ur10e_pictures(found(results))
 
 
 def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
@@ -99,14 +78,12 @@ def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
 
 
 def ur10e_tables(results: Ur10eResults) -> dict[str, Table]:
-    """By name; all become CSV files, also those that no page shows."""
-    gains = results["gains"]
-    raw = ("drives", "delay_curves", "errors", "friction", "links", "choice", "loads", "carried", "bodies")
-    return {f"ur10e_{name}": Table(results[name]) for name in raw} | {
+    """By name."""
+    return {
         "ur10e_nmse": _errors(results, results.parameters.test),
         "ur10e_nmse_further": _further(results),
         "ur10e_motions": shown(results["motions"], start_s=".1f", end_s=".1f", length_s=".1f"),
-        "ur10e_joints": _joints(results, gains),
+        "ur10e_joints": _joints(results),
         "ur10e_weighed": _weighed(results),
         "ur10e_followed": _followed(results),
         "ur10e_choice": shown(results["choice"]),
@@ -131,11 +108,11 @@ def _further(results: Ur10eResults) -> Table:
     return shown(pd.DataFrame(rows))
 
 
-def _joints(results: Ur10eResults, gains: pd.DataFrame) -> Table:
+def _joints(results: Ur10eResults) -> Table:
     """Gains and delays of every joint, with intervals as text."""
     parameters = results.parameters
     rows = []
-    for row in gains.itertuples():
+    for row in results["gains"].itertuples():
         its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
         if parameters.rest is not None:
             its["at rest"] = (
@@ -216,9 +193,9 @@ PART = Part(
     page="ur10e",
     needs=tuple(f"ur10e_{table}" for table in SETS["ur10e"]),
     parameters=(KEY,),
-    metrics=metrics,
-    evidence=evidence,
+    metrics=of(found, ur10e_metrics),
+    evidence=of(found, ur10e_evidence),
     facts=facts,
-    tables=tables,
-    pictures=pictures,
+    tables=of(found, ur10e_tables),
+    pictures=of(found, ur10e_pictures),
 )
