@@ -83,7 +83,7 @@ def distance_panel(found: BoxesFound) -> Figure:
         axes.axvline(apart, color=GREY, linestyle="--", linewidth=1.0, label="two people in one scene")
     _ways_down(axes, found)
     axes.set_xlim(left=0.0)
-    return legend(figure)
+    return legend(figure) if len(found["people"]) else figure
 
 
 def _ways_down(axes: Axes, found: BoxesFound) -> None:
