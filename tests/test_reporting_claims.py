@@ -34,7 +34,7 @@ from structlearn.reporting.claims import (
     read_claims,
     share,
 )
-from structlearn.reporting.prose import percent
+from structlearn.reporting.prose import percent, rounded
 
 ENVIRONMENT = Environment(undefined=StrictUndefined)
 
@@ -207,3 +207,9 @@ def test_what_recordings_say_of_a_simulated_statement_stands_beside_it():
     ]
     assert [one.counterpart.page for one in both] == ["index", "feedback"]
     assert on_recordings(claims_table([]).assign(set="", counterpart=""), "reaching", claims_table(own)) == []
+
+
+def test_of_nothing_no_rate_is_known():
+    nobody = np.array([], dtype=int)
+    assert share(0, 0) is clustered_share(nobody, nobody) is UNKNOWN
+    assert rounded(float("nan"), "+.1f") == "unknown"

@@ -67,4 +67,4 @@ def distance_panel(found: BoxesFound) -> Figure:
         axes.axvline(apart, color=GREY, linestyle="--", linewidth=1.0, label="two people in one scene")
     found.name_ways(axes)
     axes.set_xlim(left=0.0)
-    return legend(figure)
+    return legend(figure) if len(found["people"]) else figure
