@@ -91,7 +91,10 @@ def straight_baseline(reaches: Sequence[SceneReach], straight_share: float) -> V
         if np.linalg.norm(reach.path.position[:, 1:], axis=1).max() <= straight_share * reach.goal[0]
     ]
     if not straight:
-        raise InputError(f"no reach keeps within {straight_share:g} of its length of a straight line")
+        raise InputError(
+            f"no reach keeps within {straight_share:g} of its length of a straight line, as the baseline "
+            "needs; record some past obstacles that are not in the way, or raise `straight_share`"
+        )
     return fit_position(straight, scaled=(True, False, False)).local
 
 
