@@ -283,9 +283,7 @@ def test_a_robot_with_other_joints_is_told_of(tmp_path):
 def test_files_that_cannot_be_read_are_told_of_once(tmp_path):
     for number in range(3):
         (tmp_path / f"{number}.csv").write_text("x,y,z\n")
-    with pytest.raises(
-        InputError, match=r"/0\.csv: the first [^;]*; [^;]*; nor can the 2 others be read$"
-    ):
+    with pytest.raises(InputError, match=r"/0\.csv: the first [^;]*; [^;]*; nor can the 2 others be read$"):
         find_out(str(tmp_path))
 
 

@@ -97,9 +97,7 @@ def test_people_are_left_out_whole():
 def test_what_cannot_be_learned_from_is_refused():
     one = made_up("one", 0.1, 0.0)
     in_the_open = replace(one, name="free", shapes=one.shapes[1:])
-    with pytest.raises(
-        InputError, match=r"^free: has no obstacles, nor have the others; name"
-    ):
+    with pytest.raises(InputError, match=r"^free: has no obstacles, nor have the others; name"):
         own_reaches({EVERYBODY: [in_the_open]}, chosen())
     reaches, left_out = own_reaches({EVERYBODY: [one, in_the_open]}, chosen())
     assert [reach.name for reach in reaches] == ["one"]
