@@ -30,7 +30,9 @@ recorded: $(INSTALLED)
 # Tasks of your own, as stages/own/params.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.
 EXAMPLE := data/example/pick
 OWN := stages/own/dvc.yaml
+ENTRY_IS_GOOD = $(if $(TASK),$(BIN)/python -m structlearn.testbeds.own.task "$(TASK)")
 own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))
+	$(ENTRY_IS_GOOD)
 	$(IN_ENVIRONMENT) dvc repro --keep-going $(if $(TASK),$(OWN):report@$(TASK) $(OWN):view@$(TASK),$(OWN))
 	@echo "reports/own/$(or $(TASK),*)/index.html is up to date"
 
@@ -92,6 +94,7 @@ upsets: $(INSTALLED)
 # Can the robot of a task do what the task's skill may ask of it? Margins, and an error where it cannot.
 check: $(INSTALLED)
 	$(if $(TASK),,$(error which task? make check TASK=pick))
+	$(ENTRY_IS_GOOD)
 	$(IN_ENVIRONMENT) dvc repro $(OWN):check@$(TASK)
 	$(BIN)/python -m structlearn.testbeds.own.check_verdict $(TASK)
 

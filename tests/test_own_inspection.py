@@ -7,16 +7,26 @@ import numpy as np
 import pytest
 import yaml
 from mcap_ros2.writer import Writer
-from recordings_bags import header, pose_messages, ros_quaternion, vector, write_bag
+from recordings_bags import (
+    header,
+    joint_messages,
+    pose_messages,
+    ros_quaternion,
+    transform_messages,
+    vector,
+    write_bag,
+)
 
 from structlearn import inspect
 from structlearn.ground.errors import InputError
 from structlearn.recordings import bag_writer
 from structlearn.recordings.bag_reader import read_bag
 from structlearn.recordings.recording import Stream
+from structlearn.recordings.transforms import TransformSeries
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.protocol.findings import find_out
 from structlearn.testbeds.own.protocol.hand_paths import hand_path
+from structlearn.testbeds.own.protocol.inspection import frame_pairs
 from structlearn.testbeds.own.protocol.proposal import from_home, task_name
 from structlearn.testbeds.own.survey_report import as_yaml
 from structlearn.testbeds.own.task import PARAMETER_FILE, read_task
@@ -228,6 +238,52 @@ def test_frames_are_listed_and_the_hand_is_the_end_of_what_moves(tmp_path, monke
     found = find_out(str(tmp_path))
     assert found.proposal.entry["topics"]["pose"] == {"parent": "base_link", "child": "tool0", "topic": "/tf"}
     assert found.motion.number == 1
+
+
+def series(parent, child, moves=True):
+    rows = moving_rows() if moves else moving_rows(far=0.0)[:1].repeat(400, axis=0)
+    return TransformSeries(parent, child, 10**9 + 10 * MS * np.arange(400), rows)
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_the_base_does_not_depend_on_which_joints_rest_and_the_hand_carries_no_end(turns):
+    moving = [series("base", "link_1", turns), series("link_1", "flange"), series("base", "person")]
+    static = [series("map", "base", False), series("flange", "tool0", False), series("tool0", "lens", False)]
+    assert frame_pairs(moving, static) == [("base", "tool0"), ("base", "person")]
+
+
+def test_fingers_and_other_frames_are_not_held_against_the_hand(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    slow, rows = stamps[::40], moving_rows()
+    for number in range(2):
+        messages = [
+            *transform_messages(stamps, "base", "tool0", rows),
+            *transform_messages(slow, "base", "person", 3.0 * rows[::40] + [0, 0, 0, -2, 0, 0, 0]),
+            *joint_messages(stamps, ["a", "b"], rows[:, :2]),
+            *joint_messages([stamp + MS for stamp in slow], ["finger"], rows[::40, :1]),
+        ]
+        write_bag(tmp_path / f"{number}.mcap", sorted(messages, key=lambda message: message[3]))
+    found = find_out(str(tmp_path))
+    assert found.proposal.entry["topics"]["pose"] == {"parent": "base", "child": "tool0", "topic": "/tf"}
+    assert answer(found, "Are streams without gaps?").verdict == "yes"
+    assert answer(found, "Are topics fast enough?").verdict == "yes"
+    assert "source" not in found.proposal.doubts
+
+
+def test_a_robot_with_other_joints_is_told_of(tmp_path):
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    write_bag(tmp_path / "one.mcap", joint_messages(stamps, ["a1", "a2"], moving_rows()[:, :2]))
+    found = find_out(str(tmp_path), PANDA)
+    (doubt,) = found.proposal.doubts["topics.pose"]
+    assert "panda.urdf has none of these joints, but panda_joint1, " in doubt
+    assert "robot" not in found.proposal.entry
+
+
+def test_files_that_cannot_be_read_are_told_of_once(tmp_path):
+    for number in range(3):
+        (tmp_path / f"{number}.csv").write_text("x,y,z\n")
+    with pytest.raises(InputError, match=r"/0\.csv: the first [^;]*; [^;]*; nor can the 2 others be read$"):
+        find_out(str(tmp_path))
 
 
 def test_of_several_poses_the_one_that_moves_most_is_taken(tmp_path):

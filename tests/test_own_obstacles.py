@@ -96,7 +96,11 @@ def test_people_are_left_out_whole():
 
 def test_what_cannot_be_learned_from_is_refused():
     one = made_up("one", 0.1, 0.0)
-    with pytest.raises(InputError, match=r"^one: has no obstacles; name their topic, or put obstacles\.csv"):
-        own_reaches({EVERYBODY: [replace(one, shapes=one.shapes[1:])]}, chosen())
+    in_the_open = replace(one, name="free", shapes=one.shapes[1:])
+    with pytest.raises(InputError, match=r"^free: has no obstacles, nor have the others; name"):
+        own_reaches({EVERYBODY: [in_the_open]}, chosen())
+    reaches, left_out = own_reaches({EVERYBODY: [one, in_the_open]}, chosen())
+    assert [reach.name for reach in reaches] == ["one"]
+    assert left_out[["trial", "reason"]].to_numpy().tolist() == [["free", "has no obstacles"]]
     with pytest.raises(InputError, match=r"^reaches: of 1 people or recordings with reaches none"):
         learn_past_obstacles({EVERYBODY: [one]}, chosen())

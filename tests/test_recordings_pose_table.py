@@ -68,7 +68,7 @@ def test_parquet_is_the_same_table(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("t,x,y,z\n0,0,0,0\n", "the first column is 't', not time_s"),
+        ("t,x,y,z\n0,0,0,0\n", "the first column is 't', not time_s; behind it columns may be x, y"),
         ("time_s,x,y\n0,0,0\n", "has no column z"),
         ("time_s,x,y,z,qw\n0,0,0,0,1\n", "has no column qx, qy, qz; qw, qx, qy, qz come together"),
         ("time_s,x,y,z,fx\n0,0,0,0,1\n", "has no column fy, fz, tx, ty, tz"),

@@ -1,5 +1,7 @@
 """What raw messages say of their clocks, against numbers that were put into them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -84,3 +86,12 @@ def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
     assert clocks.header is None
     assert clocks.delay is None
     assert clocks.own.rate_hz == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("change", [lambda schema: None, lambda schema: replace(schema, encoding="ros1msg")])
+def test_headers_are_looked_for_in_ros2_messages_alone(tmp_path, change):
+    write_bag(tmp_path / "bag.mcap", pose_messages([10**9, 2 * 10**9], pose_rows(2), "/hand"))
+    messages = read_bag(tmp_path / "bag.mcap", ["/hand"]).messages["/hand"]
+    other = replace(messages, schemas={number: change(one) for number, one in messages.schemas.items()})
+    assert survey.topic_clocks(messages).header is not None
+    assert (survey.topic_clocks(other).header, survey.topic_clocks(other).frames) == (None, ())

@@ -87,7 +87,7 @@ def _of_csv(path: Path) -> tuple[list[str], np.ndarray, np.ndarray]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text file") from error
     if names[0] != TIME:
-        raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}, of a table of poses")
+        raise InputError(f"{path}: the first column is '{names[0]}', not {TIME}; behind it {_understood()}")
     _check_names(path, names[1:])
     return names[1:], *read_stamped_table(path, columns=len(names), separator=",", header_lines=1)
 
@@ -124,13 +124,17 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
     for name in names:
         joint = name.startswith(prefixes) and not name.endswith(".")
         if name not in (*POSITION, *ORIENTATION, *WRENCH) and not joint:
-            understood = ", ".join((*POSITION, *ORIENTATION, *WRENCH, *(f"{one}NAME" for one in prefixes)))
-            raise InputError(f"{path}: column '{name}' is not understood; columns may be {understood}")
+            raise InputError(f"{path}: column '{name}' is not understood; {_understood()}")
         if names.count(name) > 1:
             raise InputError(f"{path}: column '{name}' stands {names.count(name)} times")
     missing = [name for name in POSITION if name not in names]
     if missing:
         raise InputError(f"{path}: has no column {', '.join(missing)}")
+
+
+def _understood() -> str:
+    joints = (f"{field}.NAME" for field in FIELDS.values())
+    return f"columns may be {', '.join((*POSITION, *ORIENTATION, *WRENCH, *joints))}, comma-separated"
 
 
 def _joints(path: Path, names: Sequence[str]) -> list[str]:

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+from mcap.well_known import SchemaEncoding
 
 from structlearn.recordings.bag_reader import RawMessages
 
@@ -165,7 +166,10 @@ def header_stamps(messages: RawMessages, place: int) -> np.ndarray:
 
 def _header_place(messages: RawMessages) -> int | None:
     """Where stamps stand in all messages of a topic; None where there are none."""
-    places = {_place_in(schema.data.decode(errors="replace")) for schema in messages.schemas.values()}
+    schemas = messages.schemas.values()
+    if any(schema is None or schema.encoding != SchemaEncoding.ROS2 for schema in schemas):
+        return None  # the same definition in another encoding puts its fields elsewhere
+    places = {_place_in(schema.data.decode(errors="replace")) for schema in schemas}
     place = places.pop() if len(places) == 1 else None
     whole = place is not None and all(len(message) >= place + 12 for message in messages.data)
     return place if whole else None

@@ -12,6 +12,7 @@ A task has the parts that its entry names (`PARTS`); the others are null, whatev
 
 import hashlib
 import re
+import sys
 from pathlib import Path
 from typing import Any, Self
 
@@ -22,6 +23,7 @@ from structlearn.feedback.skill_file import SkillParameters
 from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters, checked, merged, read_values
+from structlearn.ground.stage import run
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters
@@ -198,3 +200,7 @@ def file_digests(source: str) -> dict[str, str]:
 def _digest(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
+    run(lambda: read_task(sys.argv[1]), in_times=False)

@@ -20,7 +20,14 @@ from structlearn.recordings.survey import Stamps
 from structlearn.rigid_body.motion import Motion, joined, joint_ranges, measured_motion
 from structlearn.rigid_body.urdf_links import moving_joints
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
-from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen, arm_of, clocks_of, series_of
+from structlearn.testbeds.own.protocol.inspection import (
+    FileSeen,
+    PoseSource,
+    SourceSeen,
+    arm_of,
+    clocks_of,
+    series_of,
+)
 from structlearn.testbeds.own.protocol.motion_survey import MotionSurvey
 from structlearn.testbeds.own.task import local_path
 
@@ -32,6 +39,9 @@ left out has an interval as wide as itself."""
 
 EXTENT = {"m": (0.05, 0.01), "rad": (0.2, 0.05)}
 """How far the hand gets, or the arm's joints: below a centimetre sway and movement are of one size."""
+
+FARTHEST_M = 10.0
+"""m; no arm and no hand that shows it a movement gets so far."""
 
 OVER_NOISE = (50.0, 10.0)
 """How far the hand gets, over the sensor's noise: at 50 the speed of a move of a second stands ten times
@@ -99,14 +109,16 @@ def fitness(
     """
     answers = [_readable(seen), _enough(seen)]
     if hand is None:
-        answers.append(
-            Answer("Is there a pose of the hand?", "no", "no poses, moving frames or joint states")
-        )
+        foreign = sorted({one.type for file in seen.files for one in file.topics.values() if one.foreign})
+        number = "no poses, moving frames or joint states that can be read"
+        advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
+        answers.append(Answer("Is there a pose of the hand?", "no", number, advice))
     else:
         answers += list(_of_hand(seen, hand))
     if motion is not None:
         answers.append(_agreement(motion))
-    answers += list(_of_clocks(seen.files, topics))
+    if hand is not None:
+        answers += list(_of_clocks(seen.files, topics, hand.source))
     answers += list(_excitation(seen))
     return answers
 
@@ -140,15 +152,18 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
     least = min(paths, key=lambda name: paths[name].extent_m)
     noise = float(np.median([path.noise_m for path in paths.values()]))
     verdict = at_least(paths[least].extent_m, EXTENT[hand.unit])
+    advice = "" if verdict == "yes" else f"look at {least}"
+    if hand.unit == "m" and hand.extent > FARTHEST_M:
+        verdict, advice = "doubtful", "positions are read as m; were they written in mm?"
     yield Answer(
         "Does the hand move in all?",
         verdict,
-        f"{scale * hand.extent:.3g} {unit} in the median, least {scale * paths[least].extent_m:.3g} {unit}",
-        "" if verdict == "yes" else f"look at {least}",
+        f"{scale * hand.extent:.4g} {unit} in the median, least {scale * paths[least].extent_m:.4g} {unit}",
+        advice,
     )
     if hand.moves:
         ratio = hand.extent / noise if noise > 0.0 else float("inf")
-        times = f"{ratio:.3g} times ({scale * noise:.2g} {unit})" if noise > 0.0 else "there is none"
+        times = f"{ratio:.4g} times ({scale * noise:.2g} {unit})" if noise > 0.0 else "there is none"
         yield Answer("Is the motion well above the noise?", at_least(ratio, OVER_NOISE), times)
     if hand.unit == "m":
         worst = max(paths, key=lambda name: paths[name].norm_error)
@@ -181,7 +196,7 @@ def _agreement(motion: MotionSurvey) -> Answer:
     )
 
 
-def _of_clocks(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[Answer]:
+def _of_clocks(files: Sequence[FileSeen], topics: Sequence[str], pose: PoseSource) -> Iterator[Answer]:
     clocks = clocks_of(files, topics)
     if not clocks:
         return
@@ -199,7 +214,7 @@ def _of_clocks(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[Ans
         verdict = at_most(off, IN_STEP_S)
         advice = "" if verdict == "yes" else f"look at {where}: delays of topics differ, or drift"
         yield Answer("Are the clocks in step?", verdict, f"to {1e3 * off:.3g} ms", advice)
-    series = series_of(files, topics)
+    series = series_of(files, topics, pose)
     name, topic, one = max(series, key=lambda item: _disorder(item[2]))
     yield Answer(
         "Do stamps increase?",

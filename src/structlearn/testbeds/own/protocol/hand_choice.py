@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.recordings.topics import TransformPose
+from structlearn.rigid_body.urdf_links import HANDS
 from structlearn.testbeds.own.protocol.hand_paths import HandPath
 from structlearn.testbeds.own.protocol.inspection import FileSeen, PoseSource
 
@@ -61,7 +62,8 @@ def candidates(files: Sequence[FileSeen]) -> list[Candidate]:
     """All sources of poses that have a path in some file, the likeliest for the hand's first.
 
     One that moves, in most of the files, comes before all others; then topics of poses before transforms and
-    those before joints; then what is in more files; then what goes the longer way.
+    those before joints; then what is in more files; then frames that are called like a hand; then what goes
+    the longer way.
     """
     found: dict[PoseSource, dict[str, HandPath]] = {}
     for file in files:
@@ -84,7 +86,8 @@ def _rank(one: Candidate, every: Sequence[Candidate], files: int) -> tuple:
     kind = _kind(one.source)
     farthest = max(other.travelled for other in every if _kind(other.source) == kind)
     way = farthest if kind and one.travelled >= ALIKE * farthest else one.travelled
-    return not (one.moves and 2 * len(one.paths) > files), kind, -len(one.paths), -way
+    named = isinstance(one.source, TransformPose) and HANDS.search(one.source.child)
+    return not (one.moves and 2 * len(one.paths) > files), kind, -len(one.paths), not named, -way
 
 
 def _kind(source: PoseSource) -> int:

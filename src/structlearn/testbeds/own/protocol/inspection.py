@@ -12,13 +12,13 @@ from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_
 from structlearn.recordings.bag_reader import RawMessages
 from structlearn.recordings.bag_recording import read_recording
 from structlearn.recordings.cdr import short_name
-from structlearn.recordings.joint_series import JointSeries, joint_series
+from structlearn.recordings.joint_series import JointSeries, chosen, joint_series
 from structlearn.recordings.messages import READERS
 from structlearn.recordings.recording import Stream
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
-from structlearn.recordings.transforms import TransformSeries, transform_series
+from structlearn.recordings.transforms import TransformSeries, chain, transform_series
 from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
 from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path, joint_path
 from structlearn.testbeds.own.task import local_path
@@ -41,8 +41,8 @@ class TopicSeen:
         clocks: its stamps; None where there are no messages, or none that are ROS 2 messages.
         joints: of a topic of joint states, those that share a clock together.
         links: of a topic of transforms.
-        series: stamps of each publisher's joints, or of each link that moves; else those of the topic, on
-            which several may publish and each be in order.
+        series: stamps of the joints of whoever publishes the most, or of each link that moves; else those of
+            the topic, on which several may publish and each be in order.
         fault: why joint states or transforms cannot be read; empty where they can.
     """
 
@@ -57,6 +57,11 @@ class TopicSeen:
     def type(self) -> str:
         """The type, or all of them."""
         return " and ".join(self.types)
+
+    @property
+    def foreign(self) -> bool:
+        """Whether messages are in an encoding that is not read; the type says which (`bag_reader`)."""
+        return any("[" in name for name in self.types)
 
 
 @dataclass(frozen=True)
@@ -123,7 +128,8 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
         except InputError as error:
             damaged[file.name] = str(error)
     if not files:
-        raise InputError("; ".join(damaged.values()))
+        first, *others = damaged.values()
+        raise InputError(f"{first}{f'; nor can the {len(others)} others be read' if others else ''}")
     return SourceSeen(source, urdf, tuple(files), damaged)
 
 
@@ -180,7 +186,8 @@ def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessa
     try:
         if set(names) <= READERS["joint_states"].keys():
             joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
-            series = [stamps_of(one.stamps) for one in joints] if mended is None else series
+            if joints and mended is None:
+                series = [stamps_of(one.stamps) for one in chosen(where, joints, None)[0]]
         elif set(names) <= READERS["transforms"].keys():
             found = transform_series(where, messages, AS_THEY_COME)
             links = [found[edge] for edge in sorted(found)]
@@ -214,23 +221,28 @@ def frame_pairs(
 ) -> list[tuple[str, str]]:
     """Frames at the ends of the tree whose pose in the base changes, each with that base.
 
-    The base is the last frame on the way from the root that does not move in it.
+    The base is the last frame on the way from the root to which only static links lead: a joint that rests in
+    one recording may move in the next. What a frame that is called like a hand carries is no end.
 
     Args:
         moving: links of /tf, of which some may be at rest.
         static: links of /tf_static.
     """
     parents = {link.child: link.parent for link in (*static, *moving)}
+    children = {link.child for link in moving}
     moves = {link.child for link in moving if link.moves}
-    pairs = []
-    for end in sorted(parents.keys() - set(parents.values())):
+    pairs, above = set(), set()
+    for end in parents.keys() - set(parents.values()):
         way = [end]
         while way[-1] in parents and parents[way[-1]] not in way:  # a circle of frames has no root
             way.append(parents[way[-1]])
-        turning = [place for place, frame in enumerate(way) if frame in moves]
-        if turning:
-            pairs.append((way[turning[-1] + 1], end))
-    return sorted(pairs, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
+        hand = next((place for place, frame in enumerate(way) if HANDS.search(frame)), 0)
+        if moves.intersection(way[hand:]):
+            base = max(place for place, frame in enumerate(way) if frame in children) + 1
+            pairs.add((way[base], way[hand]))
+            above |= set(way[hand + 1 :])
+    ends = [pair for pair in pairs if pair[1] not in above]
+    return sorted(ends, key=lambda pair: (not HANDS.search(pair[1]), pair[1]))
 
 
 def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
@@ -243,15 +255,26 @@ def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[st
     ]
 
 
-def series_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, Stamps]]:
-    """Stamps of every series on the topics, each with its file and topic."""
+def series_of(
+    files: Sequence[FileSeen], topics: Sequence[str], pose: PoseSource
+) -> list[tuple[str, str, Stamps]]:
+    """Stamps of every series on the topics, with its file and topic; of links those that lead to the pose."""
     return [
         (file.name, topic, stamps)
         for file in files
         for topic in topics
         if topic in file.topics
-        for stamps in file.topics[topic].series
+        for stamps in _series(file, topic, pose)
     ]
+
+
+def _series(file: FileSeen, topic: str, pose: PoseSource) -> Sequence[Stamps]:
+    seen = file.topics[topic]
+    if not (isinstance(pose, TransformPose) and pose.topic == topic and pose in file.hands):
+        return seen.series
+    links = [link for name in pose.topics if name in file.topics for link in file.topics[name].links]
+    way = chain(file.name, [(link.parent, link.child) for link in links], pose.parent, pose.child)
+    return [stamps_of(link.stamps) for link in seen.links if link.moves and (link.parent, link.child) in way]
 
 
 def _poses(file: RecordingFile, source: PoseSource) -> Stream:

@@ -17,6 +17,9 @@ from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleP
 EVERYBODY = ""
 """Of recordings that are nobody's in particular: each then counts as a person of its own."""
 
+OPEN = "has no obstacles"
+"""Why a reach is left out."""
+
 
 def learn_past_obstacles(
     recordings: Mapping[str, Sequence[Demonstration]], parameters: ObstacleParameters
@@ -28,8 +31,8 @@ def learn_past_obstacles(
         parameters: see there.
 
     Raises:
-        InputError: a recording has no obstacles, fewer than two people or recordings have reaches, or none
-            of a fold's reaches to learn from is straight.
+        InputError: no recording has obstacles, fewer than two people or recordings have reaches, or none of
+            a fold's reaches to learn from is straight.
     """
     reaches, left_out = own_reaches(recordings, parameters)
     people = by_bend(reaches)
@@ -59,10 +62,14 @@ def own_reaches(
 ) -> tuple[list[SceneReach], pd.DataFrame]:
     """The reach of each recording, and which were left out.
 
-    A reach lasts from where the hand's speed first exceeds a share of its peak to where it last does.
+    A reach lasts from where the hand's speed first exceeds a share of its peak to where it last does. One in
+    the open shows nothing of avoidance and is left out.
 
     Returns:
         The reaches, and per recording left out `trial`, `person` and `reason`.
+
+    Raises:
+        InputError: no recording has obstacles.
     """
     reaches, left_out = [], []
     for person, its in recordings.items():
@@ -73,6 +80,10 @@ def own_reaches(
                 left_out.append((name, person or one.name, found))
             else:
                 reaches.append(found)
+    if left_out and not reaches and all(reason == OPEN for _, _, reason in left_out):
+        raise InputError(
+            f"{left_out[0][0]}: {OPEN}, nor have the others; name their topic, or put {FILE} beside them"
+        )
     return reaches, pd.DataFrame(left_out, columns=["trial", "person", "reason"])
 
 
@@ -81,7 +92,7 @@ def _reach(one: Demonstration, name: str, person: str, parameters: ObstacleParam
         recorded_obstacle(shape) for shape in one.shapes if not shape.name.startswith(parameters.ignored)
     )
     if not obstacles:
-        raise InputError(f"{name}: has no obstacles; name their topic, or put {FILE} beside the recording")
+        return OPEN
     cutting = parameters.reaches
     smooth = differentiated(one.position, one.dt, cutting.smoothing_hz)
     speed = np.linalg.norm(smooth.velocity, axis=1)

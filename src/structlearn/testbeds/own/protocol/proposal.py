@@ -67,17 +67,17 @@ def propose(
     topics, doubts = _topics(seen, hand, others)
     entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
     read = _read(hand, topics)
-    stamps, doubts["stamps"] = _stamps(seen.files, read)
+    stamps, doubts["stamps"] = _stamps(seen.files, read, hand)
     if stamps:
         entry["stamps"] = stamps
     number, doubts["segment.primitives"] = _primitives(motion)
     entry["segment"] = {"primitives": number}
-    if seen.urdf is not None and isinstance(hand.source, JointPose):
+    if seen.urdf is not None and isinstance(hand.source, JointPose) and hand.source.urdf == seen.urdf:
         known = [name for file in seen.files if (arm := arm_of(file.topics)) for name in arm[1].names]
         locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
         entry["robot"] = {"urdf": from_home(seen.urdf), "tip": hand.source.tip, "locked_joints": locked}
     damaged = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"] if seen.damaged else []
-    doubts["source"] = damaged + _gaps(seen.files, read)
+    doubts["source"] = damaged + _gaps(seen.files, read, hand)
     doubts = {key: said for key, said in doubts.items() if said}
     return Proposal(task_name(seen.source), entry, doubts, read)
 
@@ -112,7 +112,7 @@ def _topics(
 ) -> tuple[dict[str, Any], dict[str, list[str]]]:
     source = hand.source
     topics: dict[str, Any] = {"pose": source if isinstance(source, str) else source.model_dump()}
-    doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(seen.files, hand, others))}
+    doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(seen, hand, others))}
     arms = [arm[0] for file in seen.files if (arm := arm_of(file.topics))]
     if arms:
         arm = max(sorted(set(arms)), key=arms.count)
@@ -137,9 +137,14 @@ def _topics(
     return topics, doubts
 
 
-def _pose_doubts(files: Sequence[FileSeen], hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+    files, urdf = seen.files, seen.urdf
     if isinstance(hand.source, JointPose) and hand.source.urdf == UNKNOWN_URDF:
-        yield "there is no pose: name the robot's URDF and the link that is led, or inspect with URDF=..."
+        yield (
+            "there is no pose: name the robot's URDF and the link that is led, or inspect with URDF=..."
+            if urdf is None
+            else f"{urdf} has none of these joints, but {_listed(moving_joints(local_path(urdf)))}"
+        )
     if not hand.moves:
         yield "it does not move"
     missing = [file.name for file in files if file.name not in hand.paths]
@@ -151,7 +156,7 @@ def _pose_doubts(files: Sequence[FileSeen], hand: Candidate, others: Sequence[Ca
             yield f"its messages are of several frames: {', '.join(sorted(frames))}"
     for other in others[:3]:
         scale, unit = (1e3, "mm") if other.unit == "m" else (1.0, "rad")
-        yield f"also there: {other.words}, which goes {scale * other.travelled:.3g} {unit}"
+        yield f"also there: {other.words}, which goes {scale * other.travelled:.4g} {unit}"
     if len(others) > 3:
         yield f"and {len(others) - 3} more"
 
@@ -196,12 +201,14 @@ def _publishers(seen: TopicSeen) -> list[tuple[str, ...]]:
     ]
 
 
-def _stamps(files: Sequence[FileSeen], read: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+def _stamps(
+    files: Sequence[FileSeen], read: Sequence[str], hand: Candidate
+) -> tuple[dict[str, str], list[str]]:
     """What differs from header stamps that increase, and why."""
     off = max((out_of_step(file, read) for file in files), default=0.0)
     by_log = off > IN_STEP_S[1]
     logs = [(name, topic, one.log) for name, topic, one in clocks_of(files, read)]
-    taken = logs if by_log else series_of(files, read)
+    taken = logs if by_log else series_of(files, read, hand.source)
     repeated, backward = (sum(getattr(one, kind) for _, _, one in taken) for kind in ("repeated", "backward"))
     if not (by_log or repeated or backward):
         return {}, []
@@ -219,12 +226,12 @@ def _stamps(files: Sequence[FileSeen], read: Sequence[str]) -> tuple[dict[str, s
     return {"clock": "log" if by_log else "header", "disorder": disorder}, doubts
 
 
-def _gaps(files: Sequence[FileSeen], read: Sequence[str]) -> list[str]:
+def _gaps(files: Sequence[FileSeen], read: Sequence[str], hand: Candidate) -> list[str]:
     """Holes that the reader refuses unless it is told otherwise."""
     return [
         f"{topic} of {name} has a gap of {one.largest_gap_s:.3g} s at {one.gap_at_s:.3g} s: refused where "
         "it is longer than `clock: {max_gap_s: ...}`"
-        for name, topic, one in series_of(files, read)
+        for name, topic, one in series_of(files, read, hand.source)
         if one.largest_gap_s > MAX_GAP_S
     ]
 
