@@ -38,7 +38,7 @@ def test_an_interruption_is_one_line(capsys):
     with pytest.raises(SystemExit) as exit_:
         stage.run(main)
     assert exit_.value.code == 130
-    assert capsys.readouterr().err == "error: interrupted; run it again, results are as they were\n"
+    assert capsys.readouterr().err == "error: interrupted; run it again\n"
 
 
 def test_errors_of_the_program_keep_their_traceback():

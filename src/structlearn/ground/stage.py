@@ -52,5 +52,5 @@ def run(main: Callable[[], None], in_times: bool = True) -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
     except KeyboardInterrupt:
-        print("error: interrupted; run it again, results are as they were", file=sys.stderr)
+        print("error: interrupted; run it again", file=sys.stderr)
         sys.exit(INTERRUPTED)
