@@ -692,6 +692,7 @@ def test_a_reach_without_direction_is_named():
         ({"rate_hz": np.nan}, "rate of the controller"),
         ({"durations": [1.0, 1.0]}, "2 durations for 3 primitives"),
         ({"durations": [1.0, 0.0, 1.0]}, "duration of 'tilt' must be a tick at least"),
+        ({"durations": [1.0, 1e9, 1.0]}, "more than 10000000 ticks"),
         ({"durations": [1.0, 1.0, np.inf]}, "duration of 'scrape'"),
         ({"goals": [PoseGoal(np.zeros(3), UNIT)]}, "1 goals for 3 primitives"),
         ({"goals": [PoseGoal(np.zeros(3), 2 * UNIT)] * 3}, "goal orientation of 'down' must have norm 1"),

@@ -46,6 +46,12 @@ def example(tmp_path_factory):
     return folder
 
 
+def test_sound_recordings_are_alike_and_alive(example):
+    found = find_out(str(example))
+    for question in ("Does the hand start alike?", "Do all signals change?", "Are joints' positions in rad?"):
+        assert answer(found, question).verdict == "yes"
+
+
 def run(monkeypatch, *arguments):
     monkeypatch.setattr(sys, "argv", ["inspect", *map(str, arguments)])
     inspect.main()
@@ -435,6 +441,27 @@ def test_bad_poses_are_said(tmp_path):
     assert answer(found, "Are quaternions of unit norm?").verdict == "no"
     assert "0.1" in answer(found, "Are quaternions of unit norm?").number
     assert "row 200" in answer(found, "Are poses free of jumps?").advice
+
+
+def test_recordings_that_are_smooth_and_wrong_are_doubtful(tmp_path):
+    """Quaternions x, y, z, w; another frame; joints in degrees; joints that rest."""
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    joints = np.linspace(0.0, 30.0, 400)[:, None]
+    for number in range(6):
+        rows = moving_rows()
+        rows[:, 3:] = (0.0, 0.0, 0.0, 1.0) if number == 4 else (1.0, 0.0, 0.0, 0.0)
+        rows[:, 0] += 1.0 if number == 5 else 0.0
+        messages = pose_messages(stamps, rows)
+        messages += joint_messages(stamps, ["elbow"], 0.0 * joints if number == 2 else joints)
+        write_bag(tmp_path / f"{number}.mcap", messages)
+    found = find_out(str(tmp_path))
+    for question, advice in (
+        ("Does the hand start alike?", "look at 4, 5"),
+        ("Do all signals change?", "always the same: /joint_states in 2"),
+        ("Are joints' positions in rad?", "degrees? look at /joint_states in 0"),
+    ):
+        assert answer(found, question).verdict == "doubtful"
+        assert advice in answer(found, question).advice
 
 
 def test_a_stamp_of_another_age_is_named(tmp_path, monkeypatch, capsys):

@@ -1,10 +1,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from committed import committed
 from pydantic import ValidationError
 
+from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
 from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
@@ -127,6 +129,12 @@ def test_round_trip(two_move_demonstrations, tmp_path):
     assert read.primitives == ["down", "turn", "scrape"]
     assert read.cuts.equals(segmentation.cuts)
     assert read.pairs.equals(segmentation.pairs)
+    (tmp_path / "cuts/reference.parquet").write_bytes((tmp_path / "cuts/doubts.parquet").read_bytes())
+    with pytest.raises(InputError, match=r"reference\.parquet: has no column reference: another table"):
+        read_segmentation(tmp_path / "cuts")
+    write_table(pd.DataFrame({"reference": pd.Series(dtype=str)}), tmp_path / "cuts/reference.parquet")
+    with pytest.raises(InputError, match=r"reference\.parquet: has 0 rows, not one"):
+        read_segmentation(tmp_path / "cuts")
 
 
 @pytest.mark.parametrize(

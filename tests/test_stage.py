@@ -31,6 +31,16 @@ def test_bad_input_is_one_line_on_standard_error_and_exit_code_one(capsys):
     assert captured.out == ""
 
 
+def test_an_interruption_is_one_line(capsys):
+    def main():
+        raise KeyboardInterrupt
+
+    with pytest.raises(SystemExit) as exit_:
+        stage.run(main)
+    assert exit_.value.code == 130
+    assert capsys.readouterr().err == "error: interrupted; run it again\n"
+
+
 def test_errors_of_the_program_keep_their_traceback():
     def main():
         raise ValueError("a bug")

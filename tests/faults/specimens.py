@@ -18,6 +18,7 @@ from structlearn.feedback.pmnn import read_networks, write_networks
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.params import read_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
+from structlearn.recordings import read_demonstrations
 from structlearn.recordings.bag_recording import read_recording
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.drive_log import DriveLog, read_drive_log, write_drive_log
@@ -130,6 +131,22 @@ def _text(path: Path) -> None:
     np.savetxt(path, rows, fmt="%.6f")
 
 
+def _poses(path: Path) -> None:
+    """A user's table; where it is Parquet, with checksums of its pages."""
+    rows = np.column_stack([1.0 + 0.01 * np.arange(40), pose_rows(40)])
+    table = pd.DataFrame(rows, columns=["time_s", "x", "y", "z", "qw", "qx", "qy", "qz"])
+    if path.suffix == ".csv":
+        table.to_csv(path, index=False)
+    else:
+        table.to_parquet(path, index=False, write_page_checksum=True)
+
+
+def _described_bag(path: Path) -> None:
+    """`path` is the description beside the bag's file."""
+    _bag(path.with_name("bag.mcap"))
+    path.write_text(yaml.safe_dump({"rosbag2_bagfile_information": {"relative_file_paths": ["bag.mcap"]}}))
+
+
 def _parameters(path: Path) -> None:
     path.write_text(yaml.safe_dump({"segment": parameter_tree({})["segment"]}))
 
@@ -179,6 +196,9 @@ SPECIMENS = {
             True,
         ),
         Specimen("table.parquet", _table, read_table, True),
+        Specimen("poses.csv", _poses, read_demonstrations, False),
+        Specimen("poses.parquet", _poses, read_demonstrations, False),
+        Specimen("metadata.yaml", _described_bag, lambda path: read_demonstrations(path.parent), False),
         Specimen("metrics.json", _metrics, read_metrics, False),
         Specimen("log.txt", _text, lambda path: read_stamped_table(path, 4), False),
         Specimen("ur-run.csv", _drive_text, lambda path: read_logs(path.parent), False),

@@ -18,6 +18,9 @@ from structlearn.primitives.vector import relative_scale, sample_count
 HELD_DURATIONS = 4.0
 """How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
 
+MOST_TICKS = 10**7
+"""Of a run, which is planned ahead: at 1 kHz almost three hours; more are a slip of units."""
+
 
 def plan_in_time(
     skill: ReactiveSkill,
@@ -154,7 +157,7 @@ def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, d
     """Durations in s, one per primitive; default the demonstrations' means.
 
     Raises:
-        InputError: another number of them, or one shorter than a tick or infinite.
+        InputError: another number of them, one shorter than a tick or infinite, or more than `MOST_TICKS`.
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
@@ -162,6 +165,10 @@ def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, d
     for primitive, duration in zip(skill.primitives, durations, strict=True):
         if not (np.isfinite(duration) and sample_count(max(duration, 0.0), dt) >= 2):
             raise InputError(f"the duration of '{primitive.name}' must be a tick at least, is {duration} s")
+    if sum(durations) > MOST_TICKS * dt:
+        raise InputError(
+            f"the run would have more than {MOST_TICKS} ticks: {sum(durations):g} s at {1 / dt:g} Hz"
+        )
     return durations
 
 

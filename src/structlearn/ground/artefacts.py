@@ -8,7 +8,7 @@ other data.
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -61,11 +61,15 @@ def write_table(frame: pd.DataFrame, target: str | Path) -> None:
         pyarrow.parquet.write_table(table, path, compression="zstd", write_page_checksum=True)
 
 
-def read_table(path: str | Path) -> pd.DataFrame:
+def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
     """Read a Parquet table.
 
+    Args:
+        path: of the file.
+        needed: columns that it must have: another table, or one of an older version, is as sound.
+
     Raises:
-        InputError: the file is missing, truncated, of another kind or not as it was written.
+        InputError: the file is missing, truncated, of another kind, not as it was written or lacks a column.
     """
     try:
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
@@ -75,6 +79,8 @@ def read_table(path: str | Path) -> pd.DataFrame:
         raise InputError(f"{path}: not a readable Parquet file: {error}") from error
     if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
         raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
+    if missing := [name for name in needed if name not in table.column_names]:
+        raise InputError(f"{path}: has no column {', '.join(missing)}: another table, or of another version")
     return table.to_pandas()
 
 

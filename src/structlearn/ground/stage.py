@@ -13,6 +13,8 @@ from structlearn.ground.publication import publish
 from structlearn.ground.wall_clock import timed
 
 PARAMETER_FILE = Path("params.yaml")
+INTERRUPTED = 130
+"""Exit code of what SIGINT ended, as shells have it."""
 
 
 def stage_parameters(key: str, model: type[ParametersType]) -> ParametersType:
@@ -37,7 +39,8 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
 def run(main: Callable[[], None], in_times: bool = True) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
-    Errors of the program itself keep their traceback. When DVC runs the stage, its time is recorded.
+    So does Ctrl-C, with code `INTERRUPTED`. Errors of the program itself keep their traceback. When DVC runs
+    the stage, its time is recorded.
 
     Args:
         main: the stage.
@@ -48,3 +51,6 @@ def run(main: Callable[[], None], in_times: bool = True) -> None:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
+    except KeyboardInterrupt:
+        print("error: interrupted; run it again", file=sys.stderr)
+        sys.exit(INTERRUPTED)

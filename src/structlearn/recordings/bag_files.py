@@ -77,7 +77,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
     source = Path(source).expanduser()
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
-    if source.is_file():
+    if not source.is_dir():
         return [as_recording_file(source)]
     folders = [source, *sorted(path.parent for path in source.glob(f"*/{METADATA}"))]
     found = [file for folder in folders for file in _bags(folder)] or [
@@ -107,6 +107,9 @@ def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
     Raises:
         InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
     """
+    for path in file.paths:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise InputError(f"{path}: cannot be read: not a file")
     if file.format == "table":
         return read_pose_table(file.paths[0])
     bag = joined([READERS[file.format](path, topics) for path in file.paths])

@@ -60,8 +60,10 @@ def touch_tables(source: Path) -> list[Path]:
     """
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
-    paths = [source] if source.is_file() else [path for path in source.iterdir() if path.is_file()]
-    found = [path for path in paths if path.suffix in READERS and not path.name.startswith(".")]
+    paths = source.iterdir() if source.is_dir() else [source]
+    found = [
+        path for path in paths if path.is_file() and path.suffix in READERS and not path.name.startswith(".")
+    ]
     return sorted(found, key=lambda path: natural_order(path.stem))
 
 

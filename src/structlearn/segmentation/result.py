@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, read_table, write_table
+from structlearn.ground.errors import InputError
 
 METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
 RESULT = "wls"
@@ -63,11 +64,21 @@ def read_segmentation(folder: str | Path) -> Segmentation:
     """Read a segmentation.
 
     Raises:
-        InputError: a table is missing or not readable.
+        InputError: a table is missing, not readable or another one.
     """
-    folder = Path(folder)
-    tables = {
-        name: read_table(folder / f"{name}.parquet") for name in ("cuts", "pairs", "left_out", "doubts")
-    }
-    reference = read_table(folder / "reference.parquet")["reference"][0]
-    return Segmentation(reference=reference, **tables)
+    paths = {name: Path(folder, f"{name}.parquet") for name in COLUMNS}
+    tables = {name: read_table(path, COLUMNS[name]) for name, path in paths.items()}
+    reference = tables.pop("reference")["reference"]
+    if len(reference) != 1:
+        raise InputError(f"{paths['reference']}: has {len(reference)} rows, not one")
+    return Segmentation(reference=reference[0], **tables)
+
+
+COLUMNS = {
+    "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),
+    "pairs": ("demonstration", "primitive", "reference_s", "guess_s", "weight"),
+    "left_out": ("demonstration", "reason"),
+    "doubts": ("demonstration", "primitive", "reason", "number"),
+    "reference": ("reference",),
+}
+"""Of the tables, by file."""

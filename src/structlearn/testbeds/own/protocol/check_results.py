@@ -101,11 +101,15 @@ def read_check(folder: str | Path) -> SkillCheck:
     """Read what was found.
 
     Raises:
-        InputError: a file is missing or damaged.
+        InputError: a file is missing, damaged or another one.
     """
-    margins, rest, notes = (read_table(Path(folder) / f"{name}.parquet") for name in TABLES)
+    margins, rest, notes = (read_table(Path(folder) / f"{name}.parquet", its) for name, its in TABLES.items())
     return SkillCheck(margins, dict(zip(rest["joint"], rest["rest"], strict=True)), tuple(notes["note"]))
 
 
-TABLES = ("margins", "rest", "notes")
-"""Files of a check."""
+TABLES = {
+    "margins": ("kind", "run", "quantity", "where", "value", "bound", "unit", "margin", "time_s", "verdict"),
+    "rest": ("joint", "rest"),
+    "notes": ("note",),
+}
+"""Files of a check, and their columns."""

@@ -59,6 +59,12 @@ JITTER = (0.5, 1.0)
 DISORDERED = (0.0, 0.01)
 """Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing."""
 
+ELSEWHERE = {"m": 0.5, "rad": 1.0}
+"""Share of how far the hand gets, and rad, by which it starts off the others: rather it is another frame."""
+
+MOST_TURNED = 4.0 * np.pi
+"""rad, of a joint: only those that wind go further, and all that are in degrees."""
+
 CONDITIONS = (100.0, 1000.0)
 """Of the base regressor: below 100 counts as well excited (Gautier and Khalil 1992)."""
 
@@ -117,6 +123,7 @@ def fitness(
         answers += list(_of_hand(seen, hand))
     if motion is not None:
         answers.append(_agreement(motion))
+    answers += list(_of_signals(seen.files, topics))
     if hand is not None:
         answers += list(_of_clocks(seen.files, topics, hand.source))
     answers += list(_excitation(seen))
@@ -180,6 +187,52 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
             f"{len(paths) - len(faults)} of {len(paths)}",
             "; ".join(faults),
         )
+        if hand.moves and len(paths) > 1:
+            yield _alike(hand)
+
+
+def _alike(hand: Candidate) -> Answer:
+    """Whether it starts in one place; what is in another frame is as smooth as the others."""
+    names, paths = zip(*hand.paths.items(), strict=True)
+    starts = np.stack([path.position[0] for path in paths])
+    away = np.median(np.linalg.norm(starts[:, None] - starts, axis=2), axis=1)
+    turned = np.zeros(len(paths))
+    if all(path.orientation is not None for path in paths):
+        turns = np.stack([path.orientation[0] for path in paths])
+        turned = np.median(2.0 * np.arccos(np.minimum(np.abs(turns @ turns.T), 1.0)), axis=1)
+    odd = (away > ELSEWHERE["m"] * hand.extent) | (turned > ELSEWHERE["rad"])
+    return Answer(
+        "Does the hand start alike?",
+        "doubtful" if odd.any() else "yes",
+        f"off the others by {1e3 * away.max():.3g} mm and {turned.max():.2g} rad at most",
+        f"another frame, or order of quaternions? look at {listed}"
+        if (listed := ", ".join(name for name, one in zip(names, odd, strict=True) if one))
+        else "",
+    )
+
+
+def _of_signals(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[Answer]:
+    read = [(file, topic, file.topics[topic]) for file in files for topic in topics if topic in file.topics]
+    if not read:
+        return
+    frozen = [f"{topic} in {file.name}" for file, topic, one in read if one.frozen]
+    yield Answer(
+        "Do all signals change?",
+        "doubtful" if frozen else "yes",
+        f"{len(read) - len(frozen)} of {len(read)}",
+        f"always the same: {', '.join(frozen)}" if frozen else "",
+    )
+    turned = {
+        f"{topic} in {file.name}": float(np.abs(joints.values["joint_positions"]).max())
+        for file, topic, one in read
+        for joints in one.joints
+        if "joint_positions" in joints.values
+    }
+    if turned:
+        largest = max(turned, key=turned.__getitem__)
+        verdict = "yes" if turned[largest] <= MOST_TURNED else "doubtful"
+        advice = "" if verdict == "yes" else f"degrees? look at {largest}"
+        yield Answer("Are joints' positions in rad?", verdict, f"to {turned[largest]:.3g}", advice)
 
 
 def _agreement(motion: MotionSurvey) -> Answer:

@@ -25,6 +25,12 @@ from structlearn.testbeds.own.task import local_path
 
 PoseSource = str | TransformPose | JointPose
 
+BEHIND_STAMP = 12
+"""Bytes of a message's encapsulation and of its header's stamp; of an array without one, of its layout."""
+
+MANY = 10
+"""Messages from which on it is odd that all are alike."""
+
 AS_THEY_COME = StampPolicy(clock="header", disorder="sort")
 """Disorder is counted elsewhere and refused by nobody here."""
 
@@ -44,6 +50,7 @@ class TopicSeen:
         series: stamps of the joints of whoever publishes the most, or of each link that moves; else those of
             the topic, on which several may publish and each be in order.
         fault: why joint states or transforms cannot be read; empty where they can.
+        frozen: whether all messages say the same, but for their stamps.
     """
 
     types: tuple[str, ...]
@@ -52,6 +59,7 @@ class TopicSeen:
     links: tuple[TransformSeries, ...] = ()
     series: tuple[Stamps, ...] = ()
     fault: str = ""
+    frozen: bool = False
 
     @property
     def type(self) -> str:
@@ -194,7 +202,9 @@ def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessa
             series = [stamps_of(link.stamps) for link in links if link.moves] or series
     except InputError as error:
         fault = str(error)
-    return TopicSeen(names, clocks, tuple(joints), tuple(links), tuple(series), fault)
+    first, *others = messages.data
+    frozen = len(others) >= MANY and all(one[BEHIND_STAMP:] == first[BEHIND_STAMP:] for one in others)
+    return TopicSeen(names, clocks, tuple(joints), tuple(links), tuple(series), fault, frozen)
 
 
 def pose_sources(topics: Mapping[str, TopicSeen], urdf: str | None) -> list[PoseSource]:
