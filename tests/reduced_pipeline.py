@@ -45,7 +45,7 @@ REDUCED = {
         "phase_modulated": {"steps": 40, "evaluate_every": 20, "chunk_samples": 8},
         "phase_modulated_hidden": [8],
     },
-    "obstacle_evaluation": {"speeds_m_s": [0.1], "pairs": 4},
+    "obstacle_evaluation": {"rate_hz": 50.0, "kept_every": 2, "speeds_m_s": [0.1], "pairs": 4},
     "inspect_obstacles": {"scenarios": ["sphere/01", "cylinder/02"]},
     "dynamics_robots": {"test": [11, 12]},
     "arm_motion": {"test": {"duration_s": 24.0}},
