@@ -4,8 +4,10 @@ import sys
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
+from conftest import minimum_jerk
 from mcap_ros2.writer import Writer
 from recordings_bags import (
     header,
@@ -153,6 +155,17 @@ def test_an_idle_twitch_is_no_further_run_and_a_missing_one_is_named(tmp_path):
     assert "04" not in found.motion.agreeing
     assert answer(found, "Do runs of motion agree in number?").verdict == "doubtful"
     assert any("04 (2)" in doubt for doubt in found.proposal.doubts[PRIMITIVES])
+
+
+def test_a_short_run_that_all_have_is_asked_about(tmp_path):
+    time = np.arange(0.0, 5.0, 0.01)
+    x = 0.4 * minimum_jerk(time - 0.5) + 0.02 * minimum_jerk((time - 2.5) / 0.5)
+    table = pd.DataFrame({"time_s": time + 1.0, "x": x, "y": 0.0, "z": 0.0})
+    for name in ("one", "two"):
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+    proposal = find_out(str(tmp_path)).proposal
+    assert proposal.entry["segment"]["primitives"] == 2
+    assert any("move 2 is of " in doubt and "idle?" in doubt for doubt in proposal.doubts[PRIMITIVES])
 
 
 def test_joint_states_alone_ask_for_the_robot(example, tmp_path):

@@ -207,6 +207,14 @@ def test_too_many_primitives_are_refused():
         segmentation_of(takes(1, 3), 4)
 
 
+def test_one_that_can_be_cut_does_not_speak_for_all():
+    """Of the others each has a run less: the number is wrong, and nothing of it may be skipped."""
+    others = dict.fromkeys(["02", "03", "04"], "carry")
+    made = takes(1, 3, 4, without=others)
+    with pytest.raises(InputError, match=r"^3 of 4 demonstrations cannot be cut .*skipped: 0\d: has 2 runs"):
+        segmentation_of(made, 3, skip_failures=True)
+
+
 def test_a_named_reference_is_the_reference():
     made = takes(4, 3, 4)
     assert segmentation_of(made, 3, reference="03").reference == "03"

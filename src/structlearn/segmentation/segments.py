@@ -36,7 +36,8 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
 
     Raises:
         InputError: there is no demonstration of the reference's name, the sampling intervals differ, the
-            reference cannot be cut, or another cannot and failures are not to be skipped.
+            reference cannot be cut, or another cannot and failures are not to be skipped; or where runs are
+            assigned to primitives (`assigns_runs`), most cannot.
     """
     first = demonstrations[0]
     for demonstration in demonstrations:
@@ -68,6 +69,11 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
             if demonstration is reference or not parameters.skip_failures:
                 raise
             left_out[demonstration.name] = str(error)
+    if parameters.assigns_runs and 2 * len(left_out) > len(demonstrations):  # then the choice itself is wrong
+        raise InputError(
+            f"{len(left_out)} of {len(demonstrations)} demonstrations cannot be cut into the primitives that "
+            f"are named, more than may be skipped: {next(iter(left_out.values()))}"
+        )
     return Segmentation(
         cuts=pd.concat(cuts, ignore_index=True),
         pairs=pd.concat(pairs, ignore_index=True) if pairs else pd.DataFrame(columns=PAIR_COLUMNS),

@@ -252,10 +252,16 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
         for place, turn in enumerate(motion.turns_deg)
         if turn > TURN_DEG
     ]
+    scale, unit = (1e3, "mm") if motion.unit == "m" else (1.0, "rad")
+    for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True)):
+        if alike[0].short:
+            way = max(run.way for run in alike)
+            doubts.append(
+                f"move {place + 1} is of {scale * way:.3g} {unit} at most: idle? then it is one less"
+            )
     idle = [(name, run) for name in motion.runs for run in motion.idle(name)]
     if idle:
         name, run = max(idle, key=lambda item: item[1].way)
-        scale, unit = (1e3, "mm") if motion.unit == "m" else (1.0, "rad")
         doubts.append(
             f"{len(idle)} short runs are taken for idle, the longest of {scale * run.way:.3g} {unit} "
             f"in {name} at {run.start_s:.2f} s"
