@@ -11,13 +11,25 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
-from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M, orientation_of
+from structlearn.testbeds.scraping.world.demonstrator import (
+    CONTACT_M,
+    DemonstratorParameters,
+    as_meant,
+    intended_movements,
+    orientation_of,
+)
 from structlearn.testbeds.scraping.world.execution import Conditions, ControlParameters, Reference
 
 NAMES = ("down", "turn", "scrape")
 DURATIONS_S = (0.6, 1.0, 0.8)
 FLAT = np.diag([-1.0, 1.0, -1.0])  # fingers down
 CHANNELS = 38
+
+
+def simulated(**changes):
+    """Demonstrations as they are meant, with the hand's noise, without arm, board and touch."""
+    parameters = committed(DemonstratorParameters, "simulate", **changes)
+    return [as_meant(movement, parameters.seed) for movement in intended_movements(parameters)]
 
 
 def beside_contact(height_m=0.0, forward_m=0.0):

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from committed import committed, own_tasks, parameter_tree
+from committed import own_tasks, parameter_tree
 from feedback_toy import toy_dataset
 from recordings_bags import pose_messages, pose_rows, write_bag
-from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill
+from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill, simulated
 
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.pmnn import read_networks, write_networks
@@ -18,7 +18,6 @@ from structlearn.feedback.training_parameters import MODELS
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.recordings import write_recordings
-from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters, simulate_demonstrations
 
 TOPIC = "/tool"
 
@@ -155,7 +154,7 @@ def test_missing_public_recordings(root, project, capsys, monkeypatch):
 
 def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
     write_recordings(
-        simulate_demonstrations(committed(DemonstratorParameters, "simulate", count=2)),
+        simulated(count=2),
         "data/raw/scraping/nominal",
     )
     message = complaint(root, "scraping/fit_primitives.py", capsys)
@@ -188,7 +187,7 @@ def feedback(project) -> Path:
 
 
 def touchless(folder: Path | str) -> None:
-    write_recordings(simulate_demonstrations(committed(DemonstratorParameters, "simulate", count=1)), folder)
+    write_recordings(simulated(count=1), folder)
 
 
 CORRECTIONS = Path("data/raw/scraping/corrections")

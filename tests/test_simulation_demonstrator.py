@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from committed import committed
 from pydantic import ValidationError
+from scraping_motions import simulated
 
 from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
@@ -10,12 +11,7 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     DemonstratorParameters,
     intended_movements,
     orientation_of,
-    simulate_demonstrations,
 )
-
-
-def simulate(**parameters):
-    return simulate_demonstrations(committed(DemonstratorParameters, "simulate", **parameters))
 
 
 def pose_of(recording):
@@ -25,12 +21,12 @@ def pose_of(recording):
 
 @pytest.fixture(scope="module")
 def recordings():
-    return simulate()
+    return simulated()
 
 
 @pytest.fixture(scope="module")
 def noise_free():
-    return simulate(noise_mm=0)
+    return simulated(noise_mm=0)
 
 
 def test_names_provenance_and_streams(recordings):
@@ -127,7 +123,7 @@ def test_time_is_warped_non_linearly(noise_free):
 
 
 def test_hesitation_costs_time():
-    smooth, hesitant = (simulate(noise_mm=0, hesitation_probability=p) for p in (0, 1))
+    smooth, hesitant = (simulated(noise_mm=0, hesitation_probability=p) for p in (0, 1))
     for without, dipping in zip(smooth, hesitant, strict=True):
         gained = np.diff(dipping.true_segments) - np.diff(without.true_segments)
         assert (gained > 0.03).all()
@@ -135,7 +131,7 @@ def test_hesitation_costs_time():
 
 
 def test_pauses_move_the_same_primitives_apart():
-    short, long = simulate(pause_s=(0, 0)), simulate(pause_s=(1, 2))
+    short, long = simulated(pause_s=(0, 0)), simulated(pause_s=(1, 2))
     for a, b in zip(short, long, strict=True):
         np.testing.assert_allclose(np.diff(a.true_segments)[[0, 2]], np.diff(b.true_segments)[[0, 2]])
         gained = np.diff(b.true_segments)[1] - np.diff(a.true_segments)[1]
@@ -143,7 +139,7 @@ def test_pauses_move_the_same_primitives_apart():
 
 
 def test_same_seed_same_demonstrations_and_a_longer_set_begins_with_the_shorter():
-    three, five, other = simulate(count=3), simulate(count=5), simulate(count=3, seed=2)
+    three, five, other = simulated(count=3), simulated(count=5), simulated(count=3, seed=2)
     for a, b, c in zip(three, five, other, strict=False):
         for stream_a, stream_b in zip(a.streams, b.streams, strict=True):
             np.testing.assert_array_equal(stream_a.stamps, stream_b.stamps)
@@ -153,7 +149,7 @@ def test_same_seed_same_demonstrations_and_a_longer_set_begins_with_the_shorter(
 
 
 def test_noise_level_scales_the_noise_and_nothing_else(noise_free):
-    for clean, low, high in zip(noise_free, simulate(noise_mm=0.3), simulate(noise_mm=1.2), strict=True):
+    for clean, low, high in zip(noise_free, simulated(noise_mm=0.3), simulated(noise_mm=1.2), strict=True):
         np.testing.assert_array_equal(clean.true_segments, high.true_segments)
         reference = pose_of(clean)[1][:, :3]
         low_noise = pose_of(low)[1][:, :3] - reference
@@ -162,7 +158,7 @@ def test_noise_level_scales_the_noise_and_nothing_else(noise_free):
 
 
 def test_noise_is_band_limited(noise_free):
-    noisy = simulate(noise_mm=1, count=1)[0]
+    noisy = simulated(noise_mm=1, count=1)[0]
     noise = pose_of(noisy)[1][:, 0] - pose_of(noise_free[0])[1][:, 0]
     power = np.abs(np.fft.rfft(noise * np.hanning(len(noise)))) ** 2
     frequency = np.fft.rfftfreq(len(noise), 1 / 300)

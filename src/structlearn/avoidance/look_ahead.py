@@ -182,11 +182,6 @@ def scene_features(
     return np.column_stack([led, dearer, left, scaled_velocity, position[:, 1:]])
 
 
-def feature_count(parameters: LookAheadParameters) -> int:
-    """Columns of `scene_features`."""
-    return 2 * len(parameters.ahead_m) + 9
-
-
 def mirror_signs(parameters: LookAheadParameters) -> np.ndarray:
     """(F,) what columns of `scene_features` are multiplied by if the scene is mirrored in the plane y = 0."""
     led = [1.0, -1.0] * len(parameters.ahead_m)

@@ -104,18 +104,6 @@ def read_arm(path: str | Path, tip: str, locked: Sequence[str] = ()) -> Arm:
     return Arm(Path(path), robot_of(model).tree, model, model.getFrameId(tip))
 
 
-def tip_poses(arm: Arm, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where joints bring the tip: (T, n) -> (T, 3) m and (T, 4) unit quaternions."""
-    data = arm.model.createData()
-    position, rotation = np.empty((len(joints), 3)), np.empty((len(joints), 4))
-    for place, row in enumerate(joints):
-        pinocchio.forwardKinematics(arm.model, data, arm.configuration(row))
-        frame = pinocchio.updateFramePlacement(arm.model, data, arm.tip)
-        position[place] = frame.translation
-        rotation[place] = pinocchio.Quaternion(frame.rotation).coeffs()
-    return position, quaternion.from_xyzw(rotation)
-
-
 def follow(
     arm: Arm,
     position: np.ndarray,

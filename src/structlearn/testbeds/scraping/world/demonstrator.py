@@ -2,7 +2,7 @@
 
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
 y. Movements come from published facts of human movement (the constants below). In the physical world the
-person guides the robot's arm along them (`guidance`); `simulate_demonstrations` takes them as they are meant,
+person guides the robot's arm along them (`guidance`); `as_meant` takes them as they are meant,
 without arm and board, for sweeps over thousands of demonstrations.
 
 Three independent random streams per demonstration (movement, noise, run) and a fixed number of draws from the
@@ -143,18 +143,6 @@ def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE
     person, *seeds = np.random.SeedSequence(parameters.seed).spawn(parameters.count + 1)
     habits = _draw_shapes(np.random.default_rng(person), (3, 2))
     return [_intention(index, seed, parameters, habits, rate_hz) for index, seed in enumerate(seeds)]
-
-
-def simulate_demonstrations(parameters: DemonstratorParameters) -> list[Recording]:
-    """Demonstrations as they are meant, with the hand's noise, without arm, board and touch: a few ms each.
-
-    Args:
-        parameters: how many, how noisy, how irregular.
-
-    Returns:
-        Recordings "01", "02", ... in order, with a pose stream and `true_segments` (3, 2).
-    """
-    return [as_meant(movement, parameters.seed) for movement in intended_movements(parameters)]
 
 
 def as_meant(movement: Intention, seed: int) -> Recording:

@@ -95,9 +95,9 @@ class Ur10eResults:
         blocks = self.parameters.intervals
         return drawn_nmse(chosen(self["blocks"], part=part), model, blocks.draws, blocks.seed)
 
-    def joint_error(self, part: str, model: tuple[str, str] = BEST) -> list[Drawn]:
-        """NMSE of a model by joint."""
-        values, draws, count = self.nmse(part, model)
+    def joint_error(self, part: str) -> list[Drawn]:
+        """NMSE of the model that is judged, by joint."""
+        values, draws, count = self.nmse(part, BEST)
         return [Drawn(value, its, count) for value, its in zip(values, draws.T, strict=True)]
 
     def load(self, pair: str, gains: str) -> Drawn:
