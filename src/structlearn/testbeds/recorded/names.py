@@ -49,7 +49,7 @@ SLIDE_GROUPS = {
 
 REPRESENTATIONS = {
     "human_inspired": "human-inspired (Rai et al.)",
-    "network_validation": "network, as in the text",
+    "network_validation": "network, as published",
     "ridge": "ridge regression",
     "network": "network",
     "ensemble": "ensemble of networks",
@@ -68,10 +68,10 @@ BOX_WAYS = {
     "recorded": Look("person", DEMONSTRATION_COLOUR),
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),
-    "text": Look("17 features, as in the text", VERMILION),
-    "text_ensemble": Look("17 features, trained our way", PURPLE),
+    "text": Look("17 features, as published", VERMILION),
+    "text_ensemble": Look("17 features, our training", PURPLE),
     "scene": Look("look ahead at the scene", BLUE),
-    "planned": Look("planned way, followed", GREEN),
+    "planned": Look("planned path, followed", GREEN),
 }
 """Ways past boxes: who or what moves the hand."""
 

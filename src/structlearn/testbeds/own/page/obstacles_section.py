@@ -18,7 +18,7 @@ from structlearn.testbeds.own.page.section import Section
 WAYS = {
     "none": "baseline alone",
     "human_inspired": "human-inspired (Rai et al.)",
-    "text": "17 features, as in the text",
+    "text": "17 features, as published",
     "text_ensemble": "17 features, trained our way",
     "scene": "look ahead at the scene",
     "planned": "planned way, followed",
