@@ -19,9 +19,9 @@ WAYS = {
     "none": "baseline alone",
     "human_inspired": "human-inspired (Rai et al.)",
     "text": "17 features, as published",
-    "text_ensemble": "17 features, trained our way",
+    "text_ensemble": "17 features, our training",
     "scene": "look ahead at the scene",
-    "planned": "planned way, followed",
+    "planned": "planned path, followed",
 }
 """Who or what moves the hand, in the order of tables."""
 
