@@ -187,9 +187,9 @@ def test_a_stopped_run_counts_as_an_arm_that_does_not_move(results):
         found = (values["robot_ee_velocity_nmse_delan"], values["robot_unstable_delan"])
         assert found == (1.0, len(SEEDS))
     table = tables(halted)["robot"].frame.set_index(["model", "source"])
-    assert table.loc[("DeLaN", "ours"), "reach_velocity"] == "unstable"
-    assert table.loc[("DeLaN", "ours"), "stopped"] == "3 of 6"
-    assert table.loc[("DeLaN", "the text's form"), "reach_velocity"] == "not tested"
+    assert table.loc[("DeLaN", "our training"), "reach_velocity"] == "unstable"
+    assert table.loc[("DeLaN", "our training"), "stopped"] == "3 of 6"
+    assert table.loc[("DeLaN", "as published"), "reach_velocity"] == "not tested"
     assert table.loc[("DeLaN", "dissertation"), "reach_velocity"] == "unstable"
 
 
@@ -197,16 +197,16 @@ def test_tables_stand_beside_the_published_ones(results):
     found = tables(results)
     table = found["simulation"].frame.set_index(["model", "source"])
     assert table.loc[("Cov", "dissertation"), "epochs"] == "2 ± 1"
-    assert table.loc[("Cov", "the text's form"), "epochs"] == "2.0 ± 0.0"
-    assert table.loc[("MLP", "the text's form"), "epochs"] == f"> {results.training.epochs.simulation}"
-    assert table.loc[("MLP", "ours"), "reach_velocity"] == "5.500 ± 0.500"
+    assert table.loc[("Cov", "as published"), "epochs"] == "2.0 ± 0.0"
+    assert table.loc[("MLP", "as published"), "epochs"] == f"> {results.training.epochs.simulation}"
+    assert table.loc[("MLP", "our training"), "reach_velocity"] == "5.500 ± 0.500"
     for name in ("simulation", "robot"):
         assert (found[name].frame["source"] == "dissertation").sum() == len(published()[name])
         assert {row for row in published()[name]} <= set(NAMES)
     errors = found["robot_errors"].frame.set_index(["model", "form"])
     assert errors.loc[("default (URDF)", ""), "mean"] == pytest.approx(0.3)
-    assert errors.loc[("Cov", "ours"), "joint_3"] == pytest.approx(0.033)
-    assert errors.loc[("Cov + Coulomb", "the text's form"), "mean"] == pytest.approx(0.0044)
+    assert errors.loc[("Cov", "our training"), "joint_3"] == pytest.approx(0.033)
+    assert errors.loc[("Cov + Coulomb", "as published"), "mean"] == pytest.approx(0.0044)
     bodies = found["bodies"].frame.set_index("model")
     assert bodies.loc["Cov", "possible"] == bodies.loc["Cov", "links"] == 7 * len(SEEDS)
     assert bodies.loc["SPD", "positive_definite"] == 7 * len(SEEDS)

@@ -193,7 +193,7 @@ def test_tables_hold_what_the_scores_say_beside_what_is_printed(results):
     printed = read_published()
     table = per_setting(results, printed["per_setting"]).set_index(["model", "source"])
     own = results.rows("trained", "network", "setting", PUBLISHED)
-    row = table.loc[("network", "here, the text's rules")]
+    row = table.loc[("network", "here, the published rules")]
     assert row["goal_max"] == own["goal_distance_m"].max()
     assert row["obstacle_mean"] == own["obstacle_distance"].mean()
     assert row["of"] == len(own) == 6

@@ -52,16 +52,18 @@ def test_cases_of_one_statement_are_kept_apart():
 
 
 def test_what_only_differs_from_the_row_above_is_shown_with_it():
+    """Also where sorting would part them, and where two rows have the same words."""
     here = pd.DataFrame(
         [
             ("It learns", "", "1.0", "yes"),
-            ("Likewise in our form", "", "2.0", "yes"),
-            ("Ours", "", "3", "yes"),
+            ("… in our variant", "", "2.0", "yes"),
+            ("A hand arrives", "", "3", "yes"),
+            ("… in our variant", "", "4", "yes"),
         ],
         columns=COLUMNS,
     )
-    there = here.assign(here=["1.0", "2.1", "3.1"], verdict=["yes", "undecided", "yes"])
+    there = here.assign(here=["1.0", "2.1", "3", "4.1"], verdict=["yes", "undecided", "yes", "undecided"])
     page = other_processor_page(compared({"toy": here}, {"toy": there}), {}, "a machine")
-    assert "It learns: Likewise in our form" in page
-    assert "It learns: Ours" in page
+    assert "<td>It learns … in our variant</td><td></td><td>2.0</td>" in page
+    assert "<td>A hand arrives … in our variant</td><td></td><td>4</td>" in page
     assert "verdict there" in page

@@ -462,7 +462,7 @@ def test_a_row_says_what_the_simulated_testbed_found(tmp_path):
     (one,) = [one for one in made.pages["index"].judged if one.simulated]
     assert (one.claim.simulated, one.verdict, one.simulated) == (like, "yes", "no")
     page = render(made.pages["index"], AnyFigure())
-    assert "0 of 1 statements" in page
+    assert "Of 1 statements that were also tested in simulation, 0 have" in page
     assert f'title="{like.statement}"' in page
     table = claims_table(made.pages["index"].judged)
     assert list(table.loc[table["simulated"] != "", "statement"].unique()) == [one.claim.statement]

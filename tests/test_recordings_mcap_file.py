@@ -138,7 +138,7 @@ def test_what_cannot_be_read_back_is_not_written(tmp_path, change, complaint):
 def test_missing_file_and_folder(tmp_path):
     with pytest.raises(InputError, match=r"none\.mcap: cannot be read: No such file"):
         read_recording(tmp_path / "none.mcap")
-    with pytest.raises(InputError, match="cannot be read: Is a directory"):
+    with pytest.raises(InputError, match="cannot be read: not a file"):
         read_recording(tmp_path)
 
 

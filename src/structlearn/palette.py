@@ -53,10 +53,10 @@ METHOD_COLOURS = {"zvc": GREY, "dtw": ORANGE, "ls": SKY, "wls_text": PURPLE, "wl
 SCENE_WAYS = {
     "none": Look("baseline alone", BLACK),
     "human_inspired": Look("human-inspired (Rai et al.)", ORANGE),
-    "text": Look("17 features, as in the text", VERMILION),
-    "text_ensemble": Look("17 features, trained our way", PURPLE),
+    "text": Look("17 features, as published", VERMILION),
+    "text_ensemble": Look("17 features, our training", PURPLE),
     "scene": Look("look ahead at the scene", BLUE),
-    "planned": Look("planned way, followed", GREEN),
+    "planned": Look("planned path, followed", GREEN),
 }
 
 

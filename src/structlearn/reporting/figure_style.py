@@ -59,7 +59,10 @@ STYLE: dict[str, Any] = {
     "ytick.labelsize": 8.5,
     "lines.linewidth": 1.4,
     "lines.solid_capstyle": "round",
-    "legend.frameon": False,
+    "legend.facecolor": "white",  # so that no line strikes its words through
+    "legend.edgecolor": "none",
+    "legend.fancybox": False,
+    "legend.borderpad": 0.2,
     "legend.fontsize": 8.5,
     "legend.handlelength": 1.6,
     "text.color": BLACK,

@@ -28,14 +28,14 @@ def compared(here: Mapping[str, pd.DataFrame], there: Mapping[str, pd.DataFrame]
         `testbed`, `statement`, `case`, `here`, `there` (numbers in words), `verdict_here`, `verdict_there`,
         and `outcome`, one of `OUTCOMES`; a row that only one of them has is `another verdict`.
     """
-    both = _rows(here, "here").merge(_rows(there, "there"), on=[*KEYS, "repeated"], how="outer", sort=False)
+    both = _rows(here, "here").merge(_rows(there, "there"), on=KEYS, how="outer")
     one_undecided = (both["verdict_here"] == UNDECIDED) | (both["verdict_there"] == UNDECIDED)
     known = both["verdict_here"].notna() & both["verdict_there"].notna()
     same_verdict = both["verdict_here"] == both["verdict_there"]
     outcome = np.select(
         [both["here"] == both["there"], same_verdict, one_undecided & known], [SAME, DIGITS, MARGIN], FLIPPED
     )
-    return both.drop(columns="repeated").assign(outcome=outcome)
+    return both.assign(outcome=outcome)
 
 
 def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machine: str) -> str:
@@ -47,7 +47,6 @@ def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machi
         machine: that it ran on, in words.
     """
     counts = {outcome: int((table["outcome"] == outcome).sum()) for outcome in OUTCOMES}
-    table = table.assign(statement=_in_context(table["statement"]))
     changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome")
     digits = table[table["outcome"] == DIGITS][[*KEYS, "here", "there"]]
     facts = {
@@ -66,15 +65,15 @@ def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machi
 
 
 def _in_context(statements: pd.Series) -> pd.Series:
-    """Statements that only say what differs from the one above (`Likewise in our form`), with that one."""
-    follows = statements.str.match("Ours|Likewise|…")
-    return statements.where(~follows, statements.where(~follows).ffill() + ": " + statements)
+    """Statements that only say what differs from the one above (`… in our variant`), with that one."""
+    follows = statements.str.startswith("…")
+    return statements.where(~follows, statements.where(~follows).ffill() + " " + statements)
 
 
 def _rows(tables: Mapping[str, pd.DataFrame], name: str) -> pd.DataFrame:
-    """All rows of one side; `repeated` counts those with the same words, such as `… with ours`."""
-    rows = pd.concat([table.assign(testbed=testbed) for testbed, table in tables.items()]).fillna(
-        {"case": ""}
-    )
-    rows = rows[[*KEYS, "here", "verdict"]].rename(columns={"here": name, "verdict": f"verdict_{name}"})
-    return rows.assign(repeated=rows.groupby(KEYS).cumcount())
+    """All rows of one side, each statement in its context: merging does not keep their order."""
+    rows = pd.concat(
+        table.assign(testbed=testbed, statement=_in_context(table["statement"]))
+        for testbed, table in tables.items()
+    ).fillna({"case": ""})
+    return rows[[*KEYS, "here", "verdict"]].rename(columns={"here": name, "verdict": f"verdict_{name}"})

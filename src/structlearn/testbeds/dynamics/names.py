@@ -13,12 +13,12 @@ SINE, REACH = "sine", "reach"
 
 ROBOT_TITLES = {IDEAL: "Arm as in its URDF", ROBOT: "The stand-ins (simulated)"}
 
-FORM_TITLES = {TEXT: "The text's form", OURS: "Ours"}
+FORM_TITLES = {TEXT: "As published", OURS: "Our training"}
 
 SHOWN_FORM = OURS
 """Of the models whose reaches and torques are shown: in it networks learned what they can."""
 
-LOSS_TITLES = {"raw": "Raw loss (the text's)", "normalised": "Loss normalised per joint"}
+LOSS_TITLES = {"raw": "Raw loss (as published)", "normalised": "Loss normalised per joint"}
 
 REFERENCE = LIGHT_GREY
 """Of what a model is held against, drawn wide: a wanted path, a measured torque, a carried mass."""

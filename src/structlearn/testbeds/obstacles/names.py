@@ -55,7 +55,7 @@ SITUATIONS = {
     GOAL_CHANGE: "moving goal",
 }
 
-RULES = {PUBLISHED: "the text's rules", LIMITED: "limits at the goal"}
+RULES = {PUBLISHED: "the published rules", LIMITED: "limits at the goal"}
 """What becomes of a coupling term before it acts."""
 
 

@@ -41,7 +41,7 @@ SLIDE_GROUPS = {
 
 REPRESENTATIONS = {
     "human_inspired": "human-inspired (Rai et al.)",
-    "network_validation": "network, as in the text",
+    "network_validation": "network, as published",
     "ridge": "ridge regression",
     "network": "network",
     "ensemble": "ensemble of networks",

@@ -14,7 +14,7 @@ from structlearn.testbeds.servoing.protocol.servo_variants import PUBLISHED, RES
 INVERSE_COLOURS = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
 """Inverse models, in the order of the text."""
 
-FORM_NAMES = {PUBLISHED: "text's controller", RESTING: "resting controller"}
+FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}
 """Forms of controllers: as the text has it, and this project's own."""
 
 FORM_COLOURS = {PUBLISHED: ORANGE, RESTING: BLUE}

@@ -115,7 +115,7 @@ def _epochs(results: DynamicsResults) -> Table:
         row = {"model": model_name(model), "text": epochs_text(text), "ours": epochs_text(ours)}
         row["text_but_last"] = _counted(text["epochs_but_last"].dropna(), len(text)) if len(text) else ""
         rows.append(row)
-    headings = {"text": "text's form", "text_but_last": "but for the last joint", "ours": "ours"}
+    headings = {"text": "as published", "text_but_last": "but for the last joint", "ours": "our training"}
     return Table(pd.DataFrame(rows)[["model", *headings]], headings=headings)
 
 

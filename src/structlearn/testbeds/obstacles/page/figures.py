@@ -292,7 +292,7 @@ def hits_panel(results: ObstacleResults) -> Figure:
     figure = canvas(2.8, PANEL_WIDTH)
     panel = figure.subplots()
     sources = (*SHAPES, ALL)
-    for place, (form, words) in enumerate(((TEXT, "as in the text"), (OURS, "ours"))):
+    for place, (form, words) in enumerate(((TEXT, "as published"), (OURS, "ours"))):
         for row, source in enumerate(sources):
             hits, _ = results.hits_by_person(UNSEEN, form, source)
             # person by person from top to bottom: dots of as many hits lie side by side

@@ -48,7 +48,7 @@ def section(files: TaskFiles) -> Section:
             "cuts_doubtful": len(segmentation.doubts),
         },
         tables={
-            "lengths": Table(lengths, formats, headings | {"way_mm": "mean way from start to end (mm)"}),
+            "lengths": Table(lengths, formats, headings | {"way_mm": "mean distance from start to end (mm)"}),
             "left_out": Table(segmentation.left_out),
             "doubts": Table(segmentation.doubts, {"number": ".2f"}),
             "cut_points": Table(

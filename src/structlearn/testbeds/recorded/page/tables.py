@@ -17,7 +17,7 @@ UNITS = {
 }
 """By the end of a column's name: what is written instead in its heading, and how its numbers are written."""
 
-WORDS = {"max": "largest", "nmse": "NMSE", "rms": "RMS"}
+WORDS = {"way": "model", "max": "largest", "nmse": "NMSE", "rms": "RMS"}
 """Of columns' names, that a heading writes otherwise."""
 
 

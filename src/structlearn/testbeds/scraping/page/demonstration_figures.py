@@ -83,7 +83,7 @@ def one_demonstration_figure(demonstration: Demonstration, segmentation: Segment
         lambda panel: draw_axes(panel, time, 1e3 * (demonstration.position - demonstration.position[0])),
         lambda panel: panel.plot(time, 1e3 * speed(demonstration), color=BLACK),
     ]
-    labels = ["way from start (mm)", "speed (mm/s)"]
+    labels = ["from start (mm)", "speed (mm/s)"]
     if demonstration.wrench is not None:
         draws.append(lambda panel: draw_axes(panel, time, demonstration.wrench[:, :3]))
         labels.append("force (N)")

@@ -181,9 +181,10 @@ def _notes(runs: Mapping[str, ServoRun]) -> str:
     first = next(iter(runs.values())).trial
     return (
         f"# {TITLE}\n\nA simulated finger is to be touched at another place and load ({first['motion']}, "
-        f"{first['geodesic_mm']:.1f} mm along the skin). It knows only what that feels like. Left the text's "
-        "controller, right the resting controller, this project's own; both with the network's Jacobian (NJ) "
-        f"of the same trained model.\n\n{colour_words(colours)}\n\n" + "\n".join(rows) + "\n\nThe latent "
+        f"{first['geodesic_mm']:.1f} mm along the skin). It knows only what that feels like. "
+        "Left the published controller, right the resting controller, this project's own; both with "
+        "the network's Jacobian (NJ) of the same trained model."
+        f"\n\n{colour_words(colours)}\n\n" + "\n".join(rows) + "\n\nThe latent "
         "state is that of the low-passed electrodes, later than the contact; its place and the true contact "
         "differ by the error of estimated contact points.\n"
     )

@@ -151,7 +151,7 @@ def skin_evidence(runs: SkinRuns) -> dict[str, Found]:
             (runs.trials("arrived", STRUCTURED, *its) - runs.trials("arrived", PLAIN, *its)).dropna()
         )
         for ways, its in (
-            ("the text's controllers", names.SKIN_SERVO_TEXT),
+            ("the published controllers", names.SKIN_SERVO_TEXT),
             ("corrected", (names.SKIN_SERVO,)),
         )
     }

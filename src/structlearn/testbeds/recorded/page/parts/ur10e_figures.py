@@ -27,7 +27,7 @@ def ur10e_pictures(results: Ur10eResults) -> dict[str, Drawing | Sequence[Drawin
     """All figures by name."""
     test = results.parameters.test
     traces = [
-        torque_panel(results["traces"], joint, f"Joint {joint}, asked about", "time of the motion (s)")
+        torque_panel(results["traces"], joint, f"Joint {joint}, test motion", "time of the motion (s)")
         for joint in TRACED_JOINTS
     ]
     drawn: dict[str, Drawing | Sequence[Drawing]] = {
@@ -43,7 +43,7 @@ def ur10e_pictures(results: Ur10eResults) -> dict[str, Drawing | Sequence[Drawin
 @styled
 def load_panel(results: Ur10eResults, log: str) -> Figure:
     """Mass in the hand over time, as it is found while the arm moves."""
-    title = f"The load found over time: {log}"
+    title = f"Log {results.load_logs.index(log) + 1}: the load found over time"
     figure, axes = panel(title, 3.6, xlabel="time (s)", ylabel="mass in the hand (kg)")
     its, true = chosen(results["carried"], log=log), results.parameters.load_kg
     top = 1.25 * max(true, its["mass_kg"].max())
@@ -57,7 +57,7 @@ def load_panel(results: Ur10eResults, log: str) -> Figure:
             axes.plot([start, end], [true, true], color=BLACK, linewidth=2.0, label=f"published: {true:g} kg")
             settled = start + results.parameters.carried.settled_s
             if settled < end:
-                axes.axvline(settled, color=BLACK, linestyle=":", linewidth=1.0)
+                axes.axvline(settled, ymax=0.9, color=BLACK, linestyle=":", linewidth=1.0)  # below the words
     axes.plot(its["time_s"], its["mass_kg"], color=VERMILION, linewidth=1.8, label="found so far")
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
     axes.set(xlim=(0.0, its["time_s"].max()), ylim=(min(-0.3, 1.1 * its["mass_kg"].min()), top))
