@@ -9,8 +9,8 @@ import reporting_verdicts
 from committed import committed
 from dynamics_tables import SEEDS, dynamics_results, iiwa, payload_table
 
-from structlearn.reporting import publishing
 from structlearn.reporting.document import render, words_in_view
+from structlearn.reporting.publishing import HEADLINES
 from structlearn.rigid_body.agreement import agreement_with_pinocchio
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_files import DynamicsModels
@@ -21,7 +21,7 @@ from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page.evidence import evidence
 from structlearn.testbeds.dynamics.page.page import dynamics_page
-from structlearn.testbeds.dynamics.page.results import HEADLINES, metrics, published
+from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
 from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.robot_behind_log import (
     friction_table,
@@ -96,8 +96,7 @@ def test_page_is_short_and_the_same_every_time(results, whole_page):
 
 def test_metrics_are_all_there_and_the_first_ones_few(results):
     every = metrics(results)
-    assert len(HEADLINES) <= publishing.HEADLINES
-    assert set(HEADLINES) <= set(every)
+    assert 0 < len(headlines(every)) <= HEADLINES
     for model in ("mlp", "mlp_scaled", "delan", "nostr", "symm", "spd", "tri", "cov"):
         for key in ("epochs", "ee_velocity_nmse", "unstable", "robot_nmse", "robot_unstable", "online_nmse"):
             assert f"{key}_{model}" in every

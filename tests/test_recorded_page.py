@@ -370,7 +370,7 @@ def published(tmp_path_factory):
     """Folder of the report, and the names of its figures."""
     made, folder = report(made_up()), tmp_path_factory.mktemp("recorded")
     drawn = assembly.recorded_pictures(made_up())
-    publish_report(folder, made.pages, drawn, made.tables, made.metrics, assembly.HEADLINES)
+    publish_report(folder, made.pages, drawn, made.tables, made.metrics, made.headlines)
     return folder, list(drawn)
 
 
@@ -411,7 +411,7 @@ def test_a_set_that_is_not_recorded_is_said_to_be_missing_and_the_others_stay(pa
 def test_nothing_at_all_makes_pages_too():
     made = report(without(made_up(), *assembly.PARTS))
     assert {one.verdict for one in made.pages["index"].judged} == {"not tested"}
-    assert (made.metrics, made.tables) == ({}, {})
+    assert (made.metrics, made.tables, made.headlines) == ({}, {}, [])
     assert render(made.pages["index"], {}).count("Not recorded here.") == len(assembly.PARTS)
 
 

@@ -4,7 +4,7 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.page.assembly import HEADLINES, recorded_pictures, recorded_report
+from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
@@ -36,7 +36,7 @@ def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     results = read_results(RecordedFiles(), parameters)
     report, drawn = recorded_report(results), recorded_pictures(results)
-    publish_report("reports/recorded", report.pages, drawn, report.tables, report.metrics, HEADLINES)
+    publish_report("reports/recorded", report.pages, drawn, report.tables, report.metrics, report.headlines)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.page.refinement_studies import STUDIES
-from structlearn.testbeds.scraping.page.scraping_report import HEADLINES, read_results, scraping_report
+from structlearn.testbeds.scraping.page.scraping_report import read_results, scraping_report
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
 from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
@@ -49,7 +49,7 @@ def main() -> None:
     studies = {name: read_study(name) for name in STUDIES}
     report = scraping_report(*results, files.engine_differences(), studies, parameters)
     publish_report(
-        "reports/scraping", report.pages, report.drawings, report.tables, report.metrics, HEADLINES
+        "reports/scraping", report.pages, report.drawings, report.tables, report.metrics, report.headlines
     )
 
 

@@ -37,12 +37,13 @@ def publish_report(
         drawings: by name; a sequence is a figure of several panels.
         tables: by name; `claims` is added.
         metrics: flat.
-        headlines: those that stand in `metrics.json` where they are known, with the counts of verdicts; the
-            others are details.
+        headlines: those that stand in `metrics.json`, with the counts of verdicts; the others are details.
 
     Raises:
-        ValueError: there are too many headlines.
+        ValueError: a headline is not among the metrics, or there are too many of them.
     """
+    if missing := set(headlines) - set(metrics):
+        raise ValueError(f"headlines {sorted(missing)} are no metrics")
     if len(headlines) > HEADLINES:
         raise ValueError(f"{len(headlines)} headlines are more than {HEADLINES}")
     folder = Path(folder)
@@ -59,8 +60,7 @@ def publish_report(
         if judged:
             write_csv(claims_table(judged), target / "claims.csv")
     write_metrics(
-        {name: metrics[name] for name in headlines if name in metrics} | claim_metrics(judged),
-        folder / "metrics.json",
+        {name: metrics[name] for name in headlines} | claim_metrics(judged), folder / "metrics.json"
     )
     details = {name: value for name, value in metrics.items() if name not in headlines}
     write_metrics(details, folder / "details.json")

@@ -13,7 +13,7 @@ from structlearn.rigid_body.model_names import COULOMB, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page.evidence import evidence, unmet
 from structlearn.testbeds.dynamics.page.figures import drawings
-from structlearn.testbeds.dynamics.page.results import HEADLINES, metrics, published
+from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
 from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
@@ -67,7 +67,7 @@ def publish_dynamics(
     shown, numbers = tables(results), metrics(results)
     page = dynamics_page(results, shown, parameters)
     drawn = {"still": still} | drawings(results)
-    publish_report(folder, {"index": page}, drawn, shown, numbers, HEADLINES)
+    publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers))
 
 
 def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, object]:

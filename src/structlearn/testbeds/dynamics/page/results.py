@@ -79,3 +79,8 @@ def metrics(results: DynamicsResults) -> Metrics:
     for name, of in (("median", settled.median), ("min", settled.min), ("max", settled.max)):
         values[f"payload_settling_s_{name}"] = of() if len(settled) else None
     return values
+
+
+def headlines(values: Metrics) -> list[str]:
+    """Those of `HEADLINES` whose models were run."""
+    return [name for name in HEADLINES if name in values]

@@ -88,6 +88,11 @@ class RecordedReport:
     tables: dict[str, Table]
     metrics: Metrics
 
+    @property
+    def headlines(self) -> list[str]:
+        """Those of `HEADLINES` that are known."""
+        return [name for name in HEADLINES if name in self.metrics]
+
 
 def recorded_report(results: RecordedResults, reports: Path = Path("reports")) -> RecordedReport:
     """The index with all verdicts, and the pages behind it.

@@ -83,6 +83,11 @@ class ScrapingReport:
     tables: dict[str, Table] = field(default_factory=dict)
     metrics: Metrics = field(default_factory=dict)
 
+    @property
+    def headlines(self) -> list[str]:
+        """Those of `HEADLINES` that are known."""
+        return [name for name in HEADLINES if name in self.metrics]
+
 
 def published() -> Mapping[str, object]:
     """What the dissertation prints for this testbed."""
