@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ from obstacles_world import PEOPLE, PLACES, POPULATION, PRIMITIVE, TESTED, evalu
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.ground.artefacts import write_metrics
+from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render, words_in_view
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.obstacles.page import figures as drawn
@@ -74,8 +76,16 @@ def many(results, times=40):
     return replace(results, found=replace(results.found, scores=pd.concat([results.found.scores] * times)))
 
 
+def rare(results, column, value):
+    """The same with a value in the first reach of every person with every model in every protocol alone."""
+    scores = results.found.scores.copy()
+    first = ~scores.duplicated(["person", "protocol", "model", "learned_from", "rules"])
+    scores.loc[first, column] = value
+    return replace(results, found=replace(results.found, scores=scores))
+
+
 def verdicts(results):
-    return reporting_verdicts.verdicts(PACKAGE, evidence(results, largest_nmse=0.1, largest_goal_m=0.152))
+    return reporting_verdicts.verdicts(PACKAGE, evidence(results, largest_nmse=0.1, largest_goal_m=0.113))
 
 
 def with_scores(results, chosen=None, **columns):
@@ -131,12 +141,11 @@ def test_hits_are_counted_by_person(results):
 
 
 def test_the_text_s_form_decides_what_the_text_says_and_ours_what_this_project_says(results):
-    clean = many(with_scores(results, hit=False))
+    clean = rare(many(with_scores(results, hit=False)), "hit", True)
     names = {"single_hits_per_shape": "trained", "single_hits_unseen": "unseen"}
     ours = {"hits_per_shape": "trained", "hits_unseen": "unseen"}
     found = verdicts(clean)
-    assert {found[name] for name in (*names, *ours, "hits_per_setting")} == {"yes"}
-    assert found["hits_of_rai"] == "undecided"  # nobody was hit: that some would be is not shown
+    assert {found[name] for name in (*names, *ours, "hits_per_setting", "hits_of_rai")} == {"yes"}
     for model, rules, mine, other in (
         ("network", PUBLISHED, names, ours),
         ("ensemble", LIMITED, ours, names),
@@ -152,9 +161,27 @@ def test_the_text_s_form_decides_what_the_text_says_and_ours_what_this_project_s
 
 def test_a_rate_is_undecided_where_people_differ_or_are_few(results):
     clean = with_scores(results, hit=False)
-    assert verdicts(clean)["hits_per_setting"] == "undecided"  # none of six
+    # of 40 times as many reaches none hits either, but people are two
+    for none in (verdicts(clean), verdicts(many(clean))):
+        assert {none[name] for name in none if "hits" in name} == {"undecided"}
     own = {"model": "network", "protocol": "unseen", "rules": PUBLISHED, "person": 11}
     assert verdicts(many(with_scores(clean, own, hit=True)))["single_hits_unseen"] == "undecided"
+
+
+def test_claims_on_rai_et_al_are_held_against_what_is_printed(results):
+    printed = read_published()["per_setting"]["human_inspired"]
+    hits, goal = (
+        next(one for one in read_claims(files(PACKAGE) / "claims.yaml") if one.evidence == name)
+        for name in ("hits_of_rai", "goal_of_rai")
+    )
+    assert hits.bound == pytest.approx(printed["hits"] / 120 + 0.05, abs=1e-6)
+    assert goal.bound == printed["goal_max"]
+    rai = {"model": "human_inspired", "learned_from": "setting", "rules": PUBLISHED}
+    near = with_scores(results, goal_distance_m=0.03, hit=False)
+    one = rai | {"person": 12, "protocol": "trained", "obstacle": "cube"}
+    assert verdicts(with_scores(near, rai, hit=True))["hits_of_rai"] == "no"
+    assert verdicts(near)["goal_of_rai"] == "no"
+    assert verdicts(with_scores(near, one, goal_distance_m=1.3))["goal_of_rai"] == "yes"
 
 
 def test_claims_on_goals_follow_the_numbers(results):
@@ -162,11 +189,11 @@ def test_claims_on_goals_follow_the_numbers(results):
         with_scores(results, goal_distance_m=0.03, late_goal_distance_m=0.004, excursion_m=0.03, detour_m=0.1)
     )
     found = verdicts(near)
-    names = ("goal_of_network", "goal_with_limits", "excursions", "detour_pair")
-    assert {found[name] for name in names} == {"yes"}
-    assert found["goal_of_rai"] == "undecided"
-    rai = {"model": "human_inspired", "learned_from": "setting", "rules": PUBLISHED}
-    assert verdicts(with_scores(near, rai, goal_distance_m=0.5))["goal_of_rai"] == "yes"
+    assert {found[name] for name in ("goal_with_limits", "excursions", "detour_pair")} == {"yes"}
+    assert found["goal_of_network"] == "undecided"  # none, but of two people
+    assert verdicts(rare(near, "goal_distance_m", 0.12))["goal_of_network"] == "yes"
+    own = {"model": "network", "learned_from": "setting", "rules": PUBLISHED}
+    assert verdicts(with_scores(near, own, goal_distance_m=0.12))["goal_of_network"] == "no"
     one = {"model": "network", "protocol": "pair", "scenario": 1}
     assert verdicts(with_scores(near, one, goal_distance_m=0.041))["goal_with_limits"] == "no"
     assert verdicts(with_scores(near, one, late_goal_distance_m=0.0051))["goal_with_limits"] == "no"

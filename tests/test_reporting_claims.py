@@ -1,6 +1,7 @@
 """The evaluator of claims: one vocabulary, intervals against bounds, cases combined."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -30,7 +31,9 @@ from structlearn.reporting.claims import (
     in_words,
     judge,
     mean,
+    none_of,
     on_recordings,
+    rate_difference,
     read_claims,
     share,
 )
@@ -152,6 +155,63 @@ def test_trials_of_few_people_never_say_more_than_as_many_independent_ones(count
     clustered, pooled = clustered_share(counts, trials), share(sum(counts), 20 * len(counts))
     assert clustered.low <= pooled.low <= clustered.value <= pooled.high <= clustered.high
     assert clustered.value == pooled.value
+
+
+def covered(rate, correlation, people=8, trials=63, draws=400):
+    """How often intervals hold the rate of a beta-binomial population: over people, and pooled."""
+    rng = np.random.default_rng(0)
+    strength = 1.0 / correlation - 1.0
+    own = rng.beta(rate * strength, (1.0 - rate) * strength, size=(draws, people))
+    found = [clustered_share(counts, np.full(people, trials)) for counts in rng.binomial(trials, own)]
+    return (
+        np.mean([one.low <= rate <= one.high for one in found]),
+        np.mean([one.pooled_low <= rate <= one.pooled_high for one in found]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("rate", "correlation", "least", "pooled_most"),
+    [
+        (0.5, 0.1, 0.93, 0.65),
+        (0.3, 0.2, 0.92, 0.50),
+        (0.1, 0.1, 0.87, 0.60),
+        (0.05, 0.1, 0.82, 0.60),  # rare: see `clustered_share`
+        (0.01, 0.4, 0.99, 0.30),  # mostly nobody hits
+        (0.05, 0.99, 0.95, 0.05),  # a person does it always or never
+    ],
+)
+def test_the_interval_over_people_covers_where_the_pooled_one_does_not(rate, correlation, least, pooled_most):
+    over_people, pooled = covered(rate, correlation)
+    assert over_people >= least
+    assert pooled <= pooled_most
+
+
+def test_where_nobody_hits_people_count_and_not_their_trials():
+    for trials in (1, 63, 10_000):
+        none, every = (clustered_share(8 * [count], 8 * [trials]) for count in (0, trials))
+        assert none.high == pytest.approx(max(1.0 - 0.05 ** (1 / 8), none.pooled_high))
+        assert (every.low, every.high) == pytest.approx((1.0 - none.high, 1.0))
+    found = clustered_share(8 * [0], 8 * [63])
+    assert in_words(found, "share") == "0.0 % [0.0, 31.2] over 8 people, [0.0, 0.8] pooled"
+    assert claim("at most", 0.05).verdict(found) == UNDECIDED
+    models = by_case(partial(clustered_share, who="models"), dict.fromkeys("ab", [[0] * 8, [63] * 8]))["a"]
+    assert in_words(models, "share").startswith("0.0 % [0.0, 36.9] over 8 models")
+    assert none_of(8, comparisons=2) == pytest.approx(models.high)
+    assert (found.n, found.people) == (504, 8)
+
+
+def test_one_person_does_not_tell_how_people_differ():
+    found = clustered_share([5], [63])
+    assert (found.low, found.high) == (0.0, 1.0)
+    assert clustered_share([0], [63]).high == pytest.approx(0.95)
+
+
+def test_a_difference_of_rates_has_an_interval_where_nobody_differs():
+    nobody = rate_difference(np.zeros(8), np.zeros(8))
+    assert (nobody.low, nobody.value, nobody.high) == pytest.approx((-31.2, 0.0, 31.2), abs=0.05)
+    assert claim("above").verdict(nobody) == UNDECIDED
+    first = np.array([0.1, 0.2, 0.3])
+    assert rate_difference(first, 0.5 * first) == difference(100 * first, 50 * first)
 
 
 def test_people_who_differ_widen_a_rate():

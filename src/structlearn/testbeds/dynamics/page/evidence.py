@@ -70,6 +70,7 @@ def _of_robots(results: DynamicsResults, form: Form) -> dict[str, Found]:
 
     structured = [model for model in ("symm", *results.strict) if model in results.kinds]
     lacking = {model: error(model) - error(f"{model}{COULOMB}") for model in results.strict}
+    # one run of each robot: trials are independent, so a plain share
     stopped = results.runs(ROBOT, "delan", REACH, form)["stopped"] != ""
     return {
         "robot_gain": _cases(geometric_mean, {model: error(DEFAULT) / error(model) for model in structured}),

@@ -1,6 +1,6 @@
 """What was found on reaches past boxes, by the names that `boxes_claims.yaml` uses."""
 
-from structlearn.reporting.claims import Evidence, Found, difference, exact
+from structlearn.reporting.claims import Evidence, Found, difference, exact, rate_difference
 from structlearn.reporting.scene_ways import NONE, OURS, PLANNED, TEXT, SceneWays
 
 
@@ -23,7 +23,7 @@ def boxes_evidence(found: SceneWays) -> dict[str, Found]:
 
 def fewer(found: SceneWays, first: str, second: str) -> Evidence:
     """Reaches that touch a box by the first way minus those by the second, in %, in pairs by person."""
-    return difference(*(100 * found.by_person(way, "hit") for way in (first, second)))
+    return rate_difference(*(found.by_person(way, "hit") for way in (first, second)))
 
 
 def furthest(found: SceneWays, way: str) -> Evidence:
