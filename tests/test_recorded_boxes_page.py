@@ -13,6 +13,7 @@ from viewer_files import colour_of, contents, note
 
 from structlearn.avoidance.scene_folds import MODELS, WAYS
 from structlearn.avoidance.scene_models import SCENE, TEXT
+from structlearn.ground.metrics import wilson_interval
 from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.recorded.names import BOX_WAYS
 from structlearn.testbeds.recorded.page import parts
@@ -30,7 +31,10 @@ PARAMETERS = {KEY: committed(BoxesParameters, KEY)}
 
 @lru_cache
 def made_up(good=True):
-    """Reaches in which every claim holds, or none does."""
+    """Reaches in which every claim holds, or none does.
+
+    Person 1 touches a box once and takes another gap: if nobody did, how people differ would be unknown.
+    """
     touching = dict.fromkeys(WAYS, 10) | {"none": 11, "human_inspired": 11}
     if good:
         touching |= {TEXT: 0, "text_ensemble": 8, SCENE: 0, "planned": 0}
@@ -45,12 +49,12 @@ def made_up(good=True):
             "person": f"p{person}",
             "fold": person % 4,
             "blocked": number < 12,
-            "hit": number < touching[way] - (person % 3 == 0 and touching[way] > 1),
+            "hit": number < touching[way] - (person % 3 == 0 and touching[way] > 1) + (person == 1),
             "hit_wall": False,
             "clearance_mm": 30.0,
             "left_mm": left[way],
             "path_mm": path[way] + 0.1 * person * (way == SCENE),
-            "same_gaps": good or way != SCENE or number > 5,
+            "same_gaps": (good and (person, number) != (1, 0)) or way != SCENE or number > 5,
         }
         for way, person, number in product(WAYS, range(PEOPLE), range(REACHES))
     ]
@@ -99,10 +103,20 @@ def test_every_claim_can_say_yes_and_no(good, word):
     assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
 
 
+def test_where_no_reach_touches_a_box_people_are_few():
+    """Of 12 people none touches: up to 22 % of others may, however many reaches there were."""
+    clean = made_up()["reaches"].assign(hit=False)
+    found = boxes_evidence(BoxesFound(made_up().tables | {"reaches": clean}))
+    assert found["hits"].high == pytest.approx(1 - 0.05 ** (1 / PEOPLE))
+    words = verdicts(parts.__name__, found, "boxes_claims.yaml")
+    rates = {"text_hits", "hits", "hits_blocked", "text_hits_fewer", "text_hits_fewer_than_rai"}
+    assert {words[name] for name in (*rates, "features_alone")} == {"undecided"}
+
+
 def test_metrics_pool_reaches_and_cluster_people():
     values = boxes_metrics(made_up())
-    assert values["boxes_hits"] == 0.0
-    assert values["boxes_hits_high"] < 0.02  # Wilson's over 240 reaches
+    assert values["boxes_hits"] == 1 / 240
+    assert values["boxes_hits_high"] == wilson_interval(1, 240)[1]  # wider than by people's rates
     hits = made_up().of("none").groupby("person")["hit"].mean()
     assert values["boxes_hits_none"] == pytest.approx(hits.mean())
     assert values["boxes_hits_none_low"] < hits.mean() < values["boxes_hits_none_high"]
@@ -139,8 +153,8 @@ def test_one_person_alone_in_scenes_of_their_own_without_a_blocked_reach():
 
 def test_numbers_of_the_sentences_follow_the_tables():
     good, bad = page(made_up()), page(made_up(False))
-    assert "whole scene it is 0.0 %" in good
-    assert "whole scene it is 0.0 %" not in bad
+    assert "whole scene it is 0.4 %" in good
+    assert "whole scene it is 0.4 %" not in bad
 
 
 def test_the_recording_shows_every_scene_and_way(tmp_path):

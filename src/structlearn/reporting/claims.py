@@ -40,10 +40,8 @@ class Evidence:
         high: upper end.
         n: number of independent things that it rests on (people, seeds, runs).
         count: of `n`, where the number is a share.
-        people: number of people (models, robots) that the `n` trials of a share are of; None where every trial
-            is independent.
-        who: those `people`, a plural.
-        pooled_low: lower end of a share's interval if all trials were independent, shown beside that of people.
+        people: that the `n` trials of a share are of, where trials of one person are alike; else None.
+        pooled_low: lower end of the share's interval if all trials were independent.
         pooled_high: its upper end.
     """
 
@@ -53,7 +51,6 @@ class Evidence:
     n: int
     count: int | None = None
     people: int | None = None
-    who: str = "people"
     pooled_low: float = float("nan")
     pooled_high: float = float("nan")
 
@@ -93,9 +90,7 @@ def share(count: int, n: int, comparisons: int = 1) -> Evidence:
     return Evidence(value, min(float(low), value), max(float(high), value), n, int(count))
 
 
-def clustered_share(
-    counts: np.ndarray, trials: np.ndarray, comparisons: int = 1, who: str = "people"
-) -> Evidence:
+def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1) -> Evidence:
     """A rate over trials that are alike within a person (model, robot), with its interval over people.
 
     Trials of one person say less than as many of different people, so the interval is that of people's rates
@@ -110,7 +105,6 @@ def clustered_share(
         counts: (P,) by person, of `trials`.
         trials: (P,) by person, positive.
         comparisons: see `confidence`.
-        who: the P, a plural.
 
     Returns:
         Evidence whose n and count are of trials, with the interval over people and the pooled one.
@@ -134,7 +128,6 @@ def clustered_share(
         low=min(low, pooled.low),
         high=max(high, pooled.high),
         people=people,
-        who=who,
         pooled_low=pooled.low,
         pooled_high=pooled.high,
     )
@@ -146,9 +139,10 @@ def none_of(people: int, comparisons: int = 1) -> float:
 
 
 def rate_difference(first: np.ndarray, second: np.ndarray, comparisons: int = 1) -> Evidence:
-    """Mean in % of people's rates (P,), first minus second; where all are equal, `none_of` bounds it both ways.
+    """Mean in % of people's rates (P,), first minus second.
 
-    Nobody differs, e.g. as nobody hits anything, does not say that nobody would.
+    If nobody's two rates differ, e.g. as nobody hits anything, somebody else's may: then `none_of` bounds the
+    mean on both sides.
     """
     first, second = np.asarray(first, float), np.asarray(second, float)
     found = difference(100 * first, 100 * second, comparisons)
@@ -353,8 +347,9 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
         text = f"{percent(found.count, found.n, 1)} {interval(100 * found.low, 100 * found.high)}"
         if found.people is None:
             return text
+        people = "1 person" if found.people == 1 else f"{found.people} people"
         pooled = interval(100 * found.pooled_low, 100 * found.pooled_high)
-        return f"{text} over {found.people} {found.who}, {pooled} pooled"
+        return f"{text} over {people}, {pooled} pooled"
     text = rounded(found.value, number_format)
     if found.low != found.high:
         text += f" {interval(found.low, found.high, number_format)}"

@@ -111,7 +111,7 @@ def over_people(study: Study | None, key: str) -> Evidence:
 def rate(trials: ControllerScores, variant: Variant, what: str = "success", comparisons: int = 1) -> Evidence:
     """Share of trials in which a controller reaches its target, or loses the contact; clustered by model."""
     counts = trials.counts(variant)
-    return clustered_share(counts[what].to_numpy(), counts["trials"].to_numpy(), comparisons, "models")
+    return clustered_share(counts[what].to_numpy(), counts["trials"].to_numpy(), comparisons)
 
 
 def _structured(values: Callable[..., np.ndarray], **column: str) -> Found:
