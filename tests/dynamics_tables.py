@@ -170,7 +170,6 @@ def dynamics_results() -> DynamicsResults:
         online=online_table(),
         payload=payload_table(),
         agreement=pd.DataFrame([{"robot": name} | agreement for name in ("one", "two", "three")]),
-        engines=pd.DataFrame({"joint_rad": [1e-15, 3e-15], "torque_n_m": [4e-13, 2e-13]}),
         known=known_table(),
         friction=friction_rows(),
         residuals=residual_table(),

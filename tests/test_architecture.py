@@ -55,6 +55,7 @@ STARTS = {
         "scraping/evaluate_feedback.py scraping/refine.py scraping/evaluate_refinement.py "
         "scraping/compare_search.py scraping/time_controller.py dynamics/record_motion.py own/check.py",
     ),
+    "engines": (("pinocchio", "pybullet"), "engines.py"),
     "training": (
         ("torch",),
         "scraping/train_feedback.py scraping/compare_models.py obstacles/train.py servoing/train_latent.py "

@@ -79,14 +79,13 @@ def made(monkeypatch, settings, segmentation):
         feedback=None,
         refinement=None,
         segmentation=segmentation,
-        engines=None,
         study=None,
         **studies,
     ):
         results = (segmentation, feedback or feedback_results(), refinement or refinement_results())
         studies = {f"scraping/{name}": one for name, one in studies.items()}
         studies[people_module.STUDY] = study
-        return scraping_report(*results, engines or {}, studies, settings)
+        return scraping_report(*results, studies, settings)
 
     return make
 
@@ -137,14 +136,6 @@ def test_pages_link_each_other_are_short_and_the_same_every_time(made):
         assert not re.search(r"\bnan\b", shown, re.IGNORECASE)
         assert words_in_view(text) <= 1500
         assert text == render(document, AnyFigure())
-
-
-def test_the_page_says_how_far_the_engines_agree(made, feedback):
-    found = {"position_m": 3e-13, "torque_n_m": 2e-11, "counts": 0.0}
-    report = made(feedback, engines=found)
-    assert {name: report.metrics[f"engines_differ_{name}"] for name in found} == found
-    assert "3e-13 m in the hand's position" in render(report.pages["feedback"], AnyFigure())
-    assert "integrated by PyBullet" in render(made(feedback).pages["feedback"], AnyFigure())
 
 
 def test_every_claim_holds_where_the_data_say_so(feedback, segmentation):

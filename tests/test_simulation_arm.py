@@ -10,6 +10,7 @@ from structlearn.rigid_body.compiled_chain import body, dynamics, workspace
 from structlearn.simulation import compiled_arm
 from structlearn.simulation.arm import Payload, carrying, urdf_path
 from structlearn.simulation.bullet_arm import BulletArm
+from structlearn.simulation.engine_differences import differences
 
 DT = 1.0 / 250.0
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)
@@ -136,3 +137,16 @@ def test_both_engines_find_what_is_held_and_what_slides(robot):
 def test_an_arm_that_is_not_there_is_named():
     with pytest.raises(InputError, match=r"there is no file 'none/such\.urdf'"):
         urdf_path("none/such.urdf")
+
+
+def test_engines_that_disagree_are_an_error():
+    still, torque = "joint position (rad)", "joint torque (N m)"
+    ours = {still: np.zeros((3, 2)), torque: np.ones((3, 2))}
+    table = differences("sines", ours, ours | {still: np.full((3, 2), 1e-9)})
+    assert table["largest_difference"].tolist() == [1e-9, 0.0]
+    with pytest.raises(RuntimeError, match=r"sines: the engines differ in joint torque \(N m\) by 0\.5"):
+        differences("sines", ours, ours | {torque: np.full((3, 2), 1.5)})
+    with pytest.raises(RuntimeError, match="stopped at different ticks: 3 and 2"):
+        differences("sines", ours, {name: values[:2] for name, values in ours.items()})
+    with pytest.raises(RuntimeError, match="by nan"):
+        differences("sines", ours, ours | {torque: np.full((3, 2), np.nan)})

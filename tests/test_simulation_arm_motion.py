@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from structlearn.ground.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.any_model import bodies_model
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
+from structlearn.testbeds.dynamics.world import controlled_arm
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ArmMotionParameters,
     Feedback,
@@ -20,7 +22,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, agreement, run
+from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
 
 SHORT = committed_motion(duration_s=4.0)
 
@@ -54,9 +56,15 @@ def test_an_arm_with_crooked_ranges_swings_about_their_middle():
     np.testing.assert_allclose(path.q[0], 0.5 * (panda.tree.lower + panda.tree.upper))
 
 
+@pytest.fixture
+def arm(robot):
+    return SimulatedArm(robot, ideal(robot.inertias), 1.0 / SHORT.rate_hz)
+
+
 @pytest.fixture(params=["compiled", "pybullet"])
-def arm(robot, request):
-    return SimulatedArm(robot, ideal(robot.inertias), 1.0 / SHORT.rate_hz, request.param)
+def run(request):
+    """Lets a controller move an arm, in the compiled loop or in PyBullet."""
+    return partial(controlled_arm.run, pybullet=request.param == "pybullet")
 
 
 def constant(robot, torque, ticks):
@@ -69,7 +77,7 @@ def constant(robot, torque, ticks):
     return sine_controller(bodies_model(model), JointPath(zero, zero, zero), Feedback(zero[0], zero[0]))
 
 
-def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm):
+def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm, run):
     reference = sine_path(robot.tree, SHORT)
     model = bodies_model(compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias))
     moved = run(arm, sine_controller(model, reference, feedback), reference.q[0], reference.qd[0])
@@ -82,24 +90,24 @@ def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, ar
 @pytest.mark.parametrize(
     ("torque", "reason"), [(np.nan, "not finite"), (np.inf, "not finite"), (250.0, "speed limit")]
 )
-def test_an_arm_that_runs_away_is_stopped(robot, arm, torque, reason):
+def test_an_arm_that_runs_away_is_stopped(robot, arm, run, torque, reason):
     moved = run(arm, constant(robot, torque, 1000), np.zeros(7), np.zeros(7))
     assert moved.stopped == reason
     assert len(moved.q) == len(moved.torques) < 1000
     assert np.isfinite(moved.q).all()
 
 
-def test_an_arm_beyond_its_range_is_stopped(robot, arm):
+def test_an_arm_beyond_its_range_is_stopped(robot, arm, run):
     moved = run(arm, constant(robot, 0.0, 10), robot.tree.upper + 0.1, np.zeros(7))
     assert moved.stopped == "joint limit"
 
 
-def test_torques_are_cut_off_at_the_drives_limits(robot, arm):
+def test_torques_are_cut_off_at_the_drives_limits(robot, arm, run):
     moved = run(arm, constant(robot, -900.0, 1), np.zeros(7), np.zeros(7))
     np.testing.assert_array_equal(moved.torques, -robot.model.effortLimit[None])
 
 
-def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm):
+def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm, run):
     zero, still, late = np.zeros(7), np.zeros((6, 7)), 2
     mechanics = Mechanics(robot.inertias, zero, zero, np.full(7, 0.5), 3.0, latency_steps=late)
     reference = JointPath(still + 0.1, still, still)
@@ -114,20 +122,6 @@ def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm):
     ripple = 0.5 * np.sin(2.0 * np.pi * 3.0 * moved.q)
     np.testing.assert_allclose(moved.torques, given + ripple, atol=1e-12)
     assert np.ptp(given, axis=0).min() > 0
-
-
-def test_engines_that_disagree_are_an_error():
-    runs = {
-        "compiled": (np.zeros((3, 2)), np.ones((3, 2))),
-        "pybullet": (np.full((3, 2), 1e-9), np.ones((3, 2))),
-    }
-    assert agreement(runs.__getitem__) == {"joint_rad": 1e-9, "torque_n_m": 0.0}
-    runs["pybullet"] = (np.zeros((3, 2)), np.full((3, 2), 1.5))
-    with pytest.raises(RuntimeError, match=r"PyBullet's differ by 0 rad and 0\.5 N m"):
-        agreement(runs.__getitem__)
-    runs["pybullet"] = (np.zeros((2, 2)), np.ones((2, 2)))
-    with pytest.raises(RuntimeError, match="stopped at different ticks"):
-        agreement(runs.__getitem__)
 
 
 def test_no_joint_may_swing_alike_where_schedules_are_chosen_and_where_they_are_scored():

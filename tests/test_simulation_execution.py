@@ -26,6 +26,7 @@ from structlearn.testbeds.scraping.world.execution import (
     execute,
     roll_of,
 )
+from structlearn.testbeds.scraping.world.in_pybullet import in_pybullet
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
 DT = 1 / 300
@@ -43,7 +44,7 @@ def two_fingers():
     return FingerPair(committed(TouchParameters, "testbed.touch"), 1, np.random.default_rng(2), 100.0)
 
 
-def press(roll=0.0, ticks=600, control=SILENT, person=None, motion=None, engine="compiled", **changes):
+def press(roll=0.0, ticks=600, control=SILENT, person=None, motion=None, engine=None, **changes):
     return execute(
         WORLD,
         press_motion(ticks) if motion is None else motion,
@@ -116,7 +117,7 @@ def test_the_engines_agree():
                 if name == "turned"
                 else None,
             )
-            for engine in ("compiled", "pybullet")
+            for engine in (None, in_pybullet)
         )
         np.testing.assert_allclose(one.position, other.position, atol=1e-10)
         np.testing.assert_allclose(one.joint_torques, other.joint_torques, atol=1e-7)

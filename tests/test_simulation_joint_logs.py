@@ -1,5 +1,3 @@
-from functools import partial
-
 import numpy as np
 import pytest
 from committed import committed
@@ -13,7 +11,6 @@ from structlearn.simulation.arm import ArmParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     PayloadParameters,
     ideal_log,
-    log_agreement,
     payload_log,
     stand_in_log,
 )
@@ -31,7 +28,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def log(robot):
-    return ideal_log(robot, MOTION, "compiled")
+    return ideal_log(robot, MOTION)
 
 
 def predicted(robot, inertias, log, friction=None) -> np.ndarray:
@@ -52,7 +49,7 @@ def test_the_ideal_log_obeys_the_urdfs_dynamics(robot, log):
 
 def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path):
     for name in ("a", "b"):
-        write_joint_log(ideal_log(robot, MOTION, "compiled"), tmp_path / f"{name}.mcap")
+        write_joint_log(ideal_log(robot, MOTION), tmp_path / f"{name}.mcap")
     assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
     back = read_joint_log(tmp_path / "a.mcap")
     np.testing.assert_array_equal(back.torques, log.torques)
@@ -61,7 +58,7 @@ def test_logs_come_back_from_their_files_and_are_repeatable(robot, log, tmp_path
 
 def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
     parameters = committed(StandInParameters, "stand_in")
-    log = stand_in_log(robot, parameters, SEED, MOTION, "compiled")
+    log = stand_in_log(robot, parameters, SEED, MOTION)
     true = stand_in(robot.tree, robot.inertias, parameters, SEED)
     friction = np.stack([true.viscous, true.coulomb, np.zeros(7)])
     wrong = nmse(predicted(robot, robot.inertias, log), log.torques[:-1])
@@ -69,9 +66,7 @@ def test_the_stand_in_differs_from_its_urdf_by_what_is_named(robot):
     assert (right < wrong).all()
     assert wrong[[0, 4, 5, 6]].min() > 0.2  # axes that carry little weight: friction decides
     assert "stand-in" in log.provenance["arm"]
-    assert (
-        stand_in_log(robot, parameters, SEED, MOTION, "compiled").torques.tobytes() == log.torques.tobytes()
-    )
+    assert stand_in_log(robot, parameters, SEED, MOTION).torques.tobytes() == log.torques.tobytes()
 
 
 def test_links_of_the_stand_in_are_real_bodies(robot):
@@ -88,9 +83,7 @@ def test_without_spread_friction_ripple_and_latency_the_stand_in_is_ideal(robot,
     shares = dict.fromkeys(("viscous_share", "coulomb_share", "ripple_share", "noise_share"), 0)
     spreads = dict.fromkeys(("mass_spread", "centre_spread_m", "latency_ticks"), 0)
     nothing = committed(StandInParameters, "stand_in", **shares, **spreads)
-    np.testing.assert_allclose(
-        stand_in_log(robot, nothing, SEED, MOTION, "compiled").torques, log.torques, atol=1e-8
-    )
+    np.testing.assert_allclose(stand_in_log(robot, nothing, SEED, MOTION).torques, log.torques, atol=1e-8)
 
 
 def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(robot):
@@ -99,9 +92,9 @@ def test_a_robot_is_the_same_with_and_without_a_payload_until_it_picks_it_up(rob
     payload = committed(PayloadParameters, "record_motion.payload")
     half = 500
     empty, loaded, other = (
-        stand_in_log(robot, parameters, SEED, MOTION, "compiled"),
-        payload_log(robot, parameters, SEED, payload, MOTION, "compiled"),
-        stand_in_log(robot, parameters, SEED + 1, MOTION, "compiled"),
+        stand_in_log(robot, parameters, SEED, MOTION),
+        payload_log(robot, parameters, SEED, payload, MOTION),
+        stand_in_log(robot, parameters, SEED + 1, MOTION),
     )
     np.testing.assert_array_equal(loaded.positions[: half + 1], empty.positions[: half + 1])
     assert np.abs(loaded.positions - empty.positions)[half + 10 :].max() > 1e-4
@@ -123,7 +116,7 @@ def test_the_payload_appears_when_it_is_picked_up(robot):
     )
     ideal = committed(StandInParameters, "stand_in", **dict.fromkeys((*shares, "latency_ticks"), 0))
     parameters = committed(PayloadParameters, "record_motion.payload")
-    log = payload_log(robot, ideal, SEED, parameters, MOTION, "compiled")
+    log = payload_log(robot, ideal, SEED, parameters, MOTION)
     loaded = carrying(robot, parameters.body)
     without, loaded_too = (predicted(robot, inertias, log) for inertias in (robot.inertias, loaded))
     half = 500
@@ -132,16 +125,13 @@ def test_the_payload_appears_when_it_is_picked_up(robot):
     assert np.abs(without[half:] - log.torques[half:-1]).max() > 1.0
 
 
-def test_both_engines_write_the_same_logs(robot):
+def test_both_engines_write_the_same_log(robot):
     stand_in, payload = (
         committed(StandInParameters, "stand_in"),
         committed(PayloadParameters, "record_motion.payload"),
     )
-    for log in (
-        partial(ideal_log, robot),
-        partial(stand_in_log, robot, stand_in, SEED),
-        partial(payload_log, robot, stand_in, SEED, payload),
-    ):
-        row = log_agreement(log, MOTION).iloc[0]
-        assert row["joint_rad"] < 1e-11
-        assert row["torque_n_m"] < 1e-9
+    ours, bullets = (
+        payload_log(robot, stand_in, SEED, payload, MOTION, pybullet) for pybullet in (False, True)
+    )
+    np.testing.assert_allclose(ours.positions, bullets.positions, atol=1e-11)
+    np.testing.assert_allclose(ours.torques, bullets.torques, atol=1e-9)

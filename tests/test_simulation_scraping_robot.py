@@ -2,11 +2,10 @@
 
 import numpy as np
 import pinocchio
-import pybullet
 import pytest
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.testbeds.scraping.world.bullet import load_robot
+from structlearn.simulation.bullet_arm import BulletArm
 from structlearn.testbeds.scraping.world.scraping_robot import (
     ARM_JOINTS,
     EDGE_M,
@@ -17,9 +16,13 @@ from structlearn.testbeds.scraping.world.scraping_robot import (
     joint_angles,
     urdf,
 )
+from structlearn.testbeds.scraping.world.scraping_robot import (
+    whole as whole_robot,
+)
 
 JOINTS = ARM_JOINTS + len(GRASP_JOINTS)
 GRAVITY = np.array([0.0, 0.0, -9.81])
+DT = 1e-5  # s
 
 
 @pytest.fixture(scope="module")
@@ -31,11 +34,10 @@ def whole():
 
 @pytest.fixture(scope="module")
 def loaded():
-    """Client, body and movable joints of the robot in PyBullet."""
-    client = pybullet.connect(pybullet.DIRECT)
-    pybullet.setGravity(*GRAVITY, physicsClientId=client)
-    yield (client, *load_robot(client))
-    pybullet.disconnect(client)
+    """The robot in PyBullet."""
+    robot = whole_robot()
+    with BulletArm(robot.tree, robot.inertias, np.zeros(JOINTS), DT) as arm:
+        yield arm
 
 
 def states(count=8):
@@ -46,38 +48,19 @@ def states(count=8):
         yield tuple(scale * rng.uniform(-1.5, 1.5, JOINTS) for _ in range(3))
 
 
-def test_thirteen_joints_in_the_same_order_everywhere(whole, loaded):
-    client, body, joints = loaded
-    names = [pybullet.getJointInfo(body, joint, physicsClientId=client)[1].decode() for joint in joints]
-    assert names == list(whole.names)[1:]
-    assert names[ARM_JOINTS:] == list(GRASP_JOINTS)
+def test_thirteen_joints_arm_then_grasp(whole):
+    assert list(whole.names)[1 + ARM_JOINTS :] == list(GRASP_JOINTS)
+    assert whole.nq == JOINTS
 
 
-def test_pybullet_weighs_the_same_robot(whole, loaded):
-    client, body, _ = loaded
+def test_pybullet_moves_the_same_robot_and_nothing_holds_it_back(whole, loaded):
+    """A short step under torques is Pinocchio's forward dynamics: no motor, damping, friction is left on."""
     data = whole.createData()
     for q, v, a in states():
-        mass = pybullet.calculateMassMatrix(body, q.tolist(), physicsClientId=client)
-        upper = pinocchio.crba(whole, data, q)
-        np.testing.assert_allclose(mass, np.triu(upper) + np.triu(upper, 1).T, atol=1e-9)
-        torques = pybullet.calculateInverseDynamics(
-            body, q.tolist(), v.tolist(), a.tolist(), physicsClientId=client
-        )
-        np.testing.assert_allclose(torques, pinocchio.rnea(whole, data, q, v, a), atol=1e-9)
-
-
-def test_nothing_holds_the_joints_back(whole, loaded):
-    """One short step without torques is free fall: no motor, no damping, no friction is left on."""
-    client, body, joints = loaded
-    dt, data = 1e-5, whole.createData()
-    pybullet.setTimeStep(dt, physicsClientId=client)
-    for q, v, _ in states(4):
-        for joint, angle, speed in zip(joints, q, v, strict=True):
-            pybullet.resetJointState(body, joint, angle, speed, physicsClientId=client)
-        pybullet.stepSimulation(physicsClientId=client)
-        after = [state[1] for state in pybullet.getJointStates(body, joints, physicsClientId=client)]
-        falling = pinocchio.aba(whole, data, q, v, np.zeros(JOINTS))
-        np.testing.assert_allclose((np.array(after) - v) / dt, falling, rtol=1e-3, atol=1e-3)
+        torques = pinocchio.rnea(whole, data, q, v, a)
+        loaded.place(q, v)
+        _, after = loaded.step(torques)
+        np.testing.assert_allclose((after - v) / DT, a, rtol=1e-3, atol=1e-3)
 
 
 def test_the_controller_knows_the_arm_with_an_unloaded_tool(whole):

@@ -5,13 +5,12 @@ from functools import partial
 
 import numpy as np
 import pinocchio
-import pybullet
 import pytest
 from committed import committed
 from scraping_motions import FLAT, beside_contact
 
-from structlearn.testbeds.scraping.world.bullet import Bullet
 from structlearn.testbeds.scraping.world.demonstrator import CONTACT_M
+from structlearn.testbeds.scraping.world.in_pybullet import in_pybullet
 from structlearn.testbeds.scraping.world.operational_space import Target, control, controlled, observe
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS, arm_model, joint_angles, urdf
 from structlearn.testbeds.scraping.world.scraping_world import (
@@ -63,7 +62,7 @@ def place(request):
             world = placed(parameters, joint_angles(position, rotation), roll, CONTACT_M, **factors)
             if request.param == "compiled":
                 return Engine(world, partial(advance, world))
-            return Engine(world, stack.enter_context(Bullet(world)).advance)
+            return Engine(world, stack.enter_context(in_pybullet(world)))
 
         yield placing
 
@@ -181,10 +180,3 @@ def test_a_falling_arm_keeps_its_energy(place):
     kinetic = pinocchio.computeKineticEnergy(model, data, world.q, world.v)
     assert kinetic > 1.0  # J
     assert np.ptp(energies) < 0.01 * kinetic
-
-
-def test_servers_are_closed():
-    with Bullet(placed(PARAMETERS, joint_angles(ABOVE, FLAT), 0.0, CONTACT_M)) as one:
-        client = one._client
-        assert pybullet.isConnected(client)
-    assert not pybullet.isConnected(client)

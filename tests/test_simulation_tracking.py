@@ -18,7 +18,6 @@ from structlearn.simulation.arm import ArmParameters, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import (
     Candidate,
     Testbed,
-    engine_agreement,
     known,
     learned,
     track,
@@ -45,7 +44,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def testbed(robot):
-    arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / MOTION.rate_hz, "compiled")
+    arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / MOTION.rate_hz)
     return Testbed("iiwa", (0, 1), 0, arm, MOTION, REACHING)
 
 
@@ -129,14 +128,6 @@ def test_only_models_that_met_the_criterion_are_tracked_with(testbed):
         np.testing.assert_allclose(
             model_torques(candidate.model, still + 0.3, still, still + 1.0), expected, atol=1e-3
         )
-
-
-def test_both_engines_reach_alike(testbed, stand_in_testbed):
-    for one in (testbed, stand_in_testbed):
-        row = engine_agreement(one).iloc[0]
-        assert row["robot"] == one.name
-        assert row["joint_rad"] < 1e-11
-        assert row["torque_n_m"] < 1e-9
 
 
 def test_reaches_start_at_rest_and_end_at_goals_in_the_box(robot):

@@ -65,7 +65,6 @@ def main() -> None:
     results = DynamicsResults(
         **files.read_tables(),
         agreement=pd.DataFrame(agreement),
-        engines=files.read_engines(),
         known=pd.concat(known, ignore_index=True),
         friction=pd.concat(friction, ignore_index=True),
         residuals=residuals[0],

@@ -14,7 +14,6 @@ from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
 from structlearn.testbeds.dynamics.protocol.tracking import (
     Testbed,
     TrackingParameters,
-    engine_agreement,
     known,
     learned,
     track,
@@ -35,7 +34,7 @@ def main() -> None:
     outcomes = read_table(f"{MODELS}/outcomes.parquet")
 
     def testbed(name: str, seeds: Sequence[int], shown: int, mechanics: Mechanics) -> Testbed:
-        moved = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, arm.engine)
+        moved = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz)
         return Testbed(name, tuple(seeds), shown, moved, motion, parameters.reaching)
 
     seeds = [int(seed) for seed in outcomes[outcomes["arm"] == IDEAL]["seed"].unique()]
@@ -53,14 +52,12 @@ def main() -> None:
             return read_dynamics_models(f"{MODELS}/{folder}/{form}/{name}.safetensors")
 
         its = (outcomes["arm"] == bed.name) & outcomes["model"].isin(names) & outcomes["seed"].isin(bed.seeds)
-        agreement = engine_agreement(bed)  # first: it also compiles, once, what all processes run
-        tables.append((agreement, *track(bed, [*known(bed), *learned(bed, outcomes[its], read)])))
-    agreement, scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
+        tables.append(track(bed, [*known(bed), *learned(bed, outcomes[its], read)]))
+    scores, paths = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
     with publish("data/dynamics/tracking") as folder:
         folder.mkdir()
         write_table(scores, folder / "scores.parquet")
         write_table(paths, folder / "paths.parquet")
-        write_table(agreement, folder / "agreement.parquet")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import pandas as pd
 
 from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_metrics, write_table
+from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search import refinement
 from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
@@ -33,7 +33,6 @@ def main() -> None:
         board, _ = read_board("data", *settings, supervision, testbed, clock)
         before, after = (read_networks(f"{DATA}/refinement/{model}.safetensors") for model in (BEFORE, AFTER))
         write_table(searches(board, before, after, refined, parameters), folder / "trials.parquet")
-        write_metrics(board.engine_differences(before), folder / "engines.json")
 
 
 def searches(

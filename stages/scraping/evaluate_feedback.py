@@ -6,14 +6,14 @@ from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.feedback.training_parameters import MODELS
-from structlearn.ground.artefacts import publish, write_metrics, write_table
+from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings import read_demonstrations, write_recordings
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol import executed_sets
-from structlearn.testbeds.scraping.protocol.evaluation_runs import compared_engines, executed_set
+from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
@@ -46,7 +46,6 @@ def main() -> None:
         unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
         scores = executed_sets.scores(sets, nominal_orientation(unrolls), supervision)
         write_table(scores, folder / "scores.parquet")
-        write_metrics(compared_engines(skill, parameters, testbed), folder / "engines.json")
         write_table(executed_sets.traces(sets, expected, supervision), folder / "traces.parquet")
         write_table(path_errors(datasets, networks), folder / "path_errors.parquet")
 

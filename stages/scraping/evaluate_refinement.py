@@ -3,14 +3,14 @@
 from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_metrics, write_table
+from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import write_recordings
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import executed_sets
 from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.evaluation_runs import compared_engines, executed_set
+from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"
@@ -44,7 +44,6 @@ def main() -> None:
         folder.mkdir()
         scores = executed_sets.scores(sets, board.nominal, supervision)
         write_table(scores, folder / "scores.parquet")
-        write_metrics(compared_engines(skill, parameters, testbed), folder / "engines.json")
         write_table(executed_sets.traces(sets, board.expected, supervision), folder / "traces.parquet")
 
 

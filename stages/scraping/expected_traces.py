@@ -1,21 +1,18 @@
 """Execute the nominal primitives on the flat board and learn what the fingers should feel (IV.9.1.3, ii)."""
 
-from functools import partial
-
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.supervision import (
     ExpectedTracesParameters,
     SupervisionParameters,
     learn_expected,
 )
-from structlearn.ground.artefacts import publish, write_metrics
+from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.recordings import read_demonstrations, write_recordings
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
-from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
@@ -28,7 +25,6 @@ def main() -> None:
 
     runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
     executed = executions(skill, runs, testbed)
-    differences = engine_differences(partial(executions, skill, runs[:1]), testbed)
     with publish("data/raw/scraping/unrolls") as folder:
         write_recordings(executed[: parameters.runs], folder)
     with publish("data/raw/scraping/level") as folder:
@@ -36,7 +32,6 @@ def main() -> None:
 
     with publish("data/feedback/scraping/expected") as folder:
         folder.mkdir()
-        write_metrics(differences, folder / "engines.json")
         unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
         cuts = commanded_cuts(unrolls, [primitive.name for primitive in primitives])
         for name, traces in learn_expected(unrolls, cuts, parameters.smoothing_hz, sensors).items():

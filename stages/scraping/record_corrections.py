@@ -1,9 +1,7 @@
 """Record corrected demonstrations on the tilted board, a set per setting (IV.9.1.3, iii)."""
 
-from functools import partial
-
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.ground.artefacts import publish, write_metrics
+from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings import write_recordings
@@ -12,7 +10,6 @@ from structlearn.testbeds.scraping.protocol.executions import (
     corrected_runs,
     executions,
 )
-from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
@@ -22,13 +19,11 @@ def main() -> None:
     skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
     runs = corrected_runs(parameters.settings_deg, parameters.runs)
     recordings = executions(skill, runs, testbed)
-    differences = engine_differences(partial(executions, skill, runs[-1:]), testbed)
     with publish("data/raw/scraping/corrections") as folder:
         folder.mkdir()
         for place, setting in enumerate(parameters.settings_deg):
             own = recordings[place * parameters.runs : (place + 1) * parameters.runs]
             write_recordings(own, folder / f"{setting:g}")
-        write_metrics(differences, folder / "engines.json")
 
 
 if __name__ == "__main__":

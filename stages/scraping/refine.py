@@ -4,7 +4,7 @@ from pathlib import Path
 
 from structlearn.feedback.pmnn import write_networks
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.ground.artefacts import publish, write_metrics, write_table
+from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.publication import discard
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.refinement import Progress
@@ -29,7 +29,6 @@ def main() -> None:
         refined = refine_on_board(board, datasets, parameters, UNFINISHED, tell)
         write_networks(list(refined.before.items()), folder / "before.safetensors")
         write_networks(list(refined.after.items()), folder / "after.safetensors")
-        write_metrics(board.engine_differences(refined.after), folder / "engines.json")
         write_table(refined.history, folder / "history.parquet")
         write_table(refined.samples, folder / "rollouts.parquet")
         write_table(refined.policies, folder / "policies.parquet")

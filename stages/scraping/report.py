@@ -47,7 +47,7 @@ def main() -> None:
     files = ScrapingFiles(parameters["clock"])
     results = read_results(files, parameters)
     studies = {name: read_study(name) for name in STUDIES}
-    report = scraping_report(*results, files.engine_differences(), studies, parameters)
+    report = scraping_report(*results, studies, parameters)
     publish_report(
         "reports/scraping", report.pages, report.drawings, report.tables, report.metrics, report.headlines
     )

@@ -1,12 +1,11 @@
 """What an arm of the simulations is made of: any URDF's kinematics, and what may differ from that URDF.
 
-Two engines move it: `compiled_arm` in a compiled loop, and `bullet_arm` in PyBullet, for which the first is
-held against.
+A compiled loop moves it (`compiled_arm`); PyBullet (`bullet_arm`) is the oracle in tests and in the
+stage `engines`.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pybullet_data
@@ -15,8 +14,6 @@ from pydantic import Field
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
-
-Engine = Literal["compiled", "pybullet"]
 
 
 @dataclass(frozen=True)
@@ -79,17 +76,15 @@ def carrying(inertias: LinkInertias, payload: Payload) -> LinkInertias:
 
 
 class ArmParameters(Parameters):
-    """Which arm, and what moves it.
+    """Which arm.
 
     Attributes:
         urdf: a path, or a file of `pybullet_data`, e.g. `kuka_iiwa/model.urdf`.
         locked_joints: joints held at zero, e.g. a gripper's fingers.
-        engine: of its simulation.
     """
 
     urdf: str = Field(min_length=1)
     locked_joints: tuple[str, ...]
-    engine: Engine
 
     def read(self) -> Robot:
         """The arm.

@@ -49,16 +49,6 @@ def robots() -> list[int]:
     return sorted(int(folder.name) for folder in ROBOT_LOGS.iterdir())
 
 
-def read_engines() -> pd.DataFrame:
-    """Rows of `controlled_arm.agreement`, of the simulated logs and of reaches.
-
-    Raises:
-        InputError: a file is damaged.
-    """
-    files = [*sorted(RAW.rglob("agreement.parquet")), DATA / "tracking/agreement.parquet"]
-    return pd.concat([read_table(file) for file in files], ignore_index=True)
-
-
 def read_robot_motion(robot: int, cutoff_hz: float) -> tuple[Motion, float]:
     """A robot's log as models learned from it, and the s between its samples.
 

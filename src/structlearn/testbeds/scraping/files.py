@@ -9,7 +9,7 @@ import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_table
 from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
-from structlearn.ground.artefacts import Metrics, read_metrics, read_table
+from structlearn.ground.artefacts import read_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
@@ -40,16 +40,6 @@ TABLES = {
 }
 """Tables of the stages by name, below the folder of all data, without their ending."""
 
-ENGINES = tuple(
-    f"{folder}/engines.json"
-    for folder in (
-        *("raw/scraping/nominal", "raw/scraping/corrections", "feedback/scraping/expected"),
-        *("feedback/scraping/evaluation", "feedback/scraping/refinement", "feedback/scraping/refined"),
-        "feedback/scraping/search",
-    )
-)
-"""Where stages say how far the engines agree (`world.engine_agreement`), below the folder of all data."""
-
 CLOSED_LOOP, REFINED, CORRECTIONS = "closed_loop", "refined", "corrections"
 """Folders of runs at several tilts; the first two hold a folder per model, those of corrections do not."""
 
@@ -75,12 +65,6 @@ class ScrapingFiles:
         """One of `TABLES`; empty where a stage had nothing to write."""
         path = self.data / f"{TABLES[name]}.parquet"
         return read_table(path) if path.exists() else pd.DataFrame()
-
-    def engine_differences(self) -> Metrics:
-        """Largest differences that stages found between the engines, by what differs; empty without any."""
-        files = [self.data / file for file in ENGINES]
-        found = pd.DataFrame([read_metrics(file) for file in files if file.exists()])
-        return found.max().to_dict()
 
     def demonstrations(self) -> list[Demonstration]:
         """Nominal demonstrations."""

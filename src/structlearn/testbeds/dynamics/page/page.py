@@ -17,7 +17,6 @@ from structlearn.testbeds.dynamics.page.results import headlines, metrics, publi
 from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
-from structlearn.testbeds.dynamics.world.joint_logs import COMPARED_S
 
 SOURCES = {
     "log": Source("data/raw/dynamics/stand_in", "record_motion"),
@@ -79,7 +78,6 @@ def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, obj
         "published": published(),
         "training": results.training,
         "overspeed": OVERSPEED,
-        "compared_s": COMPARED_S,
         "stopped_nmse": STOPPED_NMSE,
         "settled_share": SETTLED_SHARE,
         "tried": results.trials is not None,

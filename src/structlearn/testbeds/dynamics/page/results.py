@@ -43,16 +43,13 @@ def metrics(results: DynamicsResults) -> Metrics:
     that had to be stopped counts at least 1, and is one of `unstable_<model>` runs, sines and reaches; a
     model that did not meet the criterion with any seed has neither. `robot_...` is the same of the `robots`,
     `robot_nmse_<model>` the NMSE on their logs, mean over joints and robots. `online_nmse_<model>` is that
-    on the whole motion after one pass. `engines_max_difference_...` is the largest difference of the compiled
-    arm from PyBullet's. `payload_settling_s_...` is over the `payload_settled` robots where the mass stays
-    right.
+    on the whole motion after one pass. `payload_settling_s_...` is over the `payload_settled` robots where
+    the mass stays right.
     """
     values: Metrics = {
         "simulated": True,
         "robots": len(results.robots),
         "rnea_max_error_nm": results.largest_disagreement,
-        "engines_max_difference_rad": float(results.engines["joint_rad"].max()),
-        "engines_max_difference_nm": float(results.engines["torque_n_m"].max()),
         "base_parameters": results.base["parameter"].nunique(),
         "epochs_limit": results.training.epochs.simulation,
     }

@@ -35,7 +35,6 @@ class DynamicsResults:
         scores, paths: see `protocol.tracking.track`.
         online, payload: see `rigid_body.online_learning`; the payload's with `seed`.
         agreement: a row per URDF, see `rigid_body.agreement`, with `robot`.
-        engines: how far the compiled arm is from PyBullet's, see `world.controlled_arm.agreement`.
         known, friction: of robots' logs, see `protocol.robot_behind_log`, with `seed`.
         residuals: likewise, of the first robot.
         stand_in: what robots have in common.
@@ -54,7 +53,6 @@ class DynamicsResults:
     online: pd.DataFrame
     payload: pd.DataFrame
     agreement: pd.DataFrame
-    engines: pd.DataFrame
     known: pd.DataFrame
     friction: pd.DataFrame
     residuals: pd.DataFrame

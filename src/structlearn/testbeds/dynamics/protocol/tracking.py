@@ -1,7 +1,7 @@
 """How well an arm follows with a model in its controller: sines it learned from, and reaches (III.4)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 
@@ -16,7 +16,6 @@ from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import compiled_model
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.simulation.arm import Engine
 from structlearn.testbeds.dynamics.world.arm_motion import (
     Feedback,
     JointPath,
@@ -25,7 +24,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import Run, SimulatedArm, agreement, run
+from structlearn.testbeds.dynamics.world.controlled_arm import Run, SimulatedArm, run
 from structlearn.testbeds.dynamics.world.reaching import (
     ReachingParameters,
     first_posture,
@@ -129,17 +128,6 @@ def learned(
         for place, row in enumerate(rows.itertuples())
         if row.met
     ]
-
-
-def engine_agreement(testbed: Testbed) -> pd.DataFrame:
-    """A row of `controlled_arm.agreement`, of the reaches of the first seed with the true model."""
-    model = _true_model(testbed)
-
-    def both(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
-        moved = _reach(replace(testbed, arm=replace(testbed.arm, engine=engine)), model, testbed.seeds[0])[0]
-        return moved.q, moved.torques
-
-    return pd.DataFrame([{"robot": testbed.name} | agreement(both)])
 
 
 def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFrame, pd.DataFrame]:

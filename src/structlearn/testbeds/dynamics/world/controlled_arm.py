@@ -1,12 +1,10 @@
-"""An arm with a model in its controller, tick by tick: in one compiled loop, or in PyBullet.
+"""An arm with a model in its controller, tick by tick in one compiled loop.
 
-The controller's tick is the same compiled function for both; what differs is who moves the arm. PyBullet is
-the reference: `agreement` says how far the compiled arm is from it.
+PyBullet can move the arm between the same compiled ticks of its controller, to compare.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -16,14 +14,11 @@ from structlearn.rigid_body.any_model import InverseDynamics, model_torques
 from structlearn.rigid_body.compiled_chain import Body, Workspace, body, dynamics, workspace
 from structlearn.rigid_body.operational_space_velocity import VelocityControl, joint_reference
 from structlearn.rigid_body.tree import Robot
-from structlearn.simulation.arm import Engine, Mechanics, Payload, carrying
+from structlearn.simulation.arm import Mechanics, Payload, carrying
 from structlearn.simulation.compiled_arm import step
 
 OVERSPEED = 1.5
 """Multiple of its speed limit at which a joint counts as run away; overshoot stays below."""
-
-LARGEST_DIFFERENCE_RAD, LARGEST_DIFFERENCE_N_M = 1e-7, 1e-5
-"""Between both engines, of an arm under control; round-off of a light wrist comes to 2e-10 rad."""
 
 _FAULTS = ("", "speed limit", "joint limit", "not finite")
 
@@ -60,7 +55,6 @@ class SimulatedArm:
         robot: its URDF, which has the limits.
         mechanics: what really moves.
         dt: s per control tick and physics step.
-        engine: who moves it.
         payload: that it takes on the way.
         take_at: tick at which it does; None: never.
     """
@@ -68,7 +62,6 @@ class SimulatedArm:
     robot: Robot
     mechanics: Mechanics
     dt: float
-    engine: Engine
     payload: Payload | None = None
     take_at: int | None = None
 
@@ -90,38 +83,22 @@ class Run:
     stopped: str | None
 
 
-def run(arm: SimulatedArm, controller: Controller, q: np.ndarray, qd: np.ndarray) -> Run:
+def run(
+    arm: SimulatedArm, controller: Controller, q: np.ndarray, qd: np.ndarray, pybullet: bool = False
+) -> Run:
     """Let a controller move an arm from a state (n,) along its path, until it ends or must be stopped.
 
     A run is stopped as a robot's safety controller would: a joint is faster than `OVERSPEED` times its limit
     or beyond its range, or the model's torques are no numbers. Torques beyond the drives' limits are cut off.
-    A latency delays them; until the first one arrives, the drives hold it already.
+    A latency delays them; until the first one arrives, the drives hold it already. PyBullet moves the arm
+    where that is asked for, to compare.
     """
     ticks, count = len(controller.wanted), len(q)
     log = _Log(*(np.zeros((ticks + extra, count)) for extra in (1, 1, 0, 0)))
     log.q[0], log.qd[0] = q, qd
-    move = _in_loop if arm.engine == "compiled" else _in_pybullet
+    move = _in_pybullet if pybullet else _in_loop
     end, fault = move(arm, controller, _drives(arm), log)
     return Run(log.q[:end], log.qd[:end], log.torques[:end], _FAULTS[fault] or None)
-
-
-def agreement(move: Callable[[Engine], tuple[np.ndarray, np.ndarray]]) -> dict[str, float]:
-    """How far both engines are apart: largest differences `joint_rad` and `torque_n_m`.
-
-    Args:
-        move: runs the same with an engine; returns positions and torques (T, n).
-
-    Raises:
-        RuntimeError: they are further apart than `LARGEST_DIFFERENCE_RAD` or `LARGEST_DIFFERENCE_N_M`, or
-            one was stopped at another tick than the other.
-    """
-    runs = [move(engine) for engine in get_args(Engine)]
-    if len({positions.shape for positions, _ in runs}) > 1:
-        raise RuntimeError("the compiled arm and PyBullet's were stopped at different ticks")
-    joint, torque = (float(np.abs(one - other).max(initial=0.0)) for one, other in zip(*runs, strict=True))
-    if not (joint <= LARGEST_DIFFERENCE_RAD and torque <= LARGEST_DIFFERENCE_N_M):
-        raise RuntimeError(f"the compiled arm and PyBullet's differ by {joint:.3g} rad and {torque:.3g} N m")
-    return {"joint_rad": joint, "torque_n_m": torque}
 
 
 class _Drives(NamedTuple):

@@ -1,10 +1,9 @@
 """Joint logs of the simulated arms."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from pydantic import Field
 
 import structlearn
@@ -14,20 +13,17 @@ from structlearn.recordings.joint_log import JointLog
 from structlearn.rigid_body.any_model import bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.tree import Robot
-from structlearn.simulation.arm import Engine, Payload, ideal
+from structlearn.simulation.arm import Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (
     SineParameters,
     joint_feedback,
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, agreement, run
+from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, run
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, measured_torques, stand_in
 
 STAND_IN = "stand-in with friction, ripple, latency and other inertias"
-
-COMPARED_S = 8.0
-"""First part of a motion that both engines run; in it all joints move, and some of them turn back."""
 
 
 class PayloadParameters(Parameters):
@@ -61,19 +57,17 @@ class RecordMotionParameters(Parameters):
     payload: PayloadParameters
 
 
-def ideal_log(robot: Robot, motion: SineParameters, engine: Engine) -> JointLog:
+def ideal_log(robot: Robot, motion: SineParameters) -> JointLog:
     """Sines of the arm as its URDF has it, tracked with that very model (III.4.1)."""
-    arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / motion.rate_hz, engine)
+    arm = SimulatedArm(robot, ideal(robot.inertias), 1.0 / motion.rate_hz)
     return _sine_log("sine", arm, motion, {"arm": "as in its URDF"})
 
 
-def stand_in_log(
-    robot: Robot, parameters: StandInParameters, seed: int, motion: SineParameters, engine: Engine
-) -> JointLog:
+def stand_in_log(robot: Robot, parameters: StandInParameters, seed: int, motion: SineParameters) -> JointLog:
     """Sines of a stand-in for the real robot, tracked with the URDF's model (III.4.2)."""
     mechanics = stand_in(robot.tree, robot.inertias, parameters, seed)
     motion = motion.cut(parameters.log_s)
-    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, engine)
+    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz)
     log = _sine_log("sine", arm, motion, {"arm": STAND_IN, "seed": str(seed)})
     return replace(log, torques=measured_torques(log.torques, robot.tree, parameters, [seed, 1]))
 
@@ -84,9 +78,12 @@ def payload_log(
     seed: int,
     payload: PayloadParameters,
     motion: SineParameters,
-    engine: Engine,
+    pybullet: bool = False,
 ) -> JointLog:
-    """The same once more, with a body picked up on the way that the controller does not know."""
+    """The same once more, with a body picked up on the way that the controller does not know.
+
+    PyBullet moves the arm where that is asked for, to compare.
+    """
     mechanics = stand_in(robot.tree, robot.inertias, parameters, seed)
     motion = motion.cut(parameters.log_s)
     tick = round(payload.at_share * motion.duration_s * motion.rate_hz)
@@ -95,35 +92,19 @@ def payload_log(
         "seed": str(seed),
         "payload": f"{payload.mass_kg:g} kg from {tick / motion.rate_hz:g} s on",
     }
-    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, engine, payload.body, tick)
-    log = _sine_log("payload", arm, motion, remark)
+    arm = SimulatedArm(robot, mechanics, 1.0 / motion.rate_hz, payload.body, tick)
+    log = _sine_log("payload", arm, motion, remark, pybullet)
     return replace(log, torques=measured_torques(log.torques, robot.tree, parameters, [seed, 2]))
 
 
-def compared_log(
-    log: Callable[[SineParameters, Engine], JointLog], motion: SineParameters, engine: Engine
-) -> tuple[JointLog, pd.DataFrame]:
-    """A log, and how far both engines are apart in its first part."""
-    return log(motion, engine), log_agreement(log, motion)
-
-
-def log_agreement(log: Callable[[SineParameters, Engine], JointLog], motion: SineParameters) -> pd.DataFrame:
-    """A row of `controlled_arm.agreement` of a log of the first `COMPARED_S`."""
-    piece = motion.cut(COMPARED_S)
-
-    def both(engine: Engine) -> tuple[np.ndarray, np.ndarray]:
-        made = log(piece, engine)
-        return made.positions, made.torques
-
-    return pd.DataFrame([agreement(both)])
-
-
-def _sine_log(name: str, arm: SimulatedArm, motion: SineParameters, remark: Mapping[str, str]) -> JointLog:
+def _sine_log(
+    name: str, arm: SimulatedArm, motion: SineParameters, remark: Mapping[str, str], pybullet: bool = False
+) -> JointLog:
     robot = arm.robot
     reference = sine_path(robot.tree, motion)
     feedback = joint_feedback(robot.tree, robot.inertias, motion.feedback)
     model = bodies_model(inverse_dynamics(robot.tree, robot.inertias))
-    moved = run(arm, sine_controller(model, reference, feedback), reference.q[0], reference.qd[0])
+    moved = run(arm, sine_controller(model, reference, feedback), reference.q[0], reference.qd[0], pybullet)
     if moved.stopped:
         raise InputError(
             f"simulated {name}: stopped after {len(moved.q) / motion.rate_hz:.3g} s: {moved.stopped}; "
@@ -133,7 +114,6 @@ def _sine_log(name: str, arm: SimulatedArm, motion: SineParameters, remark: Mapp
     provenance = {
         "origin": "simulated",
         "generator": f"structlearn {structlearn.__version__}",
-        "engine": arm.engine,
         "robot": robot.name,
         **remark,
     }

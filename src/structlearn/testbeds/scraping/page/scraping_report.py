@@ -98,7 +98,6 @@ def scraping_report(
     segmentation: SegmentationResults,
     feedback: FeedbackResults,
     refinement: RefinementResults,
-    engines: Metrics,
     studies: Mapping[str, Study | None],
     parameters: Mapping[str, Parameters],
 ) -> ScrapingReport:
@@ -108,7 +107,6 @@ def scraping_report(
         segmentation: of the first page.
         feedback: of the second.
         refinement: of the third.
-        engines: of `ScrapingFiles.engine_differences`.
         studies: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
         parameters: all of `PARAMETERS` by key.
     """
@@ -126,7 +124,6 @@ def scraping_report(
         "refinement": refinement,
         "primitives": primitives,
         "names": names,
-        "engines": engines,
         "people": studied,
         "kernel_count": KERNEL_COUNT,
         "over_people": "n people, each with a sensor of their own, on whom nothing was tuned.",
@@ -154,7 +151,6 @@ def scraping_report(
     report.drawings |= segmentation_drawings(segmentation)
     report.tables |= tables.segmentation_tables(segmentation)
     report.metrics |= segmentation.metrics()
-    report.metrics |= {f"engines_differ_{name}": value for name, value in engines.items()}
     aligned = [primitive.name for primitive in segmentation.found_primitives]
     found = people_results.known(people_results.segmentation_evidence, studied, aligned)
     of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)

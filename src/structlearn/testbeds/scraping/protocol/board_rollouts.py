@@ -1,7 +1,7 @@
 """Rollouts of one primitive on the simulated board, for the refinement of its feedback model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,6 @@ from structlearn.feedback.supervision import (
     corrected_primitive,
     coupling_samples,
 )
-from structlearn.ground.artefacts import Metrics
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.rollouts import Rollout
@@ -27,7 +26,6 @@ from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
 from structlearn.testbeds.scraping.protocol.orientation_cost import orientation_cost
-from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 REFINED = 4
@@ -98,16 +96,6 @@ class Board:
         skill = ReactiveSkill(executed, expected, networks, self.limits)
         run = Run("rollout", self.setting_deg, (REFINED, self.place, *seed), feedback=True)
         return execute_run(run, 0, skill, self.testbed)
-
-    def engine_differences(self, networks: Mapping[str, PhaseModulatedNetwork]) -> Metrics:
-        """Of one rollout of the last primitive with a network; see `engine_agreement.engine_differences`."""
-        *before, last = [primitive.name for primitive in self.primitives if primitive.name in networks]
-        board = replace(self, name=last, preceding={name: networks[name] for name in before})
-
-        def rollout(testbed: TestbedParameters) -> list[Recording]:
-            return [replace(board, testbed=testbed).execution(networks[last], (0, 0, 0))]
-
-        return engine_differences(rollout, self.testbed)
 
 
 Work = tuple[Board, PhaseModulatedNetwork, tuple[int, ...]]

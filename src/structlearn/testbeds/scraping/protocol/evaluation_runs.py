@@ -1,14 +1,12 @@
 """Executions that judge a feedback model, in every setting."""
 
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.ground.artefacts import Metrics
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters, ExecutedSet
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, executions
-from structlearn.testbeds.scraping.world.engine_agreement import engine_differences
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 
@@ -41,11 +39,3 @@ def executed_set(
         cuts[setting] = commanded_cuts(read[setting], names)
     networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
     return by_setting, ExecutedSet(model, networks, read, cuts)
-
-
-def compared_engines(
-    skill: ReactiveSkill, parameters: EvaluationParameters, testbed: TestbedParameters
-) -> Metrics:
-    """`engine_differences` of the skill's last run of `executed_set`, on the steepest board."""
-    runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
-    return engine_differences(lambda one: executions(skill, runs[-1:], one), testbed)

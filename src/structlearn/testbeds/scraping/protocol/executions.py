@@ -21,7 +21,7 @@ from structlearn.recordings.recording import Recording
 from structlearn.simulation.fingers import FingerPair
 from structlearn.testbeds.scraping.world.corrector import corrector
 from structlearn.testbeds.scraping.world.demonstrator import first_stamp
-from structlearn.testbeds.scraping.world.execution import execute
+from structlearn.testbeds.scraping.world.execution import Engine, execute
 from structlearn.testbeds.scraping.world.recorder import provenance, recorded
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finger_rate, run_conditions
 
@@ -111,8 +111,10 @@ def _tenths(setting_deg: float) -> int:
     return 10_000 + round(10 * setting_deg)
 
 
-def execute_run(run: Run, index: int, skill: ReactiveSkill, testbed: TestbedParameters) -> Recording:
-    """One execution by the robot, as in `executions`; `index` sets the recorder's clock."""
+def execute_run(
+    run: Run, index: int, skill: ReactiveSkill, testbed: TestbedParameters, engine: Engine | None = None
+) -> Recording:
+    """One execution, as in `executions`; `index` sets the recorder's clock, for `engine` see `execute`."""
     sequence = np.random.SeedSequence([testbed.seed, *run.seed])
     conditions_rng, fingers_rng, wrist_rng, clocks_rng, person_rng = (
         np.random.default_rng(child) for child in sequence.spawn(5)
@@ -144,7 +146,7 @@ def execute_run(run: Run, index: int, skill: ReactiveSkill, testbed: TestbedPara
         fingers,
         wrist_rng,
         person,
-        testbed.engine,
+        engine,
     )
     what = "corrected by a person" if run.corrected else "with feedback" if run.feedback else "nominal"
     seed = " ".join(map(str, [testbed.seed, *run.seed]))

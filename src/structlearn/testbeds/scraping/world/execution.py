@@ -4,11 +4,13 @@ What differs between runs is who leads: a person who guides the arm (`guidance.g
 primitives, or the primitives with feedback (`feedback.runtime.Controller`). All of them give a reference pose
 per tick; force control along z and, for corrections, compliance about roll are added to it (table IV.4).
 
-A tick of sensors, controller, person and recorder is one compiled function, for either engine; with the
-compiled engine so is the whole run.
+The whole run is one compiled loop. Its ticks can also be run one by one with somebody else integrating the
+robot's motion between them: `in_pybullet`, to compare.
 """
 
-from typing import Literal, NamedTuple
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -27,8 +29,11 @@ from structlearn.testbeds.scraping.world.operational_space import Arm, Target
 from structlearn.testbeds.scraping.world.scraping_robot import ARM_JOINTS
 from structlearn.testbeds.scraping.world.scraping_world import World, WorldParameters, tool_wrench
 
-Engine = Literal["compiled", "pybullet"]
-"""Who integrates the robot's motion."""
+Advance = Callable[[np.ndarray], None]
+"""Moves a world by one control tick with torques (7,) in N m on the arm, as `scraping_world.advance`."""
+
+Engine = Callable[[World], AbstractContextManager[Advance]]
+"""Integrates the robot's motion in a world instead of the compiled loop."""
 
 NO_PLAN, NOBODY = stepping.no_plan(), nobody()
 """Where no controller leads, and where nobody corrects."""
@@ -179,7 +184,7 @@ def execute(
     fingers: FingerPair,
     rng: np.random.Generator,
     person: Corrector | None = None,
-    engine: Engine = "compiled",
+    engine: Engine | None = None,
 ) -> RunLog:
     """Run a motion in the world.
 
@@ -193,7 +198,7 @@ def execute(
         fingers: read every third tick.
         rng: noise of the wrist sensor.
         person: who corrects roll, from the second primitive on; then the robot gives way.
-        engine: who integrates the robot's motion.
+        engine: who integrates the motion; None: the compiled loop.
 
     Returns:
         The log; not finite where the robot diverged.
@@ -229,15 +234,13 @@ def execute(
         tool=np.empty((ticks, 3, 3)),
     )
     others = (*(motion.compiled if led else NO_PLAN), NOBODY if person is None else person)
-    if engine == "compiled":
+    if engine is None:
         _ticks(run, 0, ticks, True, *others)
     else:
-        from structlearn.testbeds.scraping.world.bullet import Bullet  # most runs need no PyBullet
-
-        with Bullet(world) as bullet:
+        with engine(world) as advance:
             for k in range(ticks):
                 _ticks(run, k, k + 1, False, *others)
-                bullet.advance(run.arm.torques)
+                advance(run.arm.torques)
     if not all(np.isfinite(rotations).all() for rotations in (run.hand, run.tool)):
         raise FloatingPointError("the robot has diverged")
     log.orientation[:] = _quaternions(run.hand)

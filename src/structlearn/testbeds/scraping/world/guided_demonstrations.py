@@ -64,7 +64,6 @@ def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Record
         testbed.control,
         fingers,
         wrist_rng,
-        engine=testbed.engine,
     )
     return recorded(
         movement.name,

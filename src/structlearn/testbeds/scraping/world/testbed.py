@@ -10,12 +10,7 @@ from pydantic import Field
 from structlearn.ground.params import Parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
-from structlearn.testbeds.scraping.world.execution import (
-    FINGER_TICKS,
-    Conditions,
-    ControlParameters,
-    Engine,
-)
+from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, Conditions, ControlParameters
 from structlearn.testbeds.scraping.world.guidance import GuidanceParameters
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.testbeds.scraping.world.recorder import RecorderParameters
@@ -40,7 +35,6 @@ class TestbedParameters(Parameters):
     """The simulated testbed: the same robot, fingers and board for all stages.
 
     Attributes:
-        engine: who integrates the robot's motion: compiled code, or PyBullet, which takes ten times as long.
         seed: of all runs; the guided demonstrations have the demonstrator's own.
         sensor_seed: of what tells one electrode from another.
         world: physical constants.
@@ -54,7 +48,6 @@ class TestbedParameters(Parameters):
 
     __test__ = False  # not a test, whatever pytest thinks of its name
 
-    engine: Engine
     seed: int = Field(ge=0)
     sensor_seed: int = Field(ge=0)
     world: WorldParameters

@@ -1,0 +1,70 @@
+"""Repeat a run of each testbed with a moving arm in PyBullet, and hold the compiled engine against it."""
+
+import numpy as np
+import pandas as pd
+
+from structlearn.feedback.skill import ReactiveSkill
+from structlearn.ground.artefacts import write_csv
+from structlearn.ground.populations import Population
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.primitives.primitive_files import read_primitives
+from structlearn.recordings.joint_log import JointLog
+from structlearn.recordings.recording import Recording
+from structlearn.simulation.arm import ArmParameters
+from structlearn.simulation.engine_differences import differences
+from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
+from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, payload_log
+from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
+from structlearn.testbeds.scraping.protocol.executions import (
+    CorrectedRunsParameters,
+    corrected_runs,
+    execute_run,
+)
+from structlearn.testbeds.scraping.world.in_pybullet import in_pybullet
+from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+
+COMPARED_S = 8.0
+"""First part of a joint log; in it all joints move, some turn back."""
+
+
+def main() -> None:
+    write_csv(pd.concat([corrected_execution(), stand_in_on_sines()]), "reports/engines/differences.csv")
+
+
+def corrected_execution() -> pd.DataFrame:
+    """One execution on the steepest board while a person corrects."""
+    settings = stage_parameters("record_corrections", CorrectedRunsParameters).settings_deg
+    testbed = stage_parameters("testbed", TestbedParameters)
+    skill = ReactiveSkill(read_primitives("data/primitives/scraping/primitives.safetensors"))
+    (one,) = corrected_runs([max(settings)], 1)
+    runs = [_felt(execute_run(one, 0, skill, testbed, engine)) for engine in (None, in_pybullet)]
+    return differences(f"scraping, {max(settings):g} degrees, corrected by a person", *runs)
+
+
+def stand_in_on_sines() -> pd.DataFrame:
+    """A robot with friction, ripple and latency that picks up a payload."""
+    parameters = stage_parameters("record_motion", RecordMotionParameters)
+    motion = stage_parameters("arm_motion", ArmMotionParameters).used.cut(COMPARED_S)
+    stand_in = stage_parameters("stand_in", StandInParameters)
+    seed = min(stage_parameters("dynamics_robots", Population).test)
+    robot = stage_parameters("arm", ArmParameters).read()
+    logs = [
+        payload_log(robot, stand_in, seed, parameters.payload, motion, pybullet) for pybullet in (False, True)
+    ]
+    return differences(f"dynamics, robot {seed} with a payload on sines", *map(_moved, logs))
+
+
+def _felt(recording: Recording) -> dict[str, np.ndarray]:
+    pose, torques, counts = (
+        next(vars(stream)["values"] for stream in recording.streams if stream.kind == kind)
+        for kind in ("pose", "joint_torques", "tactile")
+    )
+    return {"hand position (m)": pose[:, :3], "joint torque (N m)": torques, "electrodes (counts)": counts}
+
+
+def _moved(log: JointLog) -> dict[str, np.ndarray]:
+    return {"joint position (rad)": log.positions, "joint torque (N m)": log.torques}
+
+
+if __name__ == "__main__":
+    run(main)
