@@ -5,10 +5,12 @@ import pytest
 from hypothesis import given
 from primitives_movements import few, reach, rngs, wobbly_turn
 
-from structlearn.feedback.coupling import orientation_target, position_target
+from structlearn.feedback.coupling import orientation_target, position_target, reach_target
 from structlearn.ground import quaternion
+from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
+from structlearn.primitives.position import fit_position
 from structlearn.primitives.vector import fit_vector
 
 COARSE, FINE = 0.004, 0.001  # s
@@ -113,3 +115,21 @@ def test_the_sign_of_a_quaternion_does_not_matter(rng):
     np.testing.assert_allclose(
         orientation_target(flipped, nominal, -nominal.goal), orientation_target(path, nominal), atol=1e-9
     )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_target_of_a_reach_is_along_the_axes_of_the_base_frame(seed):
+    """Eq. IV.23 with every term in the base frame, for a reach that is askew to it."""
+    rng = np.random.default_rng(seed)
+    nominal = fit_position([reach(rng, [0.1, -0.2, 0.3], [0.5, 0.2, 0.1])])
+    path = reach(rng, [0.15, -0.1, 0.25], [0.5, 0.2, 0.15], duration=1.2, detour=0.05)
+    start, tau = path.position[0], canonical.time_constant(path.duration)
+    axes = local_frame(start, nominal.goal, nominal.frame)
+    local_goal = (nominal.goal - start) @ axes
+    forcing = [axes @ one for one in nominal.local.forcing(path.time, np.zeros(3), local_goal, path.duration)]
+    first = transformation.initial_goal(start, path.velocity[0], path.acceleration[0], tau)
+    goals = transformation.goal_path(nominal.goal, first, path.time, tau)
+    spring = transformation.BETA * (goals - path.position) - tau * path.velocity
+    expected = tau**2 * path.acceleration - transformation.ALPHA * spring - forcing
+    np.testing.assert_allclose(reach_target(path, nominal), expected, atol=1e-9)
+    assert not np.allclose(axes, axes.T, atol=0.1)

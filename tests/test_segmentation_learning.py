@@ -81,3 +81,16 @@ def test_mixed_and_empty_segments_are_told(two_move_demonstrations, segmentation
     empty.loc["02", "end_s"] = empty.loc["02", "start_s"]
     with pytest.raises(InputError, match="02: a segment has fewer than three samples"):
         segment_paths(two_move_demonstrations, empty, 8.0)
+
+
+def test_errors_are_normalised_by_the_variance_about_each_axis_own_mean(
+    two_move_demonstrations, segmentation
+):
+    """How far the task is from the origin of the base frame does not matter."""
+    segments = segment_paths(two_move_demonstrations, segmentation.result("down"), 8.0)
+    primitive = learn_primitive("down", segments, FIT)
+    found = reproduction_errors(primitive, segments)["nmse"]
+    for nmse, (path, _) in zip(found, segments, strict=True):
+        unrolled = primitive.position.unroll(path.dt, path.position[0], path.position[-1], path.duration)
+        squares = np.sum((unrolled.position - path.position) ** 2, axis=0).sum()
+        assert nmse == pytest.approx(squares / (len(path.position) * path.position.var(axis=0).sum()))

@@ -6,6 +6,7 @@ from scraping_motions import simulated
 
 from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
+from structlearn.simulation.hand_noise import hand_noise
 from structlearn.testbeds.scraping.world.demonstrator import (
     FLAT_ORIENTATION,
     DemonstratorParameters,
@@ -184,3 +185,16 @@ def test_noise_is_band_limited(noise_free):
 def test_parameters_out_of_range_are_rejected(parameters):
     with pytest.raises(ValidationError):
         committed(DemonstratorParameters, "simulate", **parameters)
+
+
+def test_the_board_takes_noise_along_z_from_the_hand_while_it_carries_the_tool():
+    velocity = np.random.default_rng(0).normal(size=(400, 3))
+    contact = np.repeat([0.0, 0.5, 1.0, 0.0], 100)
+
+    def noise(contact):
+        return hand_noise(velocity, contact, 1.0, 100.0, np.random.default_rng(1))
+
+    (air, turned), (held, also_turned) = noise(np.zeros(400)), noise(contact)
+    np.testing.assert_allclose(held[:, 2], air[:, 2] * np.repeat([1.0, 0.65, 0.3, 1.0], 100))
+    np.testing.assert_array_equal(held[:, :2], air[:, :2])
+    np.testing.assert_array_equal(also_turned, turned)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from structlearn.simulation.touch_demonstrator import ToucherParameters, covered
 from structlearn.tactile.electrodes import SKINS
+from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_scores import (
     ToleranceParameters,
     progress,
@@ -17,7 +18,12 @@ from structlearn.testbeds.servoing.protocol.servo_scores import (
     success_rates,
 )
 from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS, draw, make_scene
-from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters, Variant, variants
+from structlearn.testbeds.servoing.protocol.servo_variants import (
+    RESTING,
+    ServoTrialParameters,
+    Variant,
+    variants,
+)
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters, LowPass, press, servo
 
 PERSON = committed(ToucherParameters, "toucher")
@@ -164,3 +170,15 @@ def test_rates_by_group_and_tolerance():
     assert table["lifted"].tolist() == [1, 0]
     curve = success_by_tolerance(trials, ["form"], np.array([0.5, 2.5]), 0.1)
     assert curve["rate"].tolist() == [0.5, 0.75, 0.0, 0.5]
+
+
+def test_only_the_pressure_is_wrong_of_misses_whose_contact_is_near():
+    """Of one controller's trials; a contact at the very distance is near."""
+    rows = [(True, 0.1), (True, 5.0), (False, 0.1), (False, 1.0), (False, 1.1), (False, 9.0), (False, 9.0)]
+    table = pd.DataFrame(rows, columns=["success", "position_error_mm"])
+    one, other = Variant(RESTING, "NJ"), Variant(RESTING, "LL")
+    trials = pd.concat([table.assign(**vars(one)), table.iloc[::-2].assign(**vars(other))])
+    scores = ControllerScores(trials)
+    assert scores.only_pressed_wrong(one, 1.0) == 2
+    assert scores.only_pressed_wrong(one, 2.0) == 3
+    assert scores.only_pressed_wrong(other, 2.0) == 2

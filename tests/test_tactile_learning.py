@@ -18,6 +18,7 @@ from structlearn.tactile.latent_evaluation import (
     ChainData,
     SplitData,
     decoded_errors,
+    direction_errors,
     forward_errors,
     latent_errors,
 )
@@ -360,3 +361,16 @@ def test_evaluation_leaves_models_as_they_are(comparison, lesson):
     forward_errors(stack, chain)
     for name, values in stack.to_arrays().items():
         assert torch.equal(values, before[name]), name
+
+
+def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):
+    """Chains whose true action is nothing do not count, however large the action before it was."""
+    keep = torch.arange(200) % 2 == 0
+    actions = lesson.actions[:200].clone()
+    actions[~keep, 1] = 0.0
+    actions[~keep, 0] *= 50.0
+    chain = ChainData(lesson.signals, lesson.chains[:200], actions, lesson.time_step[:200])
+    alone = ChainData(lesson.signals, chain.rows[keep], actions[keep], chain.time_step[keep])
+    found, expected = (direction_errors(comparison.models, one, 0.1) for one in (chain, alone))
+    np.testing.assert_allclose(found.pop("distance"), expected.pop("distance"), rtol=1e-4, atol=1e-6)
+    assert found.equals(expected)

@@ -141,7 +141,8 @@ def follow_payload(
     """Learn the last link's inertia online, from that of the empty arm, while the arm picks something up.
 
     What is past is kept as one triangular factor (recursive least squares with forgetting), to which the
-    structure is fitted after every batch. Every batch is predicted before it is learned from.
+    structure is fitted after every batch. Every batch is predicted before it is learned from. Joints weigh as
+    their torques varied in the first `empty_s`: nothing is learned from what is yet to come.
 
     Args:
         tree: the robot.
@@ -160,7 +161,9 @@ def follow_payload(
     theta = link_parameters(known.tensors()).numpy()
     empty = LinkInertias(known.mass[-1:], known.first_moment[-1:], known.inertia[-1:])
     own = theta[-SYMMETRIC_COLUMNS:]
-    scale = 1.0 / np.sqrt(motion.torque_variance)
+    seen = motion.part(slice(0, round(parameters.empty_s / dt)))
+    scale = 1.0 / np.sqrt(seen.torque_variance)
+    share = seen.torque_variance / motion.torque_variance  # of squared errors, in those of the whole motion
     last = columns[..., -SYMMETRIC_COLUMNS:] * scale[:, None]  # (N, n, 10)
     left = (motion.torque - columns[..., :-SYMMETRIC_COLUMNS] @ theta[:-SYMMETRIC_COLUMNS]) * scale
 
@@ -169,7 +172,9 @@ def follow_payload(
     now, learned, rows = empty, own, []
     for start in range(0, len(motion), parameters.batch):
         batch = slice(start, start + parameters.batch)
-        errors = [float(((last[batch] @ values - left[batch]) ** 2).mean()) for values in (own, learned)]
+        errors = [
+            float((share * (last[batch] @ values - left[batch]) ** 2).mean()) for values in (own, learned)
+        ]
         fresh = np.concatenate([last[batch], left[batch, :, None]], axis=-1).reshape(-1, triangle.shape[1])
         triangle = np.linalg.qr(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]), mode="r")
         free, _ = fit_structure(parameters.structure, triangle, (), now, parameters.iterations, empty)

@@ -1,0 +1,876 @@
+"""What is held out trains nothing: models are the same to the bit, whatever the data held out say.
+
+Every stage that fits something has a case here, or says why it holds nothing out. A case runs what its stage
+calls on small data three times: as they are, with what is held out changed, and with something changed that
+is learned from. The models may not change but for the last. Of a cross-validation they are those of one fold.
+
+Places are what folds and distances on a skin are made of, so of touches the readings are changed.
+"""
+
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from types import FunctionType, MethodType
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import test_own_motion
+import test_own_obstacles
+import test_own_touch
+import test_recorded_boxes
+import test_recorded_corrected_reaches
+import test_recorded_latent_touch
+import test_recorded_skin
+import test_simulation_board_refinement
+import torch
+import yaml
+from board_rollouts import small_board
+from committed import OWN_FILE, committed, committed_finger
+from conftest import two_move_demonstration
+from feedback_toy import toy_dataset
+from reporting_scraping import PARAMETERS as CUTTING
+from rigid_body_motions import arm, rubbing_motion, sine_motion
+from rigid_body_robots import robot
+from tactile_toy import toy_dataset as toy_touches
+from tactile_toy import toy_geodesics
+from test_obstacles_learning import PARAMETERS as AVOIDANCE
+from test_obstacles_learning import SCENARIOS
+from test_obstacles_models import toy_dataset as toy_reaches
+from test_recorded_avoidance import phase_dependent
+
+from structlearn.avoidance import scene_folds
+from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.feedback import feedback_models
+from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
+from structlearn.feedback.feedback_models import train_models
+from structlearn.feedback.folds import leave_one_out, without_generalization
+from structlearn.feedback.model_comparison import compare_representations
+from structlearn.feedback.supervised_training import FRACTIONS
+from structlearn.feedback.training_parameters import (
+    LEVEL,
+    POINTWISE,
+    UNROLLED,
+    FeedbackParameters,
+    TrainingParameters,
+)
+from structlearn.ground.artefacts import write_table
+from structlearn.ground.parallel import BACKEND
+from structlearn.primitives import fitting
+from structlearn.primitives.fitting import FitParameters, cross_validation
+from structlearn.primitives.position import fit_position
+from structlearn.primitives.trajectory import differentiated
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.drive_log import DriveLog
+from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
+from structlearn.rigid_body.seeded_training import (
+    DynamicsTrainingParameters,
+    EpochLimits,
+    train,
+    trainings,
+)
+from structlearn.segmentation.segments import cut
+from structlearn.simulation.touch_demonstrator import ToucherParameters
+from structlearn.tactile import latent_comparison
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
+from structlearn.tactile.pressed_skin import held_out
+from structlearn.tactile.touch_dataset import TRAIN
+from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
+from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
+from structlearn.testbeds.own.protocol import own_feedback, own_motion, own_touch
+from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+from structlearn.testbeds.own.protocol.own_obstacles import learn_past_obstacles
+from structlearn.testbeds.recorded.protocol import (
+    avoidance_representations,
+    correction_splits,
+    human_reaches,
+    latent_touch,
+    panda_identification,
+    skin_map,
+    slides,
+    touch_sets,
+    ur10e_identification,
+)
+from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
+from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
+from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
+from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
+from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
+from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
+from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
+from structlearn.testbeds.scraping.files import read_datasets
+from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
+from structlearn.testbeds.servoing.protocol import other_skins
+from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+
+ROOT = Path(__file__).parents[1]
+
+HOLDS_NOTHING_OUT = {
+    "own/import_task": "takes recordings over",
+    "own/segment": "cuts demonstrations",
+    "own/skill": "puts into one file what was learned",
+    "own/check": "unrolls a skill",
+    "recorded/import_recordings": "takes recordings over",
+    "recorded/calibrate": "measures statistics",
+    "recorded/scraping": "one recorded execution, of which every primitive has one part",
+    "recorded/unscrewing": "a primitive of every log, and one of all logs",
+    "scraping/record_nominal": "simulates",
+    "scraping/record_corrections": "simulates",
+    "scraping/segment": "cuts demonstrations",
+    "scraping/sweep": "cuts demonstrations",
+    "scraping/expected_traces": "traces of all runs that it is given; the further ones go to other files",
+    "scraping/coupling_dataset": "makes samples, each of one demonstration",
+    "scraping/evaluate_feedback": "executes",
+    "scraping/evaluate_refinement": "executes",
+    "scraping/compare_search": "searches by trial, on rollouts of its own",
+    "scraping/write_skill": "puts into one file what was learned",
+    "scraping/time_controller": "measures times",
+    "obstacles/demonstrate": "simulates",
+    "obstacles/evaluate": "unrolls",
+    "dynamics/record_motion": "simulates",
+    "dynamics/track": "simulates",
+    "servoing/record_touch": "simulates",
+    "servoing/touch_dataset": "makes samples",
+    "servoing/geodesics": "distances between all places that were touched, those of the test among them",
+    "servoing/servo": "simulates",
+}
+"""Stages without a case, and why."""
+
+SHOWS = ("report", "view", "calibration_report")
+"""Stages that show what others wrote."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One fit three times.
+
+    Attributes:
+        learn: from data to models, of which every array counts.
+        data: as they are.
+        held_out: the same where only what is held out differs.
+        taught: the same where something differs that is learned from.
+    """
+
+    learn: Callable[[Any], Any]
+    data: Any
+    held_out: Any
+    taught: Any
+
+
+CASES: list[tuple[str, Callable[..., Case]]] = []
+"""Stage, and what makes its case from pytest's `monkeypatch` and a folder."""
+
+
+def of_stage(*stages: str) -> Callable[[Callable[..., Case]], Callable[..., Case]]:
+    def registered(make: Callable[..., Case]) -> Callable[..., Case]:
+        CASES.extend((stage, make) for stage in stages)
+        return make
+
+    return registered
+
+
+def each(
+    monkeypatch: pytest.MonkeyPatch, module: Any, name: str, run: Callable[[Any], object]
+) -> Callable[[Any], list]:
+    """From data to what every call of a module's function returned while `run` ran on them."""
+    real, found = getattr(module, name), []
+
+    def remembered(*arguments, **others):
+        found.append(real(*arguments, **others))
+        return found[-1]
+
+    def learn(data):
+        found.clear()
+        run(data)
+        return list(found)
+
+    monkeypatch.setattr(module, name, remembered)
+    return learn
+
+
+def wobbling(values: np.ndarray, rows: Any = slice(None), share: float = 0.2) -> np.ndarray:
+    """Values (T, ...), of which some rows swing by a share of what they are."""
+    found = np.array(values)
+    wave = 1.0 + share * np.sin(np.linspace(0.1, 7.0, len(found)))
+    found[rows] = (found.T * wave).T[rows].astype(found.dtype)
+    return found
+
+
+def with_wobbling(samples: Any, rows: Any, *names: str) -> Any:
+    """A dataclass of arrays, of which some columns wobble in some rows."""
+    return replace(samples, **{name: wobbling(getattr(samples, name), rows) for name in names})
+
+
+def swapped(items: list, place: int, one: Any) -> list:
+    return [*items[:place], one, *items[place + 1 :]]
+
+
+# --- primitives --------------------------------------------------------------------------------------------
+
+FIT = committed(FitParameters, "fit_primitives", kernel_count=8)
+LEFT_OUT, ANOTHER = 1, 2
+"""Place of what is left out, and of what is learned from."""
+
+
+def moved(demonstrations: list[Demonstration], place: int) -> list[Demonstration]:
+    one = demonstrations[place]
+    return swapped(demonstrations, place, replace(one, position=wobbling(one.position)))
+
+
+def demonstrations(stretches=(1.0, 1.2, 0.85)) -> list[Demonstration]:
+    return [two_move_demonstration(f"{place}", one) for place, one in enumerate(stretches)]
+
+
+@of_stage("scraping/fit_primitives", "own/primitives")
+def primitives(monkeypatch, tmp_path):
+    """Of every primitive and regression, the primitive learned from all demonstrations but one."""
+    data = demonstrations()
+    cuts = cut(data, CUTTING).results
+    learn = each(monkeypatch, fitting, "learn_primitive", lambda its: cross_validation(its, cuts, FIT))
+    without_one = slice(1 + LEFT_OUT, None, 1 + len(data))  # the first is learned from all
+    return Case(lambda its: learn(its)[without_one], data, moved(data, LEFT_OUT), moved(data, ANOTHER))
+
+
+def higher(place: int | None = None) -> list[Demonstration]:
+    arcs = test_recorded_corrected_reaches
+    heights = [height + 0.05 * (number == place) for number, height in enumerate(arcs.HEIGHTS_M)]
+    return [
+        arcs.arc(str(number), height, 0.6 + 0.05 * number, dt=0.004, shift=0.01 * number)
+        for number, height in enumerate(heights)
+    ]
+
+
+@of_stage("recorded/reaches")
+def reaches(monkeypatch, tmp_path):
+    parameters = committed(human_reaches.ReachParameters, "recorded_reaches", fold=2)
+    learn = each(
+        monkeypatch,
+        human_reaches,
+        "learn_primitive",
+        lambda its: human_reaches.learn_reaches(its, parameters),
+    )
+    second = 2 + LEFT_OUT  # two are learned from all
+    return Case(lambda its: learn(its)[second], higher(), higher(2 * LEFT_OUT), higher(2 * ANOTHER))
+
+
+@of_stage("recorded/corrected_reaches")
+def corrections(monkeypatch, tmp_path):
+    arcs = test_recorded_corrected_reaches
+    nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
+    learned, left_out = correction_splits._split(len(higher()), arcs.PARAMETERS, 0)
+
+    def learn(demonstrations):
+        found = corrected_reaches(demonstrations, nominal, 20.0)
+        return learn_corrections(found, nominal.local, arcs.PARAMETERS)[0]
+
+    return Case(learn, higher(), higher(left_out[0]), higher(learned[0]))
+
+
+SLIDES = committed(slides.SlideParameters, "recorded_slides", material="mat", left_out=("mat_3",))
+
+
+def slid(changed: str = "") -> list[Demonstration]:
+    time, found = np.arange(120) / 100.0, []
+    for number, name in enumerate(("mat_1", "mat_2", "mat_3", "cork_1", "cork_2")):
+        counts = np.sin(time[:, None] * (1.0 + np.arange(19)) + 0.1 * number) * 30.0
+        counts = wobbling(counts) if name == changed else counts
+        found.append(Demonstration(name, time, np.zeros((120, 3)), tactile=counts))
+    return found
+
+
+@of_stage("recorded/slides")
+def expected_of_slides(monkeypatch, tmp_path):
+    return [
+        Case(lambda its: slides.learn_slides(its, SLIDES)[0], slid(), slid(held_out), slid("mat_2"))
+        for held_out in ("mat_3", "cork_1")
+    ]
+
+
+@of_stage("recorded/slides")
+def slides_left_out(monkeypatch, tmp_path):
+    learn = each(monkeypatch, slides, "fit_expected_traces", lambda its: slides.leave_one_out(its, SLIDES))
+    return Case(lambda its: learn(its)[1], slid(), slid("mat_2"), slid("mat_1"))
+
+
+# --- feedback ----------------------------------------------------------------------------------------------
+
+FEEDBACK = committed(
+    FeedbackParameters,
+    "train_feedback",
+    hidden=(4,),
+    pointwise={"steps": 20, "evaluate_every": 10},
+    unrolled={"steps": 1},
+)
+TRAINING = committed(TrainingParameters, "compare_models", steps=20, evaluate_every=10, batch_size=16)
+KNOWN, NEW = (0.0, 5.0), 10.0
+"""Settings learned from, and one that is not."""
+
+
+def corrected(dataset: CouplingDataset, rows: np.ndarray) -> CouplingDataset:
+    return with_wobbling(dataset, rows, "deviation", "target")
+
+
+@of_stage("scraping/train_feedback")
+def final_feedback(monkeypatch, tmp_path):
+    """By the model's own split: samples that test, and settings that nobody learns from."""
+    whole, level = toy_dataset(seed=0), toy_dataset(settings=(0.0,), seed=1)
+    kept = np.isin(whole.setting, KNOWN)
+
+    def learn(dataset, model):
+        write_table(to_table(dataset), tmp_path / "turn.parquet")
+        return train_models(read_datasets(tmp_path, KNOWN), {"turn": level}, FEEDBACK, (model,))
+
+    for model in (POINTWISE, LEVEL):
+        seen = whole.where(kept) if model == POINTWISE else concatenated([whole.where(kept), level])
+        fold = without_generalization(
+            seen, FRACTIONS, FEEDBACK.pointwise.chunk_samples, FEEDBACK.pointwise.seed
+        )
+        own = np.flatnonzero(kept)
+        tested, taught = (own[part[part < len(own)]] for part in (fold.test, fold.train[:1]))
+        for rows in (tested, whole.setting == NEW):
+            yield Case(partial(learn, model=model), whole, corrected(whole, rows), corrected(whole, taught))
+
+
+@of_stage("scraping/train_feedback")
+def start_of_unrolled_feedback(monkeypatch, tmp_path):
+    """What training inside the unroll starts from has not seen the demonstrations that choose its step."""
+    data = toy_dataset()
+    paths = corrected_paths(data, SAMPLES)
+    taught, chooses = (
+        np.isin(data.demonstration, part.demonstration)
+        for part in split(paths, FEEDBACK.validation_share, FEEDBACK.unrolled.seed)
+    )
+    learn = each(
+        monkeypatch,
+        feedback_models,
+        "train_final",
+        lambda its: train_models({"turn": its}, {}, FEEDBACK, (UNROLLED,)),
+    )
+    return Case(learn, data, corrected(data, chooses), corrected(data, taught))
+
+
+@of_stage("scraping/compare_models")
+def representations(monkeypatch, tmp_path):
+    """Of one fold, errors on what every representation was learned from, at the step validation chose."""
+    data = toy_dataset(samples=(30, 35))
+    fold = leave_one_out(data, FRACTIONS, TRAINING.chunk_samples, TRAINING.seed)[LEFT_OUT]
+
+    def learn(dataset):
+        found = compare_representations({"turn": dataset}, TRAINING)["turn"]
+        chosen = (found["fold"] == LEFT_OUT) & (found["stopping"] == "validation")
+        return found.loc[chosen, ["step", "train", "validation", "dimensions"]]
+
+    for rows in (fold.generalization, fold.test):
+        yield Case(learn, data, corrected(data, rows), corrected(data, fold.train[:1]))
+
+
+@of_stage("scraping/refine")
+def refinement(monkeypatch, tmp_path):
+    """Before and after: demonstrations on the board's new tilt are never read."""
+    boards = test_simulation_board_refinement
+    parameters = boards.PARAMETERS.model_copy(
+        update={"settings_deg": KNOWN, "iterations": 1, "exploration": {boards.TURN: 5.0}}
+    )
+    board = boards.MadeUpBoard(**vars(small_board()) | {"setting_deg": NEW})
+    data = boards.DATASETS[boards.TURN]
+
+    def learn(dataset):
+        write_table(to_table(dataset), tmp_path / f"{boards.TURN}.parquet")
+        read = read_datasets(tmp_path, KNOWN)
+        refined = refine_on_board(board, read, parameters, tmp_path / "unfinished")
+        return refined.before, refined.after
+
+    return Case(learn, data, corrected(data, data.setting == NEW), corrected(data, data.setting == KNOWN[0]))
+
+
+OWN_FEEDBACK = OwnFeedbackParameters.model_validate(
+    yaml.safe_load(OWN_FILE.read_text())["defaults"]["feedback"]
+    | {"executions": "runs", "corrections": "corrected", "settings": ("a", "b"), "primitives": ("scrape",)}
+    | {"axes": ("x",), "hidden": (4,), "training": TRAINING}
+)
+
+
+def felt(demonstration: Demonstration, push: float = 0.0) -> Demonstration:
+    """What five channels feel on the way, and a correction sideways that is felt too."""
+    s = np.linspace(0.0, 1.0, len(demonstration.time))
+    bump = push * np.sin(np.pi * s) ** 2
+    tactile = 40.0 * np.sin(np.outer(s, 1.0 + np.arange(5))) + 2e3 * bump[:, None]
+    return replace(
+        demonstration, position=demonstration.position + bump[:, None] * [1, 0, 0], tactile=tactile
+    )
+
+
+@of_stage("own/feedback")
+def feedback_of_a_task(monkeypatch, tmp_path):
+    """The final network and one that was learned without a setting, of one axis."""
+    runs = [felt(one) for one in demonstrations()]
+    learned = fitting.learn_sequence(runs, cut(runs, CUTTING).results, FIT)
+    pushes = {"a": 0.01, "b": 0.02, "only tests": 0.03}
+
+    def corrections(changed=""):
+        return {
+            label: [
+                felt(one, push * (1.3 if label == changed else 1.0)) for one in demonstrations((1.0, 1.1))
+            ]
+            for label, push in pushes.items()
+        }
+
+    learn = each(
+        monkeypatch,
+        own_feedback,
+        "_trained",
+        lambda its: own_feedback.learn_own_feedback(runs, its, learned, CUTTING, OWN_FEEDBACK),
+    )
+    for network, left_out in enumerate(("only tests", "a")):
+        yield Case(
+            lambda its, network=network: learn(its)[network],
+            corrections(),
+            corrections(left_out),
+            corrections("b"),
+        )
+
+
+# --- obstacles ---------------------------------------------------------------------------------------------
+
+
+@of_stage("obstacles/dataset")
+def unhindered_reach(monkeypatch, tmp_path):
+    """The baseline knows of no reach past an obstacle."""
+    scene = committed(SceneParameters, "obstacle_scene", settings=1)
+    person = committed(AvoiderParameters, "obstacle_demonstrator", count=2, baseline_count=3)
+    parameters = committed(AvoidanceDataParameters, "obstacle_dataset")
+    sets = people.demonstrations([None, *scenarios(scene)], scene, person)
+
+    def learn(data):
+        monkeypatch.setattr(people, "_demonstrated", lambda *_: data)
+        return people.taught(person.seed, tmp_path, scene, person, parameters)[0]
+
+    return Case(learn, sets, [sets[0], *(moved(its, 0) for its in sets[1:])], [moved(sets[0], 0), *sets[1:]])
+
+
+@of_stage("obstacles/train")
+def avoidance(monkeypatch, tmp_path):
+    """Networks and ensembles, of each setting, each shape and all; Rai et al.; phase-modulated ones."""
+    data = toy_reaches(scenarios=len(SCENARIOS), samples=20)
+    held = held_out_rows(data, AVOIDANCE.split)
+
+    def learn(dataset):
+        return avoidance_fits.learn({7: dataset}, SCENARIOS, AVOIDANCE, modulated=7)[0]
+
+    tested = with_wobbling(data, held, "features", "target")
+    return Case(learn, data, tested, with_wobbling(data, ~held, "target"))
+
+
+@of_stage("recorded/avoidance")
+def recorded_avoidance(monkeypatch, tmp_path):
+    """Every representation on the second block."""
+    network = {"hidden": (4,), "members": 2, "training": {"iterations": 2}}
+    parameters = committed(
+        RecordedAvoidanceParameters,
+        "recorded_avoidance",
+        folds=2,
+        network=committed(NetworkParameters, "obstacle_training.per_setting", **network),
+        pmnn=TRAINING,
+        pmnn_hidden=(4,),
+    )
+    learn = each(
+        monkeypatch,
+        avoidance_representations,
+        "_fitted",
+        lambda its: avoidance_representations.compare_on_recorded(its, parameters),
+    )
+    data = phase_dependent(100)
+    tested, taught = (
+        with_wobbling(data, rows, "features", "target") for rows in (slice(50, None), slice(0, 1))
+    )
+    return Case(lambda its: learn(its)[1::2], data, tested, taught)
+
+
+@of_stage("recorded/boxes")
+def reaches_past_boxes(monkeypatch, tmp_path):
+    """Of three people, on one of whom constants were chosen: what was learned without the second."""
+    boxes = test_recorded_boxes
+
+    def trials(changed=None):
+        return [
+            boxes.made_up_trial(f"p{place}", number, bow + 0.02 * (place == changed), x=x)
+            for place in range(3)
+            for number, (bow, x) in enumerate(((0.12, 0.0), (0.01, -0.2)))
+        ]
+
+    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_boxes(its, boxes.PARAMETERS))
+    return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
+
+
+@of_stage("own/obstacles")
+def own_reaches_past_obstacles(monkeypatch, tmp_path):
+    """Folds are dealt out by how far reaches bend: the last of six is of the second."""
+    own = test_own_obstacles
+
+    def recordings(changed=None):
+        bows = {0: 0.12, 1: 0.13, 2: 0.14}
+        found = own.recordings()
+        for number, bow in bows.items():
+            more = 0.004 * (number == changed)
+            found[2 * number] = own.made_up(f"blocked {number}", bow + more, 0.0, 0.01 * number)
+        return found
+
+    learn = each(
+        monkeypatch,
+        scene_folds,
+        "learn",
+        lambda its: learn_past_obstacles({own.EVERYBODY: its}, own.chosen()),
+    )
+    return Case(lambda its: learn(its)[0][1], recordings(), recordings(2), recordings(1))
+
+
+# --- dynamics ----------------------------------------------------------------------------------------------
+
+LEARNING = committed(LearningParameters, "train_dynamics.learning", hidden=(4, 4))
+
+
+def pushed(motion: Motion, rows: slice) -> Motion:
+    """Other torques in some of the motion."""
+    return with_wobbling(motion, rows, "torque")
+
+
+@of_stage("dynamics/train_dynamics")
+def dynamics(monkeypatch, tmp_path):
+    """Models of the arm and of one robot, beside the log of another robot."""
+    parameters = committed(
+        DynamicsTrainingParameters,
+        "train_dynamics",
+        models=("mlp", "mlp_scaled", "delan", "nostr", "cov"),
+        seeds=(3,),
+        epochs=EpochLimits(simulation=1, robot=1),
+        learning=LEARNING,
+    )
+    motion = rubbing_motion(arm()).part(slice(0, 300))
+    data = {
+        "iiwa": sine_motion(arm(), 200),
+        "stand_in/11": motion,
+        "stand_in/12": motion.part(slice(100, 300)),
+    }
+
+    def learn(motions):
+        models = train(trainings((11, 12), parameters), motions, arm().tree, parameters)[0]
+        return {name: its for name, its in models.items() if "/12/" not in name}
+
+    changed = [data | {name: pushed(data[name], slice(None))} for name in ("stand_in/12", "stand_in/11")]
+    return Case(learn, data, *changed)
+
+
+@of_stage("dynamics/online")
+def payload(monkeypatch, tmp_path):
+    """The empty arm, and what it seems to carry until something is picked up."""
+    parameters = committed(
+        PayloadLearningParameters, "online.payload", empty_s=10.0, batch=100, memory_s=2.0, iterations=5
+    )
+    data, dt, picked = rubbing_motion(arm()).part(slice(0, 900)), 0.02, 600
+
+    def learn(motion):
+        found = learn_payload((motion, dt), arm().tree, arm().inertias, parameters)
+        before = found["time_s"] <= picked * dt
+        return found.loc[before, ["mass_kg", "moment_x_kg_m", "moment_y_kg_m", "moment_z_kg_m"]]
+
+    return Case(learn, data, pushed(data, slice(picked, None)), pushed(data, slice(0, 1)))
+
+
+@of_stage("recorded/dynamics")
+def panda(monkeypatch, tmp_path):
+    """Of a motion whose noise was filtered: the filter reaches over the border by some samples."""
+    parameters = committed(RecordedDynamicsParameters, "recorded_dynamics", iterations=3, seeds=1, epochs=1)
+    panda = robot("panda")
+    data = rubbing_motion(panda).part(slice(0, 400))
+    end = round(parameters.train_share * len(data))
+
+    def learn(motion):
+        return panda_identification.identify(panda, motion, parameters, LEARNING)[0]
+
+    return Case(learn, data, pushed(data, slice(end, None)), pushed(data, slice(0, 1)))
+
+
+@of_stage("own/motion")
+def own_arm(monkeypatch, tmp_path):
+    own = test_own_motion
+    robot, urdf = own.arm()
+    (tmp_path / "arm.urdf").write_text(urdf)
+    parameters = own.PARAMETERS.model_copy(update={"iterations": 3})
+    data = [own.made_up_log(robot, f"log {seed}", seed, seconds=8.0) for seed in range(2)]
+
+    def learn(logs):
+        files = tmp_path / "arm.urdf", tmp_path / "identified.urdf"
+        identified, results = own_motion.identify_own_arm(robot, logs, parameters, *files)
+        return identified.models, results.base, results.gravity, files[1].read_text()
+
+    changed = [swapped(data, place, with_wobbling(data[place], slice(None), "torques")) for place in (1, 0)]
+    return Case(learn, data, *changed)
+
+
+@of_stage("recorded/ur10e")
+def ur10e(monkeypatch, tmp_path):
+    """Logs at rest, learned from, asked about and with the load, on a small arm."""
+    own = test_own_motion
+    robot = own.arm()[0]
+    parameters = committed(
+        RecordedUr10eParameters,
+        "recorded_ur10e",
+        rest="rest",
+        train="train",
+        test="test",
+        load_pairs=(("train", "trainLoad"),),
+        quoted_gains=(10.0, 11.0, 12.0),
+        rate_hz=50.0,
+        delays_s=(0.0, 0.02),
+        delay_step_s=0.01,
+        iterations=3,
+        body_draws=3,
+        intervals={"draws": 100},
+        networks={"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
+        carried={"batch": 200, "iterations": 3},
+    ).model_copy(update={"assumed_gains": {}})
+
+    def drives(name, seed):
+        log = own.made_up_log(robot, name, seed, seconds=8.0)
+        columns = [1 + own.JOINTS[::-1].index(joint) for joint in own.JOINTS]
+        q, qd, torque = (values[:, columns] for values in (log.positions, log.velocities, log.torques))
+        if name == "rest":
+            q, qd, torque = 0.0 * q, 0.0 * qd, np.linspace(0.5, 1.5, len(q))[:, None] + 0.0 * q
+        return DriveLog(name, own.JOINTS, log.stamps, q, qd, torque / 10.0, torque / 10.0, torque)
+
+    data = {name: drives(name, seed) for seed, name in enumerate(("rest", "train", "test", "trainLoad"))}
+    columns = ("currents", "desired_currents", "target_torques")
+
+    def changed(*names):
+        return data | {name: with_wobbling(data[name], slice(None), *columns) for name in names}
+
+    def learn(logs):
+        identified, results = ur10e_identification.identify_ur10e(robot, logs, parameters, LEARNING)
+        return identified.models, results.choice, results.gains, results.bodies
+
+    return Case(learn, data, changed("test", "trainLoad"), changed("train"))
+
+
+# --- touch -------------------------------------------------------------------------------------------------
+
+LATENT = committed(
+    LatentParameters,
+    "train_latent",
+    seeds=1,
+    starts=1,
+    stacks=1,
+    training={"steps": 4, "evaluate_every": 4, "batch_size": 8},
+    pair_pool=200,
+    evaluation_pairs=50,
+    longest_chain=3,
+)
+READINGS = ("signals", "pressure", "velocity")
+
+
+def of_comparison(found: latent_comparison.LatentComparison) -> tuple:
+    return found.models, found.units
+
+
+@of_stage("servoing/train_latent")
+def latent_spaces(monkeypatch, tmp_path):
+    """Spaces, forward and inverse models, and the units they see touch in."""
+    data = toy_touches(contacts=10, samples=200)
+    geodesics = toy_geodesics(data, bins=1, size=800)
+    return Case(
+        lambda its: of_comparison(latent_comparison.learn(its, geodesics, LATENT)),
+        data,
+        with_wobbling(data, data.split != TRAIN, *READINGS),
+        with_wobbling(data, data.split == TRAIN, *READINGS),
+    )
+
+
+@of_stage("servoing/other_skins")
+def latent_spaces_of_other_skins(monkeypatch, tmp_path):
+    """The way from demonstrations; their samples are changed behind the preparation."""
+    person = committed(ToucherParameters, "toucher", areas=2, rotations=2, translations=2)
+    others = committed(OtherSkinsParameters, "other_skins", seeds=1)
+    real = other_skins.prepare
+
+    def learn(change):
+        monkeypatch.setattr(other_skins, "prepare", lambda *arguments: change(real(*arguments)))
+        return of_comparison(
+            other_skins.learn_other_skin(
+                others,
+                person,
+                committed_finger(),
+                committed(TouchDataParameters, "touch_dataset"),
+                committed(GeodesicParameters, "geodesics", bins=1, bin_size=300),
+                LATENT,
+                "flat_pad",
+            )
+        )
+
+    return Case(
+        learn,
+        lambda its: its,
+        lambda its: with_wobbling(its, its.split != TRAIN, *READINGS),
+        lambda its: with_wobbling(its, its.split == TRAIN, *READINGS),
+    )
+
+
+@of_stage("recorded/latent_touch")
+def recorded_touch(monkeypatch, tmp_path):
+    """What was learned of two slides while the two others were left out, and its units."""
+    toy = test_recorded_latent_touch
+    names = (touch_sets.SLIDES, touch_sets.MAGNITUDES)
+    data = [toy.touch_set(name, ("a", "a", "b", "b"), seed) for seed, name in enumerate(names)]
+
+    def changed(trial):
+        slides = data[0]
+        samples = with_wobbling(slides.samples, slides.samples.trial == trial, *READINGS)
+        return [replace(slides, samples=samples), data[1]]
+
+    def learn(sets):
+        return latent_touch.learn_touch(sets, toy.SKIN, toy.FEW)
+
+    (first, *_), *_ = latent_touch.left_out(data[0], toy.FEW.folds)[latent_touch.NEW_TRIALS]
+    spaces = each(monkeypatch, latent_touch, "learn_spaces", learn)
+    yield Case(lambda its: spaces(its)[0], data, changed(first), changed(first + 1))
+    units = each(monkeypatch, latent_touch, "own_units", learn)
+    yield Case(lambda its: units(its)[0], data, changed(first), changed(first + 1))
+
+
+SKIN = committed(
+    SkinParameters,
+    "recorded_skin",
+    tuned_on=["a"],
+    block_mm=3.0,
+    folds=2,
+    copies=2,
+    rival_samples=20,
+    spaces={
+        "seeds": 1,
+        "pair_pool": 100,
+        "evaluation_pairs": 50,
+        "training": {"steps": 4, "evaluate_every": 4},
+    },
+    servo={"walks": 50, "trials": 2, "steps": 2},
+)
+
+
+@of_stage("recorded/skin")
+def recorded_skin(monkeypatch, tmp_path):
+    """Of one run: without the blocks of a fold, and of the whole beside another run."""
+    toy = test_recorded_skin
+    data = [toy.toy_run("a", 1, depth_mm=1.0, size=7), toy.toy_run("b", 2, size=7)]
+    fold = held_out(data[0].place[:, :2], 1e-3 * SKIN.block_mm, SKIN.folds)[1]
+
+    def changed(run, rows):
+        return swapped(data, run, with_wobbling(data[run], rows, "counts"))
+
+    learn = each(monkeypatch, skin_map, "learn_skin", lambda runs: learn_recorded_skin(runs, [], SKIN))
+    yield Case(lambda its: learn(its)[2], data, changed(0, fold == 0), changed(0, fold == 1))
+    yield Case(lambda its: learn(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
+
+
+@of_stage("own/touch")
+def own_skin(monkeypatch, tmp_path):
+    """Latent spaces without the touches of a fold."""
+    toy = test_own_touch
+    quick = {"seeds": 1, "pair_pool": 100, "evaluation_pairs": 50, "training": {"steps": 4}}
+    parameters = toy.chosen(folds=2, spaces=quick)
+    log = toy.made_up("a", 0, count=150)
+    place = own_touch.gathered([log], parameters)[0].place[:, :2]
+    fold = held_out(place, 1e-3 * parameters.block_mm, parameters.folds)[1]
+
+    def changed(number):
+        counts = log.counts - log.counts[: toy.AIR].mean(axis=0)
+        rows = toy.AIR + np.flatnonzero(fold == number)
+        return [replace(log, counts=log.counts + wobbling(counts, rows) - counts)]
+
+    learn = each(
+        monkeypatch, own_touch, "learn_touches", lambda logs: own_touch.learn_own_touch(logs, parameters)
+    )
+    return Case(lambda its: learn(its)[0][0], [log], changed(0), changed(1))
+
+
+# --- the tests ---------------------------------------------------------------------------------------------
+
+
+def arrays(models: Any, name: str = "") -> Iterator[tuple[str, np.ndarray]]:
+    """Every array and number in models, by where it is; also those that a function encloses."""
+    if isinstance(models, torch.Tensor):
+        yield name, models.detach().numpy()
+    elif models is None or isinstance(models, np.ndarray | np.generic | str | int | float):
+        yield name, np.asarray(models)
+    elif isinstance(models, pd.DataFrame):
+        yield from arrays(dict(models.items()), name)
+    elif isinstance(models, pd.Series):
+        yield name, models.to_numpy()
+    elif isinstance(models, Mapping):
+        for key, value in models.items():
+            yield from arrays(value, f"{name}/{key}")
+    elif isinstance(models, list | tuple):
+        yield from arrays(dict(enumerate(models)), name)
+    elif isinstance(models, MethodType):
+        yield from arrays(models.__self__, name)
+    elif isinstance(models, FunctionType):
+        inside = inspect.getclosurevars(models).nonlocals
+        yield from arrays(inside, name)
+    elif hasattr(models, "to_arrays"):
+        yield from arrays(models.to_arrays(), name)
+    elif hasattr(models, "__dict__"):
+        yield from arrays(vars(models), name)
+    else:
+        raise TypeError(f"{name}: nothing is compared of {type(models)}")
+
+
+def bits(models: Any) -> dict[str, bytes]:
+    found = {
+        name: repr((values.dtype, values.shape)).encode() + contents(values)
+        for name, values in arrays(models)
+    }
+    assert len(found) > 0
+    return found
+
+
+def contents(values: np.ndarray) -> bytes:
+    return repr(values.tolist()).encode() if values.dtype == object else values.tobytes()
+
+
+@pytest.mark.parametrize(
+    "make", list(dict.fromkeys(make for _, make in CASES)), ids=lambda make: make.__name__
+)
+def test_what_is_held_out_trains_nothing(make, monkeypatch, tmp_path):
+    monkeypatch.setenv(BACKEND, "sequential")
+    found = make(monkeypatch, tmp_path)
+    for case in [found] if isinstance(found, Case) else found:
+        before = bits(case.learn(case.data))
+        after = bits(case.learn(case.held_out))
+        assert [name for name, values in before.items() if after[name] != values] == []
+        assert bits(case.learn(case.taught)) != before
+
+
+def stage_scripts() -> dict[str, Path]:
+    """Scripts of all pipelines by folder and name, e.g. `scraping/refine`."""
+    found = {}
+    for path in (ROOT / "dvc.yaml", *sorted(ROOT.glob("stages/*/dvc.yaml"))):
+        for stage in yaml.safe_load(path.read_text())["stages"].values():
+            command = stage.get("do", stage)["cmd"]
+            (name,) = re.findall(r"stages/(\S+)\.py", command)
+            found[name] = ROOT / f"stages/{name}.py"
+    return found
+
+
+def test_every_stage_that_learns_has_a_case():
+    """A new stage gets one, or a line that says why it holds nothing out."""
+    scripts = stage_scripts()
+    known = {stage for stage, _ in CASES} | set(HOLDS_NOTHING_OUT)
+    assert {name for name in scripts if name.split("/")[-1] not in SHOWS} == known
+    assert not {stage for stage, _ in CASES} & set(HOLDS_NOTHING_OUT)
