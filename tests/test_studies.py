@@ -162,17 +162,21 @@ def test_a_study_says_by_whose_code_it_was_made_and_what_of_it_was_run_again(tmp
 
     study = Study(TABLE, MADE)
     assert provenance(study, tmp_path) == "made by this code (commit a1b2c3d)"
-    assert rests_on("toy/steps", None) == ""
+    assert rests_on("toy/steps", None) == ("", "")
     (tmp_path / "src/a").mkdir(parents=True)
     (tmp_path / "src/a/one.py").write_text("x = 1")
     assert provenance(study, tmp_path) == "made by other code (commit a1b2c3d), not re-run"
-    assert rests_on("toy/steps", study, tmp_path).endswith(
-        "the study toy/steps, " + provenance(study, tmp_path) + "."
+    assert rests_on("toy/steps", study, tmp_path) == (
+        f"Rows over people rest on the study toy/steps, {provenance(study, tmp_path)}.",
+        "",
     )
     now = code_digests(MADE.code, tmp_path)
     assert words(code=now) == (
-        "made by other code (commit a1b2c3d), part of one cell re-run on e4f5a6b: equal "
-        "(2 numbers of the table and 1 number kept beside it: recordings of the first person)"
+        "made by other code (commit a1b2c3d), part of one cell re-run on e4f5a6b: equal"
+    )
+    assert rests_on("toy/steps", Study(TABLE, MADE.model_copy(update={"rerun": RERUN})))[1] == (
+        "Run again: recordings of the first person, compared in 2 numbers of the table and 1 number that the "
+        "table's code gives and the table lacks; nothing else of the study."
     )
     assert "re-run on e4f5a6b, before other changes of code: equal" in words()
     assert "re-run on e4f5a6b: 1 of 3 numbers differ" in words(code=now, different=["cost_a"])

@@ -268,7 +268,7 @@ def changed_code(made: Made, root: Path = Path(".")) -> list[str]:
 
 
 def provenance(study: Study, root: Path = Path(".")) -> str:
-    """`made by other code (commit a319e1d), one cell re-run on b9b799a: equal (64 numbers: ...)`, in words.
+    """`made by other code (commit a319e1d), part of one cell re-run on b9b799a: equal`, in words.
 
     Args:
         study: as read.
@@ -286,15 +286,30 @@ def provenance(study: Study, root: Path = Path(".")) -> str:
     outcome = f"{len(again.different)} of {again.compared} numbers differ" if again.different else "equal"
     if not again.exact and not again.different:
         outcome = "equal within 0.1 % on another processor"
-    return (
-        f"{words}, part of one cell re-run on {again.commit}{since}: {outcome} "
-        f"({_compared(again)}: {again.covers})"
+    return f"{words}, part of one cell re-run on {again.commit}{since}: {outcome}"
+
+
+def covered(study: Study) -> str:
+    """A sentence on what was run again, with how many numbers; empty where nothing was."""
+    again = study.made.rerun if study.made else None
+    if again is None:
+        return ""
+    beside = again.compared - again.in_table
+    words = [f"{counted(again.in_table, 'number')} of the table"] if again.in_table else []
+    words += (
+        [f"{counted(beside, 'number')} that the table's code gives and the table lacks"] if beside else []
     )
+    return f"Run again: {again.covers}, compared in {listing(words)}; nothing else of the study."
 
 
-def rests_on(name: str, study: Study | None, root: Path = Path(".")) -> str:
-    """A sentence for the head of a table of verdicts; empty where the study was not run."""
-    return "" if study is None else f"Rows over people rest on the study {name}, {provenance(study, root)}."
+def rests_on(name: str, study: Study | None, root: Path = Path(".")) -> tuple[str, str]:
+    """For the head of a table of verdicts: whose code made the study, and what of it was run again.
+
+    Both are empty where the study was not run.
+    """
+    if study is None:
+        return "", ""
+    return f"Rows over people rest on the study {name}, {provenance(study, root)}.", covered(study)
 
 
 def studies_page(studies: Mapping[str, tuple[Description, Study]], root: Path = Path(".")) -> str:
@@ -303,6 +318,7 @@ def studies_page(studies: Mapping[str, tuple[Description, Study]], root: Path = 
         "studies": {name: description for name, (description, _) in studies.items()},
         "shown": {name: study.summary(description.shown) for name, (description, study) in studies.items()},
         "provenance": {name: provenance(study, root) for name, (_, study) in studies.items()},
+        "covered": {name: covered(study) for name, (_, study) in studies.items()},
         "changed": {
             name: listing(changed_code(study.made, root)) if study.made else ""
             for name, (_, study) in studies.items()
@@ -315,14 +331,6 @@ def studies_page(studies: Mapping[str, tuple[Description, Study]], root: Path = 
 def _read_made(folder: Path) -> Made:
     path = folder / "study.json"
     return checked(read_metrics(path), Made, path, "study")
-
-
-def _compared(again: Rerun) -> str:
-    """`64 numbers of the table`, or how many others."""
-    beside = again.compared - again.in_table
-    words = [f"{counted(again.in_table, 'number')} of the table"] if again.in_table else []
-    words += [f"{counted(beside, 'number')} kept beside it"] if beside else []
-    return listing(words)
 
 
 def _upstream(pipeline: Mapping[str, Any], target: str) -> list[Mapping[str, Any]]:
