@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded own own-example inspect check bench profile study studies other-processor faults kills upsets view plot-page clean
+.PHONY: repro test lint recorded own own-example inspect check bench profile study studies studies-check other-processor faults kills upsets view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -71,6 +71,10 @@ profile: $(INSTALLED)
 # for hours, and goes on where it was stopped.
 study studies: $(INSTALLED)
 	$(IN_ENVIRONMENT) python benchmarks/study.py $(NAME)
+
+# Does the present code still give what the studies found? Runs part of one cell again, and keeps the answer.
+studies-check: $(INSTALLED)
+	$(IN_ENVIRONMENT) python benchmarks/study.py --check $(NAME)
 
 # The whole pipeline once more as on another processor: no verdict may depend on it.
 other-processor: $(INSTALLED)

@@ -1,11 +1,12 @@
 """Run studies: each variant and repeat an experiment of DVC.
 
-    python benchmarks/study.py [NAME ...]        all studies where none is named
+    python benchmarks/study.py [NAME ...]           all studies where none is named
+    python benchmarks/study.py --check [NAME ...]   part of one cell again, of those that have been run
 
 Each experiment runs in a directory of its own (`dvc exp run --temp`), so the workspace stays as it is; it
 is kept by name for `dvc exp show`, `dvc exp diff` and `dvc exp apply`. The name holds a digest of what it
 was made with: what has been run with this code and these parameters is not run again, so a study goes on
-where it was stopped. Writes `reports/studies`.
+where it was stopped. Writes `reports/studies`; `--check` writes only what came of it into `study.json`.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import subprocess
 import sys
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import dvc.api
 import pandas as pd
@@ -23,40 +25,55 @@ from tqdm import tqdm
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError
+from structlearn.reporting.source_commit import code_digests, source_commit
 from structlearn.reporting.studies import (
+    CODE,
     RESULTS,
     Changes,
     Description,
+    Made,
     OverPopulation,
     digests,
     read_description,
+    read_study,
     repeats,
+    stored_study,
     studies_page,
     study_names,
+    upstream_code,
     upstream_parameters,
+    write_made,
     write_study,
 )
+from structlearn.reporting.study_rerun import compare, processor, run_part
 
 PARAMETERS = Path("params.yaml")
-CODE = ("src", "stages")
 
 
 def main() -> None:
     """Run what is missing, and report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="e.g. scraping/people; default all")
+    parser.add_argument("--check", action="store_true", help="run part of a cell again")
+    given = parser.parse_args()
+    different = []
     try:
-        for name in parser.parse_args().names or study_names():
-            run_study(name)
+        for name in given.names or study_names():
+            if not given.check:
+                run_study(name)
+            different += check_study(name)
+        found = {
+            name: (read_description(name), stored_study(RESULTS / name))
+            for name in study_names()
+            if (RESULTS / name / "study.json").exists()
+        }
     except InputError as error:
         sys.exit(f"error: {error}")
-    done = {name: RESULTS / name / "table.csv" for name in study_names()}
-    found = {
-        name: (read_description(name), pd.read_csv(path)) for name, path in done.items() if path.exists()
-    }
     with publish(RESULTS / "index.html") as path:
         path.write_text(studies_page(found), encoding="utf-8")
     print(f"{RESULTS}/index.html is up to date")
+    if different:
+        sys.exit(f"error: the present code gives other numbers: {', '.join(different)}")
 
 
 def run_study(name: str) -> None:
@@ -67,6 +84,7 @@ def run_study(name: str) -> None:
     if isinstance(description.repeats, OverPopulation):
         keys.append(description.repeats.population)
     made_with = digests(PARAMETERS, sorted(set(keys)))
+    made = made_now(made_with, pipeline, description.target)
     known = set(_output(["dvc", "exp", "list", "--all-commits", "--name-only"]).split())
     work = [
         (variant, number, changes | repeated)
@@ -79,7 +97,39 @@ def run_study(name: str) -> None:
         if experiment not in known:
             run_experiment(experiment, description.target, changes)
         rows.append({"variant": variant, "repeat": number, **numbers(experiment, description)})
-    write_study(pd.DataFrame(rows), made_with, RESULTS / name)
+    table = pd.DataFrame(rows)
+    if description.rerun is not None:
+        found = run_part(name, description)
+        beside = {key: float(value) for key, value in found.items() if key not in table}
+        made = made.model_copy(update={"beside": beside})
+    write_study(table, made, RESULTS / name)
+
+
+def made_now(parameters: dict[str, str], pipeline: dict[str, Any], target: str) -> Made:
+    """How a study is made by the present code, before any of it was run again."""
+    return Made(
+        parameters=parameters,
+        code=code_digests(upstream_code(pipeline, target)),
+        commit=source_commit(CODE),
+        processor=processor(),
+        beside={},
+        rerun=None,
+    )
+
+
+def check_study(name: str) -> list[str]:
+    """Run part of one cell again and write what came of it.
+
+    Returns:
+        Numbers that differ, `study: number`; none where the study was not run, or with other parameters.
+    """
+    description, study = read_description(name), read_study(name)
+    if study is None or description.rerun is None:
+        return []
+    again = compare(run_part(name, description), study, description)
+    write_made(study.made.model_copy(update={"rerun": again}), RESULTS / name)
+    print(f"{name}: {again.compared - len(again.different)} of {again.compared} numbers are equal")
+    return [f"{name}: {key}" for key in again.different]
 
 
 def run_experiment(experiment: str, target: str, changes: Changes) -> None:

@@ -239,7 +239,7 @@ def test_studies_are_quoted_where_they_were_run(results, tmp_path, monkeypatch):
     columns = {f"hits_unseen_{shape}_worst_person": [3, 1, 0, 0] for shape in SHAPES}
     table = pd.DataFrame({"variant": ["1", "1", "4", "4"], "repeat": [1, 2, 1, 2]} | columns)
     monkeypatch.setattr(page, "read_study", lambda name: Study(table) if name.endswith("members") else None)
-    assert "repeats: 1: 2.0; 4: 0.0." in rendered(results)
+    assert "repeats: 1: 2.0; 4: 0.0 (made by unknown code, not re-run)." in rendered(results)
     assert 'studies/index.html">displaced' not in rendered(results)
 
 

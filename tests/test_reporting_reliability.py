@@ -4,7 +4,8 @@ import pandas as pd
 import pytest
 
 from structlearn.ground.artefacts import read_metrics
-from structlearn.reporting.reliability import keep, outcome_table, reliability_page
+from structlearn.reporting.reliability import BROKEN_BY, keep, outcome_table, reliability_page
+from structlearn.reporting.source_commit import source_commit
 
 FAULTS = outcome_table(
     [
@@ -36,10 +37,11 @@ def test_each_command_keeps_its_own_and_leaves_the_others(tmp_path):
     keep("crashes", crashes, "make kills N=1", {"points": 7, "broken": 0}, tmp_path)
     keep("faults", FAULTS, "make faults N=7", COUNTS, tmp_path)
     metrics = read_metrics(tmp_path / "metrics.json")
+    assert metrics["faults_commit"] == metrics["crashes_commit"] == source_commit(BROKEN_BY)
     assert (metrics["faults_command"], metrics["crashes_command"]) == ("make faults N=7", "make kills N=1")
     assert (metrics["faults_files"], metrics["crashes_points"]) == (6, 7)
     page = (tmp_path / "index.html").read_text()
-    assert "make faults N=7" in page
+    assert f"made by <code>make faults N=7</code>, commit {metrics['faults_commit']}" in page
     assert "Kills: not run" in page
     assert 'href="faults.csv"' in page
     assert 'href="kills.csv"' not in page
@@ -65,3 +67,9 @@ def test_sums_leave_out_what_never_came():
     table = page[page.index("<thead>") : page.index("</table>")]
     assert "hangs" not in table
     assert ">other<" in table
+
+
+def test_the_page_says_of_which_commit_numbers_are():
+    metrics = {f"faults_{key}": value for key, value in (COUNTS | {"command": "x"}).items()}
+    assert "<code>x</code>, unknown commit" in reliability_page({"faults": FAULTS}, metrics)
+    assert "commit a1b2c3d" in reliability_page({"faults": FAULTS}, metrics | {"faults_commit": "a1b2c3d"})

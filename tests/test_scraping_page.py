@@ -213,7 +213,10 @@ def test_people_are_drawn_and_judged_where_they_were_studied(made, feedback, seg
     assert low < nmse < high
     assert nmse == pytest.approx(NMSE["pmnn_100"], rel=0.03)
     for page in report.pages.values():
-        assert words_in_view(render(page, AnyFigure())) <= 1500
+        text = render(page, AnyFigure())
+        assert words_in_view(text) <= 1500
+        head = text[text.index(">Verdicts</a></h2>") : text.index('<table class="claims">')]
+        assert "rest on the study scraping/people, made by unknown code, not re-run." in head
 
 
 def test_a_number_that_was_not_studied_leaves_the_page_untested(feedback):

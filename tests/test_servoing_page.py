@@ -280,6 +280,8 @@ def test_a_study_over_people_decides_what_one_sensor_cannot(results):
     assert verdicts(found)["aimed_people"] == "yes"
     assert verdicts(found)["able_people"] == "no"
     assert "0.97 [0.9" in rendered(found)
+    assert "rest on the study servoing/people, made by unknown code, not re-run." in rendered(found)
+    assert "rest on the study" not in rendered(results)
     assert "0.97 [0.9" not in rendered(results)
 
 

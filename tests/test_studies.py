@@ -1,6 +1,7 @@
-"""Studies: what they vary is data, and what they found is quoted only with its parameters."""
+"""Studies: what they vary is data, and what they found is quoted with its parameters, and by whose code."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -9,17 +10,26 @@ import pytest
 import yaml
 
 from structlearn.ground.errors import InputError
+from structlearn.reporting.source_commit import ABSENT, UNKNOWN_COMMIT, code_digests, source_commit
 from structlearn.reporting.studies import (
     RESULTS,
+    Made,
+    Rerun,
+    Study,
     digests,
+    provenance,
     read_description,
     read_study,
     repeats,
+    rests_on,
+    stored_study,
     studies_page,
     study_names,
+    upstream_code,
     upstream_parameters,
     write_study,
 )
+from structlearn.reporting.study_rerun import TOLERANCE, compare, processor, run_part
 
 DESCRIPTION = """
 question: Does more help?
@@ -34,13 +44,30 @@ minutes: 3
 PIPELINE = {
     "stages": {
         "record": {"params": ["people", "robot.mass"], "outs": ["data/raw"]},
-        "learn": {"params": ["learn"], "deps": ["data/raw/one.mcap", "src"], "outs": [{"data/model": {}}]},
-        "report": {"params": ["drawing"], "deps": ["data/model"], "metrics": [{"reports/m.json": {}}]},
+        "learn": {"params": ["learn"], "deps": ["data/raw/one.mcap", "src/a"], "outs": [{"data/model": {}}]},
+        "report": {
+            "params": ["drawing"],
+            "deps": ["stages/report.py", "data/model", "reports/studies/toy"],
+            "metrics": [{"reports/m.json": {}}],
+        },
         "front": {"deps": ["reports/m.json"], "params": ["titles"]},
     }
 }
 TABLE = pd.DataFrame(
     {"variant": ["less", "less", "more", "more"], "repeat": [0, 1, 0, 1], "cost_a": [4.0, 6.0, 1.0, 2.0]}
+)
+
+
+MADE = Made(parameters={}, code={"src/a": ABSENT}, commit="a1b2c3d", processor="", beside={}, rerun=None)
+RERUN = Rerun(
+    commit="e4f5a6b",
+    code=MADE.code,
+    processor="here",
+    exact=True,
+    covers="recordings of the first person",
+    compared=3,
+    in_table=2,
+    different=[],
 )
 
 
@@ -83,10 +110,136 @@ def test_a_stage_depends_on_the_parameters_of_all_before_it():
     assert upstream_parameters(PIPELINE, "front") == ["drawing", "learn", "people", "robot", "titles"]
 
 
+def test_a_stage_depends_on_the_sources_of_all_before_it():
+    assert upstream_code(PIPELINE, "learn") == ["src/a"]
+    assert upstream_code(PIPELINE, "front") == ["src/a", "stages/report.py"]
+
+
+def test_a_digest_of_sources_is_of_their_names_and_contents(tmp_path):
+    folder = tmp_path / "src"
+    (folder / "deep").mkdir(parents=True)
+    (folder / "deep/one.py").write_text("x = 1")
+    first = code_digests(["src", "src/deep/one.py", "gone"], tmp_path)
+    assert first["gone"] == ABSENT
+    (folder / "page.jinja").write_text("words change no number")
+    (folder / "__pycache__").mkdir()
+    (folder / "__pycache__/one.pyc").write_bytes(b"compiled")
+    assert code_digests(first, tmp_path) == first
+    (folder / "deep/one.py").rename(folder / "deep/two.py")
+    assert code_digests(["src"], tmp_path)["src"] != first["src"]
+    (folder / "deep/two.py").rename(folder / "deep/one.py")
+    (folder / "deep/one.py").write_text("x = 2")
+    now = code_digests(first, tmp_path)
+    assert [key for key in first if now[key] != first[key]] == ["src", "src/deep/one.py"]
+
+
+def test_the_commit_of_sources_says_whether_they_are_as_committed(tmp_path, monkeypatch):
+    def git(*arguments):
+        subprocess.run(["git", "-C", tmp_path, *arguments], check=True, capture_output=True)
+
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src/one.py").write_text("x = 1")
+    assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT  # unpacked from an archive
+    git("init")
+    assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
+    git("add", ".")
+    git("-c", "user.name=a", "-c", "user.email=a@b", "commit", "-m", "one")
+    commit = source_commit(["src"], tmp_path)
+    assert len(commit) >= 7
+    (tmp_path / "notes.txt").write_text("no source")
+    assert source_commit(["src"], tmp_path) == commit
+    (tmp_path / "src/two.py").write_text("x = 2")
+    assert source_commit(["src"], tmp_path) == f"{commit}+changes"
+    assert source_commit(["src"], tmp_path / "src") == UNKNOWN_COMMIT  # within another project
+    monkeypatch.setenv("PATH", "")
+    assert source_commit(["src"], tmp_path) == UNKNOWN_COMMIT
+
+
+def test_a_study_says_by_whose_code_it_was_made_and_what_of_it_was_run_again(tmp_path):
+    def words(**changes):
+        again = RERUN.model_copy(update=changes) if changes is not None else None
+        return provenance(Study(TABLE, MADE.model_copy(update={"rerun": again})), tmp_path)
+
+    study = Study(TABLE, MADE)
+    assert provenance(study, tmp_path) == "made by this code (commit a1b2c3d)"
+    assert rests_on("toy/steps", None) == ("", "")
+    (tmp_path / "src/a").mkdir(parents=True)
+    (tmp_path / "src/a/one.py").write_text("x = 1")
+    assert provenance(study, tmp_path) == "made by other code (commit a1b2c3d), not re-run"
+    assert rests_on("toy/steps", study, tmp_path) == (
+        f"Rows over people rest on the study toy/steps, {provenance(study, tmp_path)}.",
+        "",
+    )
+    now = code_digests(MADE.code, tmp_path)
+    assert words(code=now) == (
+        "made by other code (commit a1b2c3d), part of one cell re-run on e4f5a6b: equal"
+    )
+    assert rests_on("toy/steps", Study(TABLE, MADE.model_copy(update={"rerun": RERUN})))[1] == (
+        "Run again: recordings of the first person, compared in 2 numbers of the table and 1 number that the "
+        "table's code gives and the table lacks; nothing else of the study."
+    )
+    assert "re-run on e4f5a6b, before other changes of code: equal" in words()
+    assert "re-run on e4f5a6b: 1 of 3 numbers differ" in words(code=now, different=["cost_a"])
+    assert "equal within 0.1 % on another processor" in words(code=now, exact=False)
+
+
+def test_a_study_that_does_not_say_by_which_code_it_was_made_is_refused(toy):
+    folder = toy / "results/toy/steps"
+    write_study(TABLE, MADE, folder)
+    assert stored_study(folder).made == MADE
+    (folder / "study.json").write_text(json.dumps({"learn": "0" * 32}))
+    with pytest.raises(InputError, match=r"study\.json: .*commit: Field required"):
+        read_study("toy/steps", toy / "results", toy / "params.yaml")
+
+
+def test_a_part_of_a_cell_is_run_with_its_parameters_and_held_against_the_table(toy):
+    cell = "rerun: {variant: more, repeat: 1, covers: all}\n"
+    (toy / "studies/toy/steps.yaml").write_text(DESCRIPTION + cell)
+    description = read_description("toy/steps", toy / "studies")
+    script = toy / "benchmarks/studies/toy/steps.py"
+    script.parent.mkdir(parents=True)
+    script.write_text(
+        "import json, yaml\n"
+        "learn = yaml.safe_load(open('params.yaml'))['learn']\n"
+        "found = {'cost_a': 2.0000001, 'cost_b': learn['steps'], 'seed': learn['seed']}\n"
+        "json.dump(found, open('numbers.json', 'w'))\n"
+    )
+    found = run_part("toy/steps", description, toy)
+    assert found == {"cost_a": 2.0000001, "cost_b": 9, "seed": 1}
+    kept = MADE.model_copy(update={"beside": {"cost_b": 9.0, "seed": 1.0}})
+    again = compare(found, Study(TABLE, kept), description, toy)
+    assert (again.different, again.compared, again.in_table, again.exact) == ([], 3, 1, True)
+    assert again.commit == UNKNOWN_COMMIT
+    assert compare(found, Study(TABLE, MADE), description, toy).different == ["cost_b", "seed"]  # not kept
+    off = found | {"cost_a": 2.0 * (1.0 + 0.5 * TOLERANCE)}
+    assert compare(off, Study(TABLE, kept), description, toy).different == ["cost_a"]
+    other = kept.model_copy(update={"processor": "another"})
+    assert compare(off, Study(TABLE, other), description, toy).different == []
+    off |= {"cost_a": 2.0 * (1.0 + 2.0 * TOLERANCE)}
+    assert compare(off, Study(TABLE, other), description, toy).different == ["cost_a"]
+    script.write_text("raise SystemExit('no such key')")
+    with pytest.raises(InputError, match=r"steps\.py: no such key"):
+        run_part("toy/steps", description, toy)
+
+
+def test_on_a_processor_where_all_digits_were_equal_they_still_are(toy):
+    (toy / "studies/toy/steps.yaml").write_text(
+        DESCRIPTION + "rerun: {variant: more, repeat: 1, covers: all}\n"
+    )
+    description = read_description("toy/steps", toy / "studies")
+    before = RERUN.model_copy(update={"processor": processor()})
+    study = Study(TABLE, MADE.model_copy(update={"processor": "another", "rerun": before}))
+    assert compare({"cost_a": 2.001}, study, description, toy).different == ["cost_a"]
+    elsewhere = before.model_copy(update={"processor": "a third"})
+    study = Study(TABLE, MADE.model_copy(update={"rerun": elsewhere}))
+    assert compare({"cost_a": 2.001}, study, description, toy).different == []
+
+
 def test_a_study_is_quoted_only_with_its_parameters(toy):
     parameters, results = toy / "params.yaml", toy / "results"
     assert read_study("toy/steps", results, parameters) is None
-    write_study(TABLE, digests(parameters, ["learn", "absent"]), results / "toy/steps")
+    made = MADE.model_copy(update={"parameters": digests(parameters, ["learn", "absent"])})
+    write_study(TABLE, made, results / "toy/steps")
     study = read_study("toy/steps", results, parameters)
     np.testing.assert_array_equal(study.values("less", "cost_a"), [4.0, 6.0])
     parameters.write_text("people: {}\nlearn: {seed: 0, steps: 4}\n")
@@ -100,7 +253,11 @@ def test_a_study_is_quoted_only_with_its_parameters(toy):
 
 def test_the_page_has_a_row_per_variant_with_its_interval(toy):
     description = read_description("toy/steps", toy / "studies")
-    page = studies_page({"toy/steps": (description, TABLE)})
+    (toy / "src").mkdir()
+    (toy / "src/a").write_text("changed")
+    page = studies_page({"toy/steps": (description, Study(TABLE, MADE))}, toy)
+    assert "Made by other code (commit a1b2c3d), not re-run." in page
+    assert "<summary>changed since</summary>src/a<" in page
     assert "Does more help?" in page
     assert "make study NAME=toy/steps" in page
     assert "1.5 [-4.85, 7.85]" in page.replace(
@@ -122,11 +279,25 @@ def test_every_study_names_what_is_there(name, root: Path):
                 value = value[part]
 
 
-@pytest.mark.parametrize("name", [name for name in study_names() if (RESULTS / name / "study.json").exists()])
+RUN = [name for name in study_names() if (RESULTS / name / "study.json").exists()]
+
+
+@pytest.mark.parametrize("name", [name for name in RUN if read_description(name).rerun])
+def test_the_present_code_gives_what_a_study_found(name, root: Path):
+    """Part of one cell is run again: all digits on a processor of the kind that the table is known from."""
+    description, study = read_description(name), stored_study(RESULTS / name)
+    again = compare(run_part(name, description, root), study, description, root)
+    assert again.different == [], f"make study NAME={name}: the code gives other numbers than its table"
+    assert again.compared >= 20
+
+
+@pytest.mark.parametrize("name", RUN)
 def test_every_result_was_made_with_the_parameters_and_variants_of_now(name, root: Path):
     description, study = read_description(name), read_study(name)
     assert study is not None, f"make study NAME={name}: parameters have changed since"
     assert set(study.table["variant"]) == set(description.variants)
     assert set(description.shown) <= set(study.table)
-    assert json.loads((RESULTS / name / "study.json").read_text())
+    assert study.made.code
+    assert study.made.rerun is None or study.made.rerun.different == []
+    assert bool(study.made.rerun) == bool(description.rerun), f"make studies-check NAME={name}"
     assert f"{name}/table.csv" in (RESULTS / "index.html").read_text()

@@ -79,6 +79,7 @@ class Document:
         recordings: folder of the .rrd files, relative to the page.
         simulated: whether what it shows was simulated; it is labelled so.
         recorded: which of its statements were tested on recorded data too.
+        basis: what the verdicts rest on beside the pipeline: a sentence, and one that is hidden at first.
     """
 
     template: str
@@ -92,6 +93,7 @@ class Document:
     recordings: str = ""
     simulated: bool = False
     recorded: Sequence[OnRecordings] = ()
+    basis: tuple[str, str] = ("", "")
 
 
 class Scribe:

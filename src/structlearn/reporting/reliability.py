@@ -12,8 +12,11 @@ import pandas as pd
 from structlearn.ground.artefacts import Metrics, read_csv, read_metrics, write_csv, write_metrics
 from structlearn.ground.publication import publish
 from structlearn.reporting.document import Document, Table, render
+from structlearn.reporting.source_commit import UNKNOWN_COMMIT, source_commit
 
 RESULTS = Path("reports/reliability")
+BROKEN_BY = ("src", "stages", "tests/faults")
+"""Sources that the numbers depend on."""
 
 SUMMED_BY = {
     "faults": ["file", "checksums"],
@@ -25,7 +28,7 @@ SUMMED_BY = {
 
 
 def keep(name: str, table: pd.DataFrame, command: str, metrics: Metrics, folder: Path = RESULTS) -> None:
-    """Keep what a command found, and make the page again.
+    """Keep what a command found, with the commit of the code that it broke, and make the page again.
 
     Args:
         name: of the table, one of `SUMMED_BY`.
@@ -40,7 +43,8 @@ def keep(name: str, table: pd.DataFrame, command: str, metrics: Metrics, folder:
     path = folder / "metrics.json"
     known = read_metrics(path) if path.exists() else {}
     others = {key: value for key, value in known.items() if not key.startswith(f"{name}_")}
-    own = {f"{name}_{key}": value for key, value in {"command": command, **metrics}.items()}
+    made = {"command": command, "commit": source_commit(BROKEN_BY)}
+    own = {f"{name}_{key}": value for key, value in (made | metrics).items()}
     found = others | own
     write_csv(table, folder / f"{name}.csv")
     write_metrics({key: found[key] for key in sorted(found)}, path)
@@ -73,6 +77,7 @@ def reliability_page(tables: Mapping[str, pd.DataFrame], metrics: Metrics) -> st
     """
     facts = {
         name: {
+            "commit": UNKNOWN_COMMIT,
             "sums": Table(_sums(tables[name], by)),
             "rows": Table(tables[name]),
             **{

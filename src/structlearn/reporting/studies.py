@@ -3,7 +3,8 @@
 What a study varies is data, `benchmarks/studies/<testbed>/<name>.yaml`; `benchmarks/study.py` runs it and
 leaves `reports/studies/<testbed>/<name>/table.csv`, one row per variant and repeat, with `study.json`
 beside it. Pages quote the table. It says with which parameters it was made: with others, what it found says
-nothing of what a page shows, so it is as good as not run.
+nothing of what a page shows, so it is as good as not run. It also says by which code: with other code it is
+quoted, but the page says so, and whether part of a cell came out equal when it was run again (`study_rerun`).
 """
 
 import hashlib
@@ -17,16 +18,20 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, PositiveFloat
 
-from structlearn.ground.artefacts import publish, read_csv, read_metrics, write_csv, write_metrics
+from structlearn.ground.artefacts import publish, read_csv, read_metrics, write_csv
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters, checked, read_parameters, read_values
 from structlearn.ground.populations import Population
 from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Document, Table, render
-from structlearn.reporting.prose import interval, rounded
+from structlearn.reporting.prose import counted, interval, listing, rounded
+from structlearn.reporting.source_commit import code_digests
 
 DESCRIPTIONS = Path("benchmarks/studies")
 RESULTS = Path("reports/studies")
+CODE = ("src", "stages")
+"""Folders of all sources."""
+
 Changes = dict[str, Any]
 """Parameters by their dotted key, with the values that they are set to."""
 
@@ -43,6 +48,20 @@ class OverPopulation(Parameters):
     seeds: list[str] = Field(min_length=1)
 
 
+class PartOfCell(Parameters):
+    """What of one cell can be run again in 20 s, by the script beside the description.
+
+    Attributes:
+        variant: of the cell.
+        repeat: of the cell, from 0.
+        covers: in words.
+    """
+
+    variant: str
+    repeat: int = Field(ge=0)
+    covers: str
+
+
 class Description(Parameters):
     """What a study varies.
 
@@ -55,6 +74,7 @@ class Description(Parameters):
         variants: by name, what is changed.
         repeats: likewise; every variant is run with each of them, for the interval.
         minutes: that all of it took on two cores.
+        rerun: None where no number of it can be had in 20 s.
     """
 
     question: str
@@ -65,6 +85,51 @@ class Description(Parameters):
     variants: dict[str, Changes] = Field(min_length=1)
     repeats: OverPopulation | Annotated[list[Changes], Field(min_length=1)]
     minutes: PositiveFloat
+    rerun: PartOfCell | None = None
+
+
+class Rerun(Parameters):
+    """What came of running part of a cell again.
+
+    Attributes:
+        commit: of the code that ran it.
+        code: its digests, by source folder of the study.
+        processor: that it ran on.
+        exact: whether all digits were compared; else within `study_rerun.TOLERANCE`.
+        covers: in words.
+        compared: numbers.
+        in_table: of these; the others were kept beside the table.
+        different: keys of those that differ.
+    """
+
+    commit: str
+    code: dict[str, str]
+    processor: str
+    exact: bool
+    covers: str
+    compared: int
+    in_table: int
+    different: list[str]
+
+
+class Made(Parameters):
+    """How a study was made, as `study.json` holds it.
+
+    Attributes:
+        parameters: digests by key of `params.yaml`.
+        code: digests by source folder of its target stage and all before it.
+        commit: of this code.
+        processor: that it ran on; empty where that was not kept.
+        beside: numbers of the part of a cell that can be run again which the table does not have.
+        rerun: of that part; None before it was run again.
+    """
+
+    parameters: dict[str, str]
+    code: dict[str, str]
+    commit: str
+    processor: str
+    beside: dict[str, float]
+    rerun: Rerun | None
 
 
 @dataclass(frozen=True)
@@ -73,9 +138,11 @@ class Study:
 
     Attributes:
         table: `variant`, `repeat`, then a column per number.
+        made: how; None in tests.
     """
 
     table: pd.DataFrame
+    made: Made | None = None
 
     def values(self, variant: str, key: str) -> np.ndarray:
         """One number of a variant, (N,) by repeat, in order: values of two variants are pairs."""
@@ -135,16 +202,14 @@ def upstream_parameters(pipeline: Mapping[str, Any], target: str) -> list[str]:
         pipeline: the content of `dvc.yaml`.
         target: a stage of it.
     """
-    stages = pipeline["stages"]
-    made_by = {_path(out): name for name, stage in stages.items() for out in _outs(stage)}
-    keys, waiting, seen = set(), [target], set()
-    while waiting:
-        name = waiting.pop()
-        if name not in seen:
-            seen.add(name)
-            keys |= {str(key).split(".")[0] for key in stages[name].get("params", [])}
-            waiting += [maker for dep in stages[name].get("deps", []) for maker in _makers(dep, made_by)]
-    return sorted(keys)
+    stages = _upstream(pipeline, target)
+    return sorted({str(key).split(".")[0] for stage in stages for key in stage.get("params", [])})
+
+
+def upstream_code(pipeline: Mapping[str, Any], target: str) -> list[str]:
+    """Source folders and files that a stage of a pipeline and all before it depend on."""
+    stages = _upstream(pipeline, target)
+    return sorted({dep for stage in stages for dep in stage.get("deps", []) if dep.split("/")[0] in CODE})
 
 
 def digests(parameters: Path, keys: list[str]) -> dict[str, str]:
@@ -158,12 +223,27 @@ def digests(parameters: Path, keys: list[str]) -> dict[str, str]:
     }
 
 
-def write_study(table: pd.DataFrame, made_with: Mapping[str, str], folder: Path) -> None:
-    """Write what a study found, with the digests of the parameters that it was made with."""
+def write_study(table: pd.DataFrame, made: Made, folder: Path) -> None:
+    """Write what a study found, and how it was made."""
     with publish(folder) as target:
         target.mkdir()
         write_csv(table, target / "table.csv")
-        write_metrics(dict(made_with), target / "study.json")
+        write_made(made, target)
+
+
+def write_made(made: Made, folder: Path) -> None:
+    """Write how a study was made beside its table."""
+    with publish(folder / "study.json") as path:
+        path.write_text(made.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def stored_study(folder: Path) -> Study:
+    """A study as it was written, with whatever parameters.
+
+    Raises:
+        InputError: a file is missing or damaged, or was written before code was kept in it.
+    """
+    return Study(read_csv(folder / "table.csv"), _read_made(folder))
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
@@ -177,18 +257,93 @@ def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("param
     made = Path(folder, name)
     if not (made / "study.json").exists():
         return None
-    made_with = read_metrics(made / "study.json")
-    if made_with != digests(parameters, list(made_with)):
-        return None
-    return Study(read_csv(made / "table.csv"))
+    made_with = _read_made(made).parameters
+    return stored_study(made) if made_with == digests(parameters, list(made_with)) else None
 
 
-def studies_page(studies: Mapping[str, tuple[Description, pd.DataFrame]]) -> str:
-    """The page of all studies as HTML, from descriptions and tables by name."""
-    tables = {name: Study(table).summary(description.shown) for name, (description, table) in studies.items()}
-    facts = {"studies": {name: description for name, (description, _) in studies.items()}, "shown": tables}
+def changed_code(made: Made, root: Path = Path(".")) -> list[str]:
+    """Source folders that are not as they were when a study was made."""
+    now = code_digests(made.code, root)
+    return [folder for folder, digest in made.code.items() if digest != now[folder]]
+
+
+def provenance(study: Study, root: Path = Path(".")) -> str:
+    """`made by other code (commit a319e1d), part of one cell re-run on b9b799a: equal`, in words.
+
+    Args:
+        study: as read.
+        root: of the project, whose code is compared.
+    """
+    made = study.made
+    if made is None:
+        return "made by unknown code, not re-run"
+    whose = "other" if changed_code(made, root) else "this"
+    words = f"made by {whose} code (commit {made.commit})"
+    if made.rerun is None:
+        return words if whose == "this" else f"{words}, not re-run"
+    again = made.rerun
+    since = "" if again.code == code_digests(again.code, root) else ", before other changes of code"
+    outcome = f"{len(again.different)} of {again.compared} numbers differ" if again.different else "equal"
+    if not again.exact and not again.different:
+        outcome = "equal within 0.1 % on another processor"
+    return f"{words}, part of one cell re-run on {again.commit}{since}: {outcome}"
+
+
+def covered(study: Study) -> str:
+    """A sentence on what was run again, with how many numbers; empty where nothing was."""
+    again = study.made.rerun if study.made else None
+    if again is None:
+        return ""
+    beside = again.compared - again.in_table
+    words = [f"{counted(again.in_table, 'number')} of the table"] if again.in_table else []
+    words += (
+        [f"{counted(beside, 'number')} that the table's code gives and the table lacks"] if beside else []
+    )
+    return f"Run again: {again.covers}, compared in {listing(words)}; nothing else of the study."
+
+
+def rests_on(name: str, study: Study | None, root: Path = Path(".")) -> tuple[str, str]:
+    """For the head of a table of verdicts: whose code made the study, and what of it was run again.
+
+    Both are empty where the study was not run.
+    """
+    if study is None:
+        return "", ""
+    return f"Rows over people rest on the study {name}, {provenance(study, root)}.", covered(study)
+
+
+def studies_page(studies: Mapping[str, tuple[Description, Study]], root: Path = Path(".")) -> str:
+    """The page of all studies as HTML, from descriptions and what they found by name."""
+    facts = {
+        "studies": {name: description for name, (description, _) in studies.items()},
+        "shown": {name: study.summary(description.shown) for name, (description, study) in studies.items()},
+        "provenance": {name: provenance(study, root) for name, (_, study) in studies.items()},
+        "covered": {name: covered(study) for name, (_, study) in studies.items()},
+        "changed": {
+            name: listing(changed_code(study.made, root)) if study.made else ""
+            for name, (_, study) in studies.items()
+        },
+    }
     document = Document("studies.html.jinja", "structlearn.reporting", facts=facts, simulated=True)
     return render(document, figures={})
+
+
+def _read_made(folder: Path) -> Made:
+    path = folder / "study.json"
+    return checked(read_metrics(path), Made, path, "study")
+
+
+def _upstream(pipeline: Mapping[str, Any], target: str) -> list[Mapping[str, Any]]:
+    """A stage and all before it."""
+    stages = pipeline["stages"]
+    made_by = {_path(out): name for name, stage in stages.items() for out in _outs(stage)}
+    waiting, seen = [target], {}
+    while waiting:
+        name = waiting.pop()
+        if name not in seen:
+            seen[name] = stages[name]
+            waiting += [maker for dep in stages[name].get("deps", []) for maker in _makers(dep, made_by)]
+    return list(seen.values())
 
 
 def _outs(stage: Mapping[str, Any]) -> list[Any]:

@@ -19,7 +19,7 @@ from structlearn.avoidance.shapes import SHAPES
 from structlearn.ground.params import read_values
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, environment
-from structlearn.reporting.studies import read_study
+from structlearn.reporting.studies import provenance, read_study
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.evidence import evidence
 from structlearn.testbeds.obstacles.page.results import FEW_HITS, ObstacleResults, example_setting, metrics
@@ -122,10 +122,11 @@ def facts(
 
 
 def worst_hits(study: str) -> str:
-    """What a study found, in words: by variant the most unseen spheres that anyone hits, a mean."""
+    """What a study found, in words: by variant the most unseen spheres that anyone hits; whose code."""
     found = read_study(study)
     if found is None:
         return ""
     columns = [f"hits_unseen_{shape}_worst_person" for shape in SHAPES]
     means = found.table.groupby("variant", sort=False)[columns].mean().mean(axis=1)
-    return "; ".join(f"{variant}: {value:.1f}" for variant, value in means.items())
+    quoted = "; ".join(f"{variant}: {value:.1f}" for variant, value in means.items())
+    return f"{quoted} ({provenance(found)})"

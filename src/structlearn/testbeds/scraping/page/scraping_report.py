@@ -13,7 +13,7 @@ from structlearn.reporting.claims import UNKNOWN, Found, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.prose import listing
-from structlearn.reporting.studies import Study
+from structlearn.reporting.studies import Study, rests_on
 from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.segmentation.result import read_segmentation
 from structlearn.testbeds.scraping import files, names
@@ -115,6 +115,7 @@ def scraping_report(
     people_study = studies.get(people_results.STUDY)
     studied = people_results.People.of_study(people_study, primitives) if people_study is not None else None
     shown_one = people_results.People.of_one(report.metrics, primitives)
+    basis = rests_on(people_results.STUDY, people_study)
     shared = {
         "pages": PAGES,
         "published": printed,
@@ -146,6 +147,7 @@ def scraping_report(
             parameters={key: parameters[key] for key in PARAMETERS[page]},
             recordings="../recordings/scraping",
             simulated=True,
+            basis=basis,
         )
 
     report.drawings |= segmentation_drawings(segmentation)

@@ -10,6 +10,7 @@ from structlearn.ground.metrics import mean_interval
 from structlearn.reporting.claims import in_words, judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.prose import with_interval
+from structlearn.reporting.studies import rests_on
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.files import MADE_BY
 from structlearn.testbeds.servoing.page import tables
@@ -43,6 +44,7 @@ def document(results: ServoingResults, shown: Mapping[str, Table]) -> Document:
         parameters=results.chosen,
         recordings="../recordings/servoing",
         simulated=True,
+        basis=rests_on("servoing/people", results.people),
     )
 
 
