@@ -68,6 +68,16 @@ def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
+def work_table(power: float = 2.0) -> pd.DataFrame:
+    """What down-sampling leaves of the work of three people, by a power of g."""
+    rng = np.random.default_rng(0)
+    rows = [
+        (seed, g, g**-power * (1.0 + 0.01 * rng.random() * (g > 1)), 1.0, 2.0)
+        for seed, g in product(range(3), (1, 2, 4))
+    ]
+    return pd.DataFrame(rows, columns=["seed", "factor", "work", "mean_shift_ms", "max_shift_ms"])
+
+
 def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationResults:
     """Everything that the stages would have written for these demonstrations."""
     parameters = PARAMETERS.model_copy(update={"skip_failures": True})
@@ -87,6 +97,7 @@ def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationRes
         segmentation=segmentation,
         noise=noise_table(),
         downsampling=downsampling_effect(demonstrations, parameters, (1, 2)),
+        downsampling_people=work_table(),
         primitives=primitives,
         reproduction=cross_validation(demonstrations, segmentation.results, FIT),
         nominal=sequence.sequence_table(sequence.unroll(primitives, DT), names),

@@ -133,13 +133,14 @@ def downsampling_effect(
         factors: g.
 
     Returns:
-        One row per factor: `factor`, `work` (cells of the warping table relative to the first factor, counted
-        and not timed: `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut
-        points against the first factor's.
+        One row per factor: `factor`, `work` (cells of the warping tables that were computed, relative to the
+        first factor; `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points
+        against the first factor's.
     """
-    results = {}
+    results, cells = {}, {}
     for factor in factors:
         segmentation = cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
+        cells[factor] = segmentation.cells
         cuts = segmentation.cuts[segmentation.cuts["method"] == RESULT]
         results[factor] = cuts.set_index(["demonstration", "primitive"])[["start_s", "end_s"]]
     rows = []
@@ -148,7 +149,7 @@ def downsampling_effect(
         rows.append(
             {
                 "factor": factor,
-                "work": (factors[0] / factor) ** 2,
+                "work": cells[factor] / cells[factors[0]],
                 "mean_shift_ms": shift.mean(),
                 "max_shift_ms": shift.max(),
             }

@@ -25,6 +25,7 @@ class Segmentation:
         left_out: `demonstration`, `reason` of those that could not be cut.
         doubts: `demonstration`, `primitive`, `reason`, `number` of what speaks against a cut (`doubts`).
         reference: name of the reference demonstration.
+        cells: of all warping tables that were computed; not kept on disk.
     """
 
     cuts: pd.DataFrame
@@ -32,6 +33,7 @@ class Segmentation:
     left_out: pd.DataFrame
     doubts: pd.DataFrame
     reference: str
+    cells: int = 0
 
     @property
     def primitives(self) -> list[str]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
@@ -29,6 +30,7 @@ class SegmentationResults:
         segmentation: their cuts.
         noise: of `cut_sweep.noise_sweep`.
         downsampling: of `cut_errors.downsampling_effect`.
+        downsampling_people: of `cut_sweep.downsampling_sweep`.
         primitives: learned from all demonstrations that were cut.
         reproduction: of `fitting.cross_validation`.
         nominal: table of the sequence as demonstrated.
@@ -41,6 +43,7 @@ class SegmentationResults:
     segmentation: Segmentation
     noise: pd.DataFrame
     downsampling: pd.DataFrame
+    downsampling_people: pd.DataFrame
     primitives: Sequence[PosePrimitive]
     reproduction: pd.DataFrame
     nominal: pd.DataFrame
@@ -96,17 +99,22 @@ class SegmentationResults:
         return method_comparison.alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
 
     @cached_property
-    def downsampling_worst(self) -> tuple[float, float] | None:
-        """Largest shift of a cut point in coarse samples, and work times g² where it is furthest from 1.
-
-        Work is relative to that of the smallest g; None of one factor g.
-        """
-        first, rest = self.downsampling.iloc[0], self.downsampling.iloc[1:]
+    def downsampling_shift(self) -> float | None:
+        """Largest shift of a cut point in coarse samples; None of one factor g."""
+        rest = self.downsampling.iloc[1:]
         if rest.empty:
             return None
-        shift = rest["max_shift_ms"] / (1e3 * self.reference.dt * rest["factor"])
-        work = rest["work"] / first["work"] * (rest["factor"] / first["factor"]) ** 2
-        return float(shift.max()), float(work.loc[(work - 1.0).abs().idxmax()])
+        return float((rest["max_shift_ms"] / (1e3 * self.reference.dt * rest["factor"])).max())
+
+    @cached_property
+    def downsampled_work(self) -> np.ndarray:
+        """(P,) by person of the sweep, work times g² where it is furthest from 1; empty of one factor g."""
+        effect = self.downsampling_people
+        if effect["factor"].nunique() < 2:
+            return np.empty(0)
+        table = effect.pivot_table("work", "factor", "seed")  # relative to the smallest g
+        work = table.iloc[1:].mul((table.index[1:] / table.index[0]) ** 2, axis=0).to_numpy()
+        return np.take_along_axis(work, np.abs(work - 1.0).argmax(axis=0)[None], axis=0)[0]
 
     @cached_property
     def sweep(self) -> pd.DataFrame:
@@ -175,9 +183,10 @@ class SegmentationResults:
             for row in self.alignment.itertuples():
                 values[f"spread_mm_{row.method}_{row.primitive}"] = row.spread_mm
                 values[f"alignment_gain_mm_{row.method}_{row.primitive}"] = row.gain_mm
-        if self.downsampling_worst is not None:
-            shift, work = self.downsampling_worst
-            values |= {"downsampling_shift_samples": shift, "downsampling_work_g2": work}
+        if self.downsampling_shift is not None:
+            values["downsampling_shift_samples"] = self.downsampling_shift
+        if len(self.downsampled_work):
+            values["downsampling_work_g2"] = float(self.downsampled_work.mean())
         parts = ((False, "fit", FIT_METRICS), (True, "left_one_out", LEFT_OUT_METRICS))
         for left_out, prefix, names in parts:
             for row in self.fitted(left_out).to_dict("records"):
