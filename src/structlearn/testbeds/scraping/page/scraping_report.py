@@ -68,6 +68,7 @@ SOURCES = {
 
 HEADLINES = (
     *("demonstrations", "simulated", "cut_error_ms_wls", "left_one_out_down_mean_mm"),
+    *("pmnn_prim2_generalization_nmse_best_step", "pmnn_prim3_generalization_nmse_best_step"),
     *("pmnn_prim2_generalization_nmse", "pmnn_prim3_generalization_nmse"),
     *("cost_ratio_feedback_over_nominal_0", "cost_ratio_feedback_over_nominal_10"),
     *("rl_cost_before_prim2", "rl_cost_after_prim2", "rl_cost_before_prim3", "rl_cost_after_prim3"),
@@ -128,6 +129,7 @@ def scraping_report(
         "names": names,
         "engines": engines,
         "people": studied,
+        "shifts": people_results.known(people_results.shifts, studied),
         "kernel_count": KERNEL_COUNT,
         "over_people": "n people, each with a sensor of their own, on whom nothing was tuned.",
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),
@@ -169,7 +171,8 @@ def scraping_report(
         people_results.known(people_results.feedback_evidence, one, feedback.adapted, settings)
         for one in (studied, shown_one)
     )
-    add("feedback", found, of_one)
+    beside = {name: one for name, one in of_one.items() if not name.endswith(people_results.VALIDATED)}
+    add("feedback", found, beside)
 
     report.drawings |= refinement_drawings(refinement, primitives)
     report.tables |= tables.refinement_tables(refinement, primitives, printed)
@@ -254,6 +257,7 @@ def read_results(
         segmentation=read_segmentation(found.segments),
         noise=found.table("noise"),
         downsampling=found.table("downsampling"),
+        downsampling_people=found.table("downsampling_people"),
         primitives=primitives,
         reproduction=found.table("reproduction"),
         nominal=found.table("nominal"),

@@ -146,10 +146,11 @@ def nmse_beside_published(results: FeedbackResults, published: Mapping) -> pd.Da
         if printed:
             cells = {part: with_spread(*printed[part], ".2f") for part in PARTS}
             rows.append({"primitive": title, "which": "published"} | cells)
-        for stopping, words in WORDS["stopping"].items():
+        for stopping, rule in (("generalization", ", as published"), ("validation", "")):
             error = results.model_error(name, "pmnn_100", stopping)
             cells = {part: with_spread(error[f"{part}_mean"], error[f"{part}_std"], ".3f") for part in PARTS}
-            rows.append({"primitive": title, "which": f"here, step best for {words}"} | cells)
+            which = f"here, step best for {WORDS['stopping'][stopping]}{rule}"
+            rows.append({"primitive": title, "which": which} | cells)
     return pd.DataFrame(rows)
 
 
