@@ -69,7 +69,6 @@ SOURCES = {
 HEADLINES = (
     *("demonstrations", "simulated", "cut_error_ms_wls", "left_one_out_down_mean_mm"),
     *("pmnn_prim2_generalization_nmse_best_step", "pmnn_prim3_generalization_nmse_best_step"),
-    *("pmnn_prim2_generalization_nmse", "pmnn_prim3_generalization_nmse"),
     *("cost_ratio_feedback_over_nominal_0", "cost_ratio_feedback_over_nominal_10"),
     *("rl_cost_before_prim2", "rl_cost_after_prim2", "rl_cost_before_prim3", "rl_cost_after_prim3"),
 )
