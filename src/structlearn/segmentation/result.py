@@ -12,6 +12,9 @@ METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
 RESULT = "wls"
 """The method whose cuts are used; the others are kept to be compared."""
 
+AS_PRINTED = "wls_text"
+"""The dissertation's."""
+
 
 @dataclass(frozen=True)
 class Segmentation:

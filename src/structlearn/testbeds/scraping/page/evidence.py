@@ -31,8 +31,8 @@ def weakest(found: Iterable[Evidence]) -> Evidence:
 def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:
     """Of the sweep's people.
 
-    How much better the result's cut points are than each other method's, at the least clear level; and the
-    work that is left by down-sampling.
+    How much better the result's cut points are than each other method's, at the least clear level; and what
+    is least true of down-sampling.
     """
     wide = errors_by_seed(results.noise).pivot_table(
         index=["noise_mm", "seed"], columns="method", values="error_ms"
@@ -48,5 +48,7 @@ def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:
         for other in others
     }
     evidence: dict[str, Found] = {"least_cut_error": found} if len(wide) else {}
-    work = results.downsampled_work
-    return evidence | ({"downsampled_work": mean(work)} if len(work) else {})
+    worst = results.downsampling_worst
+    named = {"work": "work", "shift": "shift_samples_text", "shift_ours": "shift_samples"}
+    found = {f"downsampled_{name}": mean(worst[column]) for name, column in named.items() if len(worst)}
+    return evidence | found

@@ -128,7 +128,6 @@ def segmentation_evidence(people: People, aligned: Sequence[str]) -> dict[str, F
         "aligned_with_crossings": by_case(
             mean, {name: (numbers(f"alignment_gain_mm_{RESULT}_{name}"),) for name in aligned}
         ),
-        "downsampled_shift": mean(numbers("downsampling_shift_samples")),
         "smooth": by_case(
             mean,
             {
@@ -137,12 +136,6 @@ def segmentation_evidence(people: People, aligned: Sequence[str]) -> dict[str, F
             },
         ),
     }
-
-
-def shifts(people: People) -> dict[str, float]:
-    """Shifts of cut points by down-sampling, in coarse samples: `people`, those `above` 1, the `largest`."""
-    largest = people.numbers("downsampling_shift_samples")
-    return {"people": len(largest), "above": int((largest > 1.0).sum()), "largest": float(largest.max())}
 
 
 def feedback_evidence(

@@ -128,7 +128,6 @@ def scraping_report(
         "names": names,
         "engines": engines,
         "people": studied,
-        "shifts": people_results.known(people_results.shifts, studied),
         "kernel_count": KERNEL_COUNT,
         "over_people": "n people, each with a sensor of their own, on whom nothing was tuned.",
         "degrees": lambda settings: listing(f"{setting:g}°" for setting in settings),

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
@@ -99,22 +98,19 @@ class SegmentationResults:
         return method_comparison.alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
 
     @cached_property
-    def downsampling_shift(self) -> float | None:
-        """Largest shift of a cut point in coarse samples; None of one factor g."""
-        rest = self.downsampling.iloc[1:]
-        if rest.empty:
-            return None
-        return float((rest["max_shift_ms"] / (1e3 * self.reference.dt * rest["factor"])).max())
+    def downsampling_worst(self) -> pd.DataFrame:
+        """What is least true of down-sampling, by person of the sweep; empty of one factor g.
 
-    @cached_property
-    def downsampled_work(self) -> np.ndarray:
-        """(P,) by person of the sweep, work times g² where it is furthest from 1; empty of one factor g."""
+        `work` times g² where it is furthest from 1; `shift_samples`, `shift_samples_text`, the largest.
+        """
+        columns = ["work", "shift_samples", "shift_samples_text"]
         effect = self.downsampling_people
-        if effect["factor"].nunique() < 2:
-            return np.empty(0)
-        table = effect.pivot_table("work", "factor", "seed")  # relative to the smallest g
-        work = table.iloc[1:].mul((table.index[1:] / table.index[0]) ** 2, axis=0).to_numpy()
-        return np.take_along_axis(work, np.abs(work - 1.0).argmax(axis=0)[None], axis=0)[0]
+        first = effect["factor"].min()
+        rest = effect[effect["factor"] > first]
+        rest = rest.assign(work=rest["work"] * (rest["factor"] / first) ** 2)
+        by_person = rest.groupby("seed")
+        work = by_person["work"].agg(lambda work: work.loc[(work - 1.0).abs().idxmax()])
+        return by_person[columns].max().assign(work=work)
 
     @cached_property
     def sweep(self) -> pd.DataFrame:
@@ -166,6 +162,7 @@ class SegmentationResults:
         `fit_<primitive>_*` are of primitives learned from all demonstrations by the chosen regression: the
         mean over demonstrations of the mean error, the largest of the largest and of the end errors.
         `left_one_out_<primitive>_*` are means over demonstrations that were not learned from.
+        `downsampling_*` are means over people of `downsampling_worst`.
         """
         values: Metrics = {
             "demonstrations": len(self.was_cut),
@@ -183,10 +180,11 @@ class SegmentationResults:
             for row in self.alignment.itertuples():
                 values[f"spread_mm_{row.method}_{row.primitive}"] = row.spread_mm
                 values[f"alignment_gain_mm_{row.method}_{row.primitive}"] = row.gain_mm
-        if self.downsampling_shift is not None:
-            values["downsampling_shift_samples"] = self.downsampling_shift
-        if len(self.downsampled_work):
-            values["downsampling_work_g2"] = float(self.downsampled_work.mean())
+        if len(self.downsampling_worst):
+            worst = self.downsampling_worst.mean()
+            values["downsampling_work_g2"] = float(worst["work"])
+            values["downsampling_shift_samples"] = float(worst["shift_samples"])
+            values["downsampling_shift_samples_text"] = float(worst["shift_samples_text"])
         parts = ((False, "fit", FIT_METRICS), (True, "left_one_out", LEFT_OUT_METRICS))
         for left_out, prefix, names in parts:
             for row in self.fitted(left_out).to_dict("records"):

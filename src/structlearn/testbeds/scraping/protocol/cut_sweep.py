@@ -45,6 +45,7 @@ class SweepParameters(Parameters):
         return range(self.first_seed, self.first_seed + self.seeds)
 
 
+EFFECT = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_text"]
 COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_error_s", "end_error_s"]
 
 
@@ -97,7 +98,7 @@ def downsampling_sweep(
         _downsampled, factors=parameters.downsampling, simulation=simulation, segmentation=tolerant
     )
     effects = pd.concat(parallel_map(work, parameters.people, "down-sampling"), ignore_index=True)
-    return effects.reindex(columns=["seed", "factor", "work", "mean_shift_ms", "max_shift_ms"])
+    return effects.reindex(columns=["seed", *EFFECT])
 
 
 def _downsampled(
