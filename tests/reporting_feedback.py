@@ -79,13 +79,19 @@ def checks() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def network() -> PhaseModulatedNetwork:
+def phase_weights() -> np.ndarray:
+    """(25, 100) weights whose largest move on by four nodes from kernel to kernel."""
+    places = (np.arange(100) - 4.0 * np.arange(25)[:, None] + 50.0) % 100.0 - 50.0
+    return np.exp(-((places / 10.0) ** 2))
+
+
+def network(weights: np.ndarray | None = None) -> PhaseModulatedNetwork:
     rng = np.random.default_rng(0)
     return PhaseModulatedNetwork(
         input_mean=np.zeros(CHANNELS),
         input_scale=np.ones(CHANNELS),
         hidden=((rng.normal(size=(100, CHANNELS)), np.zeros(100)),),
-        phase_weights=rng.normal(size=(25, 100)),
+        phase_weights=phase_weights() if weights is None else weights,
         phase_biases=np.zeros(25),
         output_weights=np.ones(25),
     )

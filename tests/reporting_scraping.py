@@ -15,6 +15,7 @@ from structlearn.segmentation.parameters import PrimitiveParameters, SegmentPara
 from structlearn.segmentation.result import METHODS
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+from structlearn.testbeds.scraping.protocol.cut_sweep import EFFECT
 
 DT = 0.01
 PARAMETERS = committed(
@@ -68,6 +69,17 @@ def noise_table(advantage_ms: float = 5.0) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
+def work_table(power: float = 2.0, shift: float = 0.5, text: float = 0.6) -> pd.DataFrame:
+    """What down-sampling does to three people: work falls with a power of g, cuts shift by coarse samples."""
+    rng = np.random.default_rng(0)
+    rows = [
+        (seed, g, g**-power * (1.0 + change), 1.0, 2.0, (shift + change) * (g > 1), (text + change) * (g > 1))
+        for seed, g in product(range(3), (1, 2, 4))
+        for change in [0.01 * rng.random() * (g > 1)]
+    ]
+    return pd.DataFrame(rows, columns=["seed", *EFFECT])
+
+
 def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationResults:
     """Everything that the stages would have written for these demonstrations."""
     parameters = PARAMETERS.model_copy(update={"skip_failures": True})
@@ -87,6 +99,7 @@ def segmentation_results(demonstrations: list[Demonstration]) -> SegmentationRes
         segmentation=segmentation,
         noise=noise_table(),
         downsampling=downsampling_effect(demonstrations, parameters, (1, 2)),
+        downsampling_people=work_table(),
         primitives=primitives,
         reproduction=cross_validation(demonstrations, segmentation.results, FIT),
         nominal=sequence.sequence_table(sequence.unroll(primitives, DT), names),

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from structlearn.ground.signals import standardise
-from structlearn.segmentation.dtw import correspondences
+from structlearn.segmentation.dtw import correspondences, warping
 
 
 def slow_correspondences(reference: np.ndarray, guess: np.ndarray) -> list[tuple[int, int]]:
@@ -40,6 +40,14 @@ def test_equals_the_algorithm_of_the_text(n, m, axes, seed, ties):
         assert len(correspondences(reference, guess)) <= min(n, m)
     else:
         assert correspondences(reference, guess).tolist() == [list(pair) for pair in expected]
+
+
+@given(st.integers(2, 30), st.integers(2, 30), st.integers(1, 3))
+def test_every_cell_is_computed_once(n, m, axes):
+    rng = np.random.default_rng(0)
+    pairs, cells = warping(rng.normal(size=(n, axes)), rng.normal(size=(m, axes)))
+    assert cells == n * m
+    assert len(pairs) <= min(n, m)
 
 
 def test_a_stretched_copy_is_matched_along_the_stretch():

@@ -4,7 +4,7 @@ from committed import committed
 from structlearn.ground.errors import InputError
 from structlearn.segmentation.cut_errors import mean_cut_errors_ms
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, noise_sweep
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
 SEGMENT = committed(
@@ -55,6 +55,20 @@ def test_a_lost_reference_loses_the_set_and_is_counted():
     lost = noise_sweep(ONE_SET, SIMULATION, SEGMENT.model_copy(update={"primitives": deaf}))
     assert lost["method"].tolist() == ["left_out"] * 4
     assert lost["start_error_s"].isna().all()
+
+
+def test_every_person_is_cut_at_every_factor():
+    factors = committed(SweepParameters, "segment_sweep", seeds=2, first_seed=0, downsampling=(1, 4))
+    found = downsampling_sweep(factors, SIMULATION, SEGMENT)
+    assert found[["seed", "factor"]].to_numpy().tolist() == [[0, 1], [0, 4], [1, 1], [1, 4]]
+    work = found.pivot_table("work", "seed", "factor")
+    assert (work[1] == 1.0).all()
+    assert work[4].between(1 / 16, 1.1 / 16).all()
+    first, *others = SEGMENT.primitives
+    deaf = (first.model_copy(update={"threshold_m_s": 5.0}), *others)
+    lost = downsampling_sweep(factors, SIMULATION, SEGMENT.model_copy(update={"primitives": deaf}))
+    assert lost.empty
+    assert "factor" in lost
 
 
 def test_another_task_is_refused():

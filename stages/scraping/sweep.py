@@ -6,7 +6,7 @@ from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, noise_sweep
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 
 
@@ -18,10 +18,12 @@ def main() -> None:
     demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
     effect = downsampling_effect(demonstrations, segmentation, parameters.downsampling)
     noise = noise_sweep(parameters, simulation, segmentation)
+    people = downsampling_sweep(parameters, simulation, segmentation)
     with publish("data/segments/scraping_sweep") as folder:
         folder.mkdir()
         write_table(noise, folder / "noise.parquet")
         write_table(effect, folder / "downsampling.parquet")
+        write_table(people, folder / "downsampling_people.parquet")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from structlearn.ground import metrics, signals
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import METHODS, RESULT, Segmentation
+from structlearn.segmentation.result import AS_PRINTED, METHODS, RESULT, Segmentation
 from structlearn.segmentation.segments import cut
 
 SPREAD_SAMPLES = 200
@@ -133,24 +133,31 @@ def downsampling_effect(
         factors: g.
 
     Returns:
-        One row per factor: `factor`, `work` (cells of the warping table relative to the first factor, counted
-        and not timed: `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut
-        points against the first factor's.
+        One row per factor: `factor`, `work` (cells of the warping tables that were computed, relative to the
+        first factor; `make bench` times them), `mean_shift_ms` and `max_shift_ms` of the resulting cut points
+        against the first factor's, and the largest in samples that are aligned: `shift_samples`,
+        `shift_samples_text` of weighted least squares as printed.
     """
-    results = {}
+    results, cells, rows = {}, {}, []
     for factor in factors:
         segmentation = cut(demonstrations, parameters.model_copy(update={"downsampling": factor}))
-        cuts = segmentation.cuts[segmentation.cuts["method"] == RESULT]
-        results[factor] = cuts.set_index(["demonstration", "primitive"])[["start_s", "end_s"]]
-    rows = []
-    for factor, ends in results.items():
-        shift = 1e3 * (ends - results[factors[0]]).dropna().abs().to_numpy()  # those that both could cut
+        cells[factor] = segmentation.cells
+        ends = segmentation.cuts.set_index(["method", "demonstration", "primitive"])[["start_s", "end_s"]]
+        results[factor] = {method: ends.loc[method] for method in (RESULT, AS_PRINTED)}
+    for factor, found in results.items():
+        shift, as_printed = (
+            (found[method] - results[factors[0]][method]).dropna().abs().to_numpy()  # that both could cut
+            for method in (RESULT, AS_PRINTED)
+        )
+        sample_s = factor * demonstrations[0].dt
         rows.append(
             {
                 "factor": factor,
-                "work": (factors[0] / factor) ** 2,
-                "mean_shift_ms": shift.mean(),
-                "max_shift_ms": shift.max(),
+                "work": cells[factor] / cells[factors[0]],
+                "mean_shift_ms": 1e3 * shift.mean(),
+                "max_shift_ms": 1e3 * shift.max(),
+                "shift_samples": shift.max() / sample_s,
+                "shift_samples_text": as_printed.max() / sample_s,
             }
         )
     return pd.DataFrame(rows)

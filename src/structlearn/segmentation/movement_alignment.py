@@ -9,7 +9,7 @@ import numpy as np
 
 from structlearn.segmentation.alignment import Alignment, least_squares, velocity_weights, with_crossings
 from structlearn.segmentation.crossings import Crossing
-from structlearn.segmentation.dtw import correspondences
+from structlearn.segmentation.dtw import warping
 from structlearn.segmentation.parameters import SegmentParameters
 
 
@@ -39,6 +39,7 @@ class Refined:
         pairs: (K, 2) corresponding samples: reference, own.
         weights: (K,) of the pairs.
         alignments: by method.
+        cells: of the warping table that were computed.
     """
 
     reference: Movement
@@ -46,6 +47,7 @@ class Refined:
     pairs: np.ndarray
     weights: np.ndarray
     alignments: dict[str, Alignment]
+    cells: int
 
     def ends(self, method: str) -> np.ndarray:
         """(2,) start and end by a method; what an event says is not refined."""
@@ -76,7 +78,8 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
         movement.path[first : min(one.latest, one.end + extension) + 1 : g]
         for movement, one, first in zip((reference, own), crossings, firsts, strict=True)
     ]
-    pairs = g * correspondences(*parts, one_scale=parameters.assigns_runs) + np.array(firsts)
+    matches, cells = warping(*parts, one_scale=parameters.assigns_runs)
+    pairs = g * matches + np.array(firsts)
     weights = velocity_weights(
         reference.velocity[pairs[:, 0]], own.velocity[pairs[:, 1]], parameters.near_zero, parameters.decay
     )
@@ -88,4 +91,4 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
         "wls_text": text,
         "wls": with_crossings(text, pairs, weights, ends, parameters.crossing_weight, tolerance),
     }
-    return Refined(reference, own, pairs, weights, alignments)
+    return Refined(reference, own, pairs, weights, alignments, cells)

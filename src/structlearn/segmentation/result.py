@@ -12,6 +12,9 @@ METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
 RESULT = "wls"
 """The method whose cuts are used; the others are kept to be compared."""
 
+AS_PRINTED = "wls_text"
+"""The dissertation's."""
+
 
 @dataclass(frozen=True)
 class Segmentation:
@@ -25,6 +28,7 @@ class Segmentation:
         left_out: `demonstration`, `reason` of those that could not be cut.
         doubts: `demonstration`, `primitive`, `reason`, `number` of what speaks against a cut (`doubts`).
         reference: name of the reference demonstration.
+        cells: of all warping tables that were computed; not kept on disk.
     """
 
     cuts: pd.DataFrame
@@ -32,6 +36,7 @@ class Segmentation:
     left_out: pd.DataFrame
     doubts: pd.DataFrame
     reference: str
+    cells: int = 0
 
     @property
     def primitives(self) -> list[str]:

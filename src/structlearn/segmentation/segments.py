@@ -49,7 +49,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
     place, crossings = find_crossings(demonstrations, parameters)
     reference = demonstrations[place]
     reference_movements = _movements(reference, crossings[place], parameters)
-    cuts, pairs, doubted, left_out = [], [], [], {}
+    cuts, pairs, doubted, left_out, cells = [], [], [], {}, 0
     for demonstration, found in zip(demonstrations, crossings, strict=True):
         try:
             movements = (
@@ -62,6 +62,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
                 for name, movement in movements.items()
             }
             cuts.append(_cut_rows(demonstration, refined, parameters))
+            cells += sum(one.cells for one in refined.values())
             doubted += doubts(demonstration.name, refined, demonstration is reference)
             if demonstration is not reference:
                 pairs.append(_pair_rows(demonstration, refined))
@@ -80,6 +81,7 @@ def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) 
         left_out=pd.DataFrame(left_out.items(), columns=["demonstration", "reason"]),
         doubts=pd.DataFrame(doubted, columns=DOUBT_COLUMNS).astype({"number": float}),
         reference=reference.name,
+        cells=cells,
     )
 
 

@@ -24,6 +24,7 @@ CHECKS = "checks_"
 TABLES = {
     "noise": "segments/scraping_sweep/noise",
     "downsampling": "segments/scraping_sweep/downsampling",
+    "downsampling_people": "segments/scraping_sweep/downsampling_people",
     "reproduction": "primitives/scraping/reproduction",
     "nominal": "primitives/scraping/nominal",
     "generalised": "primitives/scraping/generalised",

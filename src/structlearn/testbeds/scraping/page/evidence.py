@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, difference
+from structlearn.reporting.claims import UNKNOWN, Evidence, Found, difference, mean
 from structlearn.segmentation.method_comparison import errors_by_seed
 from structlearn.segmentation.result import METHODS, RESULT
 from structlearn.testbeds.scraping.names import CUT_METHODS
@@ -29,7 +29,11 @@ def weakest(found: Iterable[Evidence]) -> Evidence:
 
 
 def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:
-    """How much better the result's cut points are than each other method's, at the least clear level."""
+    """Of the sweep's people.
+
+    How much better the result's cut points are than each other method's, at the least clear level; and what
+    is least true of down-sampling.
+    """
     wide = errors_by_seed(results.noise).pivot_table(
         index=["noise_mm", "seed"], columns="method", values="error_ms"
     )
@@ -43,4 +47,8 @@ def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:
         )
         for other in others
     }
-    return {"least_cut_error": found} if len(wide) else {}
+    evidence: dict[str, Found] = {"least_cut_error": found} if len(wide) else {}
+    worst = results.downsampling_worst
+    named = {"work": "work", "shift": "shift_samples_text", "shift_ours": "shift_samples"}
+    found = {f"downsampled_{name}": mean(worst[column]) for name, column in named.items() if len(worst)}
+    return evidence | found

@@ -106,21 +106,22 @@ def targets_figure(results: FeedbackResults) -> list[Figure]:
 def models_figure(results: FeedbackResults, people: People | None) -> list[Figure]:
     """Figure IV.16, top and middle: generalisation NMSE of the representations, mean and std over folds.
 
-    A dot is the mean of one of the people on whom it is judged.
+    At the step best for the demonstration left out, as in the dissertation; a diamond is at the step that
+    validation chose, a dot the mean of one of the people on whom it is judged.
     """
     errors = results.model_errors.set_index(["primitive", "representation", "stopping"])
     figures = []
     for what, chosen in (("structures", STRUCTURES), ("features inside or apart", EMBEDDINGS)):
         for name in results.adapted:
-            shown = [one for one in chosen if (name, one, "validation") in errors.index]
+            shown = [one for one in chosen if (name, one, "generalization") in errors.index]
             figure, axes = panel(f"{name}: {what}", 2.6)
             for place, one in enumerate(reversed(shown)):
-                row = errors.loc[(name, one, "validation")]
+                row = errors.loc[(name, one, "generalization")]
                 mean, std = row["generalization_mean"], np.nan_to_num(row["generalization_std"])
                 axes.barh(place, mean, 0.62, color=REPRESENTATIONS[one].colour)
                 axes.errorbar(mean, place, xerr=std, color=BLACK, linewidth=1.0, capsize=4.0)
-                best = errors.loc[(name, one, "generalization"), "generalization_mean"]
-                axes.plot(best, place, "D", color=BLACK, markerfacecolor="white", markersize=5)
+                validated = errors.loc[(name, one, "validation"), "generalization_mean"]
+                axes.plot(validated, place, "D", color=BLACK, markerfacecolor="white", markersize=5)
                 if people is not None:
                     _dots(axes, values := people.nmse(one, name), np.full(len(values), place - 0.22))
             names = [REPRESENTATIONS[one].name.replace(", then ", ",\nthen ") for one in reversed(shown)]

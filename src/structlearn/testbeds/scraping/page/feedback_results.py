@@ -37,6 +37,9 @@ MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLE
 REPRESENTATION_KEYS = {name: name for name in REPRESENTATIONS} | {"pmnn_100": "pmnn"}
 """What representations are called in the keys of numbers."""
 
+STEP_KEYS = {"validation": "", "generalization": "_best_step"}
+"""Ends of the keys of NMSEs, by the part whose error chose the training step."""
+
 
 @dataclass(frozen=True)
 class BoardResults(ExecutionResults):
@@ -249,7 +252,7 @@ class FeedbackResults:
                 rows.append(row | {"dimensions": group["dimensions"].mean()})
         return pd.DataFrame(rows)
 
-    def model_error(self, primitive: str, representation: str, stopping: str = "validation") -> pd.Series:
+    def model_error(self, primitive: str, representation: str, stopping: str) -> pd.Series:
         """A row of `model_errors`."""
         table = self.model_errors.set_index(["primitive", "representation", "stopping"])
         return table.loc[(primitive, representation, stopping)]
@@ -274,6 +277,17 @@ class FeedbackResults:
         any_two = common[np.triu_indices(len(common), 1)]
         return dominant, float(np.diag(common, 1).mean()), float(any_two.mean())
 
+    def sharing_over_phase(self, primitive: str) -> float:
+        """Correlation of how many dominant nodes two phase kernels share with their distance, over all pairs.
+
+        Negative where nodes come and go with the phase. In permuted order, or with permuted weights, it is 0
+        on average, and 0 where the nodes are the same at every phase.
+        """
+        dominant = self.dominant(primitive)[0].astype(int)
+        first, second = np.triu_indices(len(dominant), 1)
+        shared = (dominant @ dominant.T)[first, second]
+        return float(np.corrcoef(shared, second - first)[0, 1]) if np.ptp(shared) else 0.0
+
     def metrics(self) -> Metrics:
         """Key figures.
 
@@ -285,7 +299,7 @@ class FeedbackResults:
         `force_largest_error_percent` is of the mean force of any execution;
         `roll_torque_smallest_step_*` is of executions without feedback, `coupling_smallest_step_*` of the
         pointwise model, from tilt to tilt. `shared_nodes_*` is how many of the ten dominant nodes any two
-        phase kernels share.
+        phase kernels share, `shared_nodes_over_phase_*` see `sharing_over_phase`.
         """
 
         def number(name: str) -> int:
@@ -293,11 +307,11 @@ class FeedbackResults:
 
         values: Metrics = {}
         for row in self.model_errors.itertuples():
-            suffix = "" if row.stopping == "validation" else "_best_step"
             key = f"{REPRESENTATION_KEYS[row.representation]}_prim{number(row.primitive)}"
-            values[f"{key}_generalization_nmse{suffix}"] = float(row.generalization_mean)
+            values[f"{key}_generalization_nmse{STEP_KEYS[row.stopping]}"] = float(row.generalization_mean)
         for name in self.networks:
             values[f"shared_nodes_prim{number(name)}"] = self.dominant(name)[2]
+            values[f"shared_nodes_over_phase_prim{number(name)}"] = self.sharing_over_phase(name)
         return values | self.board.metrics(number)
 
 

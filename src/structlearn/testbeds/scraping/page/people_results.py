@@ -17,13 +17,12 @@ from structlearn.reporting.prose import level_name, rounded
 from structlearn.reporting.studies import Study
 from structlearn.segmentation.result import RESULT
 from structlearn.testbeds.scraping.page.evidence import weakest
-from structlearn.testbeds.scraping.page.feedback_results import MODEL_KEYS, REPRESENTATION_KEYS
+from structlearn.testbeds.scraping.page.feedback_results import MODEL_KEYS, REPRESENTATION_KEYS, STEP_KEYS
 
 STUDY, VARIANT = "scraping/people", "ours"
 """The study whose numbers these are, and its variant with the parameters as they are."""
 
 MODEL_PAIRS = {
-    "best_structure": (("pmnn_100", "pmnn_0"), ("pmnn_100", "ffnn_phase"), ("pmnn_100", "ffnn")),
     "order_of_structures": (("pmnn_100", "pmnn_0"), ("pmnn_0", "ffnn_phase"), ("ffnn_phase", "ffnn")),
     "phase_helps": (("ffnn_phase", "ffnn"),),
     "features_inside": (
@@ -34,9 +33,13 @@ MODEL_PAIRS = {
 }
 """Pairs (better, worse) of representations that a claim is made of."""
 
+VALIDATED = "_validated"
+"""Ends the names of evidence at the step that validation chose; else it is at the dissertation's."""
 
 SUMMARISED = {
-    mean: ("pmnn_prim2_generalization_nmse", "pmnn_prim3_generalization_nmse"),
+    mean: tuple(
+        f"pmnn_prim{number}_generalization_nmse{suffix}" for number in (2, 3) for suffix in STEP_KEYS.values()
+    ),
     geometric_mean: tuple(
         f"cost_ratio_{model}_over_nominal_{tilt}" for model in ("feedback", "level") for tilt in (0, 10)
     ),
@@ -66,10 +69,13 @@ class People:
         """The person of a report."""
         return cls(lambda key: np.array([metrics[key]], float), primitives)
 
-    def nmse(self, representation: str, primitive: str) -> np.ndarray:
-        """(P,) generalisation NMSE, mean over folds, at the step that validation chose."""
-        key = REPRESENTATION_KEYS[representation]
-        return self.numbers(f"{key}_{self.number(primitive)}_generalization_nmse")
+    def nmse(self, representation: str, primitive: str, stopping: str = "generalization") -> np.ndarray:
+        """(P,) generalisation NMSE, mean over folds; `stopping` is of `representation_orderings.STOPPINGS`.
+
+        The default is the dissertation's: the step at which this very error is lowest (IV.9.3).
+        """
+        key = f"{REPRESENTATION_KEYS[representation]}_{self.number(primitive)}"
+        return self.numbers(f"{key}_generalization_nmse{STEP_KEYS[stopping]}")
 
     def cost(self, model: str, primitive: str, setting_deg: float) -> np.ndarray:
         """(P,) accumulated cost in rad, mean over executions."""
@@ -122,13 +128,6 @@ def segmentation_evidence(people: People, aligned: Sequence[str]) -> dict[str, F
         "aligned_with_crossings": by_case(
             mean, {name: (numbers(f"alignment_gain_mm_{RESULT}_{name}"),) for name in aligned}
         ),
-        "downsampling": by_case(
-            mean,
-            {
-                "shift in coarse samples": (numbers("downsampling_shift_samples"),),
-                "work times g²": (numbers("downsampling_work_g2"),),
-            },
-        ),
         "smooth": by_case(
             mean,
             {
@@ -155,20 +154,26 @@ def feedback_evidence(
 
 def _models(people: People, adapted: Sequence[str]) -> dict[str, Found]:
     found: dict[str, Found] = {}
-    for name, pairs in MODEL_PAIRS.items():
-        found[name] = {
-            primitive: least_clear(
-                difference(
-                    people.nmse(worse, primitive),
-                    people.nmse(better, primitive),
-                    comparisons=len(pairs) * len(adapted),
+    for stopping, ending in (("generalization", ""), ("validation", VALIDATED)):
+        for name, pairs in MODEL_PAIRS.items():
+            found[name + ending] = {
+                primitive: least_clear(
+                    difference(
+                        people.nmse(worse, primitive, stopping),
+                        people.nmse(better, primitive, stopping),
+                        comparisons=len(pairs) * len(adapted),
+                    )
+                    for better, worse in pairs
                 )
-                for better, worse in pairs
-            )
-            for primitive in adapted
-        }
-    found["level_of_error"] = by_case(mean, {one: (people.nmse("pmnn_100", one),) for one in adapted})
-    return found | {"phase_dependent": _by_primitive(people, "shared_nodes", adapted)}
+                for primitive in adapted
+            }
+        errors = {one: (people.nmse("pmnn_100", one, stopping),) for one in adapted}
+        found[f"level_of_error{ending}"] = by_case(mean, errors)
+    return found | known(_phase_dependent, people, adapted)
+
+
+def _phase_dependent(people: People, adapted: Sequence[str]) -> dict[str, Found]:
+    return {"phase_dependent": _by_primitive(people, "shared_nodes_over_phase", adapted)}
 
 
 def _executions(people: People, adapted: Sequence[str], settings_deg: Sequence[float]) -> dict[str, Found]:
@@ -210,9 +215,7 @@ def summary(people: People) -> Metrics:
     return values
 
 
-def known(
-    make: Callable[..., dict[str, Found]], people: People | None, *arguments: object
-) -> dict[str, Found]:
+def known(make: Callable[..., dict], people: People | None, *arguments: object) -> dict:
     """What `make` finds; nothing where no people were studied, or a number is missing."""
     try:
         return make(people, *arguments) if people is not None else {}

@@ -71,11 +71,8 @@ def _of_form(
             {
                 f"{name}, {model}": (of(f"rl_between_{model}", name),)
                 for name in executed
-                for model in (BEFORE, AFTER)
+                for model in ((BEFORE, AFTER) if form == "text" else (AFTER,))  # before, both are the same
             },
-        ),
-        "nominal_is_worst": by_case(
-            geometric_mean, {name: (of("rl_over_nominal_max", name),) for name in executed}
         ),
         "level_board": geometric_mean(of("rl_over_nominal_0")),
         "search": by_case(
@@ -83,6 +80,10 @@ def _of_form(
             {name: (of("search_cost_pi2", name) / of("search_cost_cma_es", name),) for name in refined},
         ),
     }
+    if form == "text":  # before refinement both are the same, and cost more than after
+        found["nominal_is_worst"] = by_case(
+            geometric_mean, {name: (of("rl_over_nominal_max", name),) for name in executed}
+        )
     return {f"{name}_{form}": one for name, one in found.items()}
 
 

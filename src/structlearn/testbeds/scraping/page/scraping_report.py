@@ -68,7 +68,7 @@ SOURCES = {
 
 HEADLINES = (
     *("demonstrations", "simulated", "cut_error_ms_wls", "left_one_out_down_mean_mm"),
-    *("pmnn_prim2_generalization_nmse", "pmnn_prim3_generalization_nmse"),
+    *("pmnn_prim2_generalization_nmse_best_step", "pmnn_prim3_generalization_nmse_best_step"),
     *("cost_ratio_feedback_over_nominal_0", "cost_ratio_feedback_over_nominal_10"),
     *("rl_cost_before_prim2", "rl_cost_after_prim2", "rl_cost_before_prim3", "rl_cost_after_prim3"),
 )
@@ -167,7 +167,8 @@ def scraping_report(
         people_results.known(people_results.feedback_evidence, one, feedback.adapted, settings)
         for one in (studied, shown_one)
     )
-    add("feedback", found, of_one)
+    beside = {name: one for name, one in of_one.items() if not name.endswith(people_results.VALIDATED)}
+    add("feedback", found, beside)
 
     report.drawings |= refinement_drawings(refinement, primitives)
     report.tables |= tables.refinement_tables(refinement, primitives, printed)
@@ -252,6 +253,7 @@ def read_results(
         segmentation=read_segmentation(found.segments),
         noise=found.table("noise"),
         downsampling=found.table("downsampling"),
+        downsampling_people=found.table("downsampling_people"),
         primitives=primitives,
         reproduction=found.table("reproduction"),
         nominal=found.table("nominal"),

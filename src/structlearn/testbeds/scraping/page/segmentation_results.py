@@ -29,6 +29,7 @@ class SegmentationResults:
         segmentation: their cuts.
         noise: of `cut_sweep.noise_sweep`.
         downsampling: of `cut_errors.downsampling_effect`.
+        downsampling_people: of `cut_sweep.downsampling_sweep`.
         primitives: learned from all demonstrations that were cut.
         reproduction: of `fitting.cross_validation`.
         nominal: table of the sequence as demonstrated.
@@ -41,6 +42,7 @@ class SegmentationResults:
     segmentation: Segmentation
     noise: pd.DataFrame
     downsampling: pd.DataFrame
+    downsampling_people: pd.DataFrame
     primitives: Sequence[PosePrimitive]
     reproduction: pd.DataFrame
     nominal: pd.DataFrame
@@ -96,17 +98,19 @@ class SegmentationResults:
         return method_comparison.alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
 
     @cached_property
-    def downsampling_worst(self) -> tuple[float, float] | None:
-        """Largest shift of a cut point in coarse samples, and work times g² where it is furthest from 1.
+    def downsampling_worst(self) -> pd.DataFrame:
+        """What is least true of down-sampling, by person of the sweep; empty of one factor g.
 
-        Work is relative to that of the smallest g; None of one factor g.
+        `work` times g² where it is furthest from 1; `shift_samples`, `shift_samples_text`, the largest.
         """
-        first, rest = self.downsampling.iloc[0], self.downsampling.iloc[1:]
-        if rest.empty:
-            return None
-        shift = rest["max_shift_ms"] / (1e3 * self.reference.dt * rest["factor"])
-        work = rest["work"] / first["work"] * (rest["factor"] / first["factor"]) ** 2
-        return float(shift.max()), float(work.loc[(work - 1.0).abs().idxmax()])
+        columns = ["work", "shift_samples", "shift_samples_text"]
+        effect = self.downsampling_people
+        first = effect["factor"].min()
+        rest = effect[effect["factor"] > first]
+        rest = rest.assign(work=rest["work"] * (rest["factor"] / first) ** 2)
+        by_person = rest.groupby("seed")
+        work = by_person["work"].agg(lambda work: work.loc[(work - 1.0).abs().idxmax()])
+        return by_person[columns].max().assign(work=work)
 
     @cached_property
     def sweep(self) -> pd.DataFrame:
@@ -158,6 +162,7 @@ class SegmentationResults:
         `fit_<primitive>_*` are of primitives learned from all demonstrations by the chosen regression: the
         mean over demonstrations of the mean error, the largest of the largest and of the end errors.
         `left_one_out_<primitive>_*` are means over demonstrations that were not learned from.
+        `downsampling_*` are means over people of `downsampling_worst`.
         """
         values: Metrics = {
             "demonstrations": len(self.was_cut),
@@ -175,9 +180,11 @@ class SegmentationResults:
             for row in self.alignment.itertuples():
                 values[f"spread_mm_{row.method}_{row.primitive}"] = row.spread_mm
                 values[f"alignment_gain_mm_{row.method}_{row.primitive}"] = row.gain_mm
-        if self.downsampling_worst is not None:
-            shift, work = self.downsampling_worst
-            values |= {"downsampling_shift_samples": shift, "downsampling_work_g2": work}
+        if len(self.downsampling_worst):
+            worst = self.downsampling_worst.mean()
+            values["downsampling_work_g2"] = float(worst["work"])
+            values["downsampling_shift_samples"] = float(worst["shift_samples"])
+            values["downsampling_shift_samples_text"] = float(worst["shift_samples_text"])
         parts = ((False, "fit", FIT_METRICS), (True, "left_one_out", LEFT_OUT_METRICS))
         for left_out, prefix, names in parts:
             for row in self.fitted(left_out).to_dict("records"):

@@ -37,7 +37,7 @@ WORDS = {
 DECIMALS = {
     2: "spread_mm distance_mm gain_mm low_mm high_mm mean_mm mean_deg end_deg ratio reproduction_deg "
     "roll_torque_mn_m mean_shift_ms pointwise_deg pointwise_std unrolled_deg unrolled_std std_deg norm_rad "
-    "others",
+    "others shift_samples shift_samples_text",
     1: "mean_ms max_shift_ms max_mm max_deg difference_ms low_ms high_ms half_width_ms mean std low high "
     "step lower_rad since_lower_rad since_half_width end_roll_deg cost_rad mean_below mean_above",
     3: "end_mm smoothing_deg difference lower_deg force_n force_std_n "
@@ -64,6 +64,8 @@ HEADINGS = {
     "high": "to",
     "left_out": "learned from",
     "others": "other axes",
+    "shift_samples": "largest, coarse samples",
+    "shift_samples_text": "as printed, coarse samples",
     "roll_torque_mn_m": "roll torque (mN m)",
     "lower_rad": "lower by (rad)",
     "since_lower_rad": "lower than iteration 2 (rad)",
@@ -146,10 +148,11 @@ def nmse_beside_published(results: FeedbackResults, published: Mapping) -> pd.Da
         if printed:
             cells = {part: with_spread(*printed[part], ".2f") for part in PARTS}
             rows.append({"primitive": title, "which": "published"} | cells)
-        for stopping, words in WORDS["stopping"].items():
+        for stopping, rule in (("generalization", ", as published"), ("validation", "")):
             error = results.model_error(name, "pmnn_100", stopping)
             cells = {part: with_spread(error[f"{part}_mean"], error[f"{part}_std"], ".3f") for part in PARTS}
-            rows.append({"primitive": title, "which": f"here, step best for {words}"} | cells)
+            which = f"here, step best for {WORDS['stopping'][stopping]}{rule}"
+            rows.append({"primitive": title, "which": which} | cells)
     return pd.DataFrame(rows)
 
 

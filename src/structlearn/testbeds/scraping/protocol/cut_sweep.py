@@ -1,4 +1,4 @@
-"""How the errors of cut points grow with the noise of the simulated demonstrator."""
+"""How errors of cut points grow with the simulated demonstrator's noise, and what down-sampling does."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.recordings.clock import synchronise
-from structlearn.segmentation.cut_errors import cut_errors
+from structlearn.segmentation.cut_errors import cut_errors, downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.world.demonstrator import (
@@ -31,7 +31,7 @@ class SweepParameters(Parameters):
         noise_mm: noise levels of the demonstrator.
         seeds: sets of demonstrations per level.
         first_seed: of the simulated people; not those on whom thresholds were tuned.
-        downsampling: factors of the alignment whose effect is shown on the recorded demonstrations.
+        downsampling: factors g of the alignment whose effect is shown.
     """
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
@@ -39,7 +39,13 @@ class SweepParameters(Parameters):
     first_seed: int = Field(ge=0)
     downsampling: tuple[int, ...] = Field(min_length=1)
 
+    @property
+    def people(self) -> range:
+        """Seeds of the simulated people."""
+        return range(self.first_seed, self.first_seed + self.seeds)
 
+
+EFFECT = ["factor", "work", "mean_shift_ms", "max_shift_ms", "shift_samples", "shift_samples_text"]
 COLUMNS = ["noise_mm", "seed", "demonstration", "primitive", "method", "start_error_s", "end_error_s"]
 
 
@@ -67,12 +73,43 @@ def noise_sweep(
         raise InputError(
             f"segment.primitives: names {len(segmentation.primitives)}, the simulated task has {task}"
         )
-    people = range(parameters.first_seed, parameters.first_seed + parameters.seeds)
     tolerant = segmentation.model_copy(update={"skip_failures": True})
     work = partial(_one_person, levels=parameters.noise_mm, simulation=simulation, segmentation=tolerant)
-    by_person = parallel_map(work, people, "noise sweep")
+    by_person = parallel_map(work, parameters.people, "noise sweep")
     errors = chain.from_iterable(zip(*by_person, strict=True))  # level by level
     return pd.concat(errors, ignore_index=True)
+
+
+def downsampling_sweep(
+    parameters: SweepParameters, simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    """`cut_errors.downsampling_effect` for every person of the sweep, with the demonstrator's own noise.
+
+    Args:
+        parameters: factors and number of seeds.
+        simulation: of the demonstrator; its seed is replaced.
+        segmentation: of the cuts; its `downsampling` is replaced.
+
+    Returns:
+        One row per person and factor, with `seed`; none of a person whose reference cannot be cut.
+    """
+    tolerant = segmentation.model_copy(update={"skip_failures": True})
+    work = partial(
+        _downsampled, factors=parameters.downsampling, simulation=simulation, segmentation=tolerant
+    )
+    effects = pd.concat(parallel_map(work, parameters.people, "down-sampling"), ignore_index=True)
+    return effects.reindex(columns=["seed", *EFFECT])
+
+
+def _downsampled(
+    seed: int, factors: Sequence[int], simulation: DemonstratorParameters, segmentation: SegmentParameters
+) -> pd.DataFrame:
+    movements = intended_movements(simulation.model_copy(update={"seed": seed}))
+    demonstrations = [synchronise(as_meant(movement, seed), RATE_HZ) for movement in movements]
+    try:
+        return downsampling_effect(demonstrations, segmentation, factors).assign(seed=seed)
+    except InputError:
+        return pd.DataFrame()
 
 
 def _one_person(
