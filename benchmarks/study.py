@@ -112,6 +112,7 @@ def made_now(parameters: dict[str, str], pipeline: dict[str, Any], target: str) 
         code=code_digests(upstream_code(pipeline, target)),
         commit=source_commit(CODE),
         processor=processor(),
+        added={},
         beside={},
         rerun=None,
     )

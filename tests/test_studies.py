@@ -58,7 +58,9 @@ TABLE = pd.DataFrame(
 )
 
 
-MADE = Made(parameters={}, code={"src/a": ABSENT}, commit="a1b2c3d", processor="", beside={}, rerun=None)
+MADE = Made(
+    parameters={}, code={"src/a": ABSENT}, commit="a1b2c3d", processor="", added={}, beside={}, rerun=None
+)
 RERUN = Rerun(
     commit="e4f5a6b",
     code=MADE.code,

@@ -20,7 +20,7 @@ from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.page.execution_results import ExecutionResults
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 from structlearn.testbeds.scraping.protocol import executed_sets
-from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, noise_sweep
+from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
 from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
@@ -60,6 +60,9 @@ def _segmentation() -> SegmentationResults:
         segmentation=cuts,
         noise=noise_sweep(shortest, person, parameters),
         downsampling=downsampling_effect(demonstrations, parameters, sweep.downsampling[:1]),
+        downsampling_people=downsampling_sweep(
+            shortest.model_copy(update={"downsampling": sweep.downsampling[:1]}), person, parameters
+        ),
         primitives=primitives,
         reproduction=cross_validation(demonstrations, cuts.results, fit),
         nominal=sequence.sequence_table(sequence.unroll(primitives, dt), cuts.primitives),

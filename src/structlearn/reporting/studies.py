@@ -120,6 +120,7 @@ class Made(Parameters):
         code: digests by source folder of its target stage and all before it.
         commit: of this code.
         processor: that it ran on; empty where that was not kept.
+        added: columns of the table that were computed later for the same cells, with the commit of that code.
         beside: numbers of the part of a cell that can be run again which the table does not have.
         rerun: of that part; None before it was run again.
     """
@@ -128,6 +129,7 @@ class Made(Parameters):
     code: dict[str, str]
     commit: str
     processor: str
+    added: dict[str, str]
     beside: dict[str, float]
     rerun: Rerun | None
 
@@ -278,7 +280,12 @@ def provenance(study: Study, root: Path = Path(".")) -> str:
     if made is None:
         return "made by unknown code, not re-run"
     whose = "other" if changed_code(made, root) else "this"
-    words = f"made by {whose} code (commit {made.commit})"
+    later = (
+        f"; {counted(len(made.added), 'column')}: {listing(sorted(set(made.added.values())))}"
+        if made.added
+        else ""
+    )
+    words = f"made by {whose} code (commit {made.commit}{later})"
     if made.rerun is None:
         return words if whose == "this" else f"{words}, not re-run"
     again = made.rerun
