@@ -13,7 +13,7 @@ from structlearn.reporting.prose import with_interval
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.files import MADE_BY
 from structlearn.testbeds.servoing.page import tables
-from structlearn.testbeds.servoing.page.evidence import evidence, over_people, rate
+from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence, rate, rate_of_people
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
@@ -62,8 +62,9 @@ def _facts(results: ServoingResults) -> dict[str, object]:
         "like": replace,
         "over_seeds": over_seeds,
         "reached": reached,
-        "over_people": lambda key: in_words(over_people(results.people, key), ".2f"),
-        "unless_run": "" if results.people else "; study servoing/people",
+        "text_ll": TEXT_LL,
+        "people_count": len(results.chosen["servo_people"].test),
+        "over_people": lambda variant, skin="": in_words(rate_of_people(results, variant, skin), "share"),
     }
     errors = results.contact_errors
     squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
