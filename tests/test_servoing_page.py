@@ -276,8 +276,9 @@ def test_bounds_of_claims_are_those_that_are_published():
 def test_card_names_metrics(results):
     """Of people alone: what was not studied is not on the card."""
     card = yaml.safe_load(Path(page.__file__).with_name("card.yaml").read_text())
-    facts = with_people(results, loops(published=0.3, ll_published=0.7, ours=0.9)).metrics()
+    facts = with_people(results, everything(**loops(published=0.3, ll_published=0.7, ours=0.9))).metrics()
     made = [environment(page.PACKAGE).from_string(number["here"]).render(facts) for number in card["numbers"]]
+    assert (made[0], made[2]) == ("0.0050", "0.10")
     assert made[1].split() == ["30.0", "%", "|", "70.0", "%", "|", "90.0", "%", "over", "4", "people"]
     assert not any(key.startswith("people") for key in results.metrics())
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.metrics import mean_interval
-from structlearn.reporting.claims import in_words, judge, read_claims
+from structlearn.reporting.claims import in_words, judge, mean, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.prose import with_interval
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.files import MADE_BY
 from structlearn.testbeds.servoing.page import tables
-from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence, rate, rate_of_people
+from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence, over_people, rate, rate_of_people
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
@@ -63,6 +63,9 @@ def _facts(results: ServoingResults) -> dict[str, object]:
         "over_seeds": over_seeds,
         "reached": reached,
         "text_ll": TEXT_LL,
+        "mean_of_people": lambda key, number_format: in_words(
+            over_people(mean, results.of_people(key)), number_format
+        ),
         "people_count": len(results.chosen["servo_people"].test),
         "over_people": lambda variant, skin="": in_words(rate_of_people(results, variant, skin), "share"),
     }

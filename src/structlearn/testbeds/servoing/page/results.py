@@ -194,13 +194,15 @@ class ServoingResults:
         } | rates
 
     def _people_metrics(self) -> Metrics:
-        """Shares of targets over people, with NJ and with LL; nothing where they were not studied."""
-        text_ll = replace(TEXT, inverse=LOCALLY_LINEAR)
-        rates = {key: self.of_people(key) for key in map(rate_key, (TEXT, text_ll, OURS))}
-        if any(rate is None for rate in rates.values()):
+        """Means over people of what the front page shows; nothing where they were not studied."""
+        keys = ["mds_nmse_test", "cosine_distance_nj"]
+        keys += [rate_key(one) for one in (TEXT, replace(TEXT, inverse=LOCALLY_LINEAR), OURS)]
+        numbers = {key: self.of_people(key) for key in keys}
+        if any(one is None for one in numbers.values()):
             return {}
-        means = {f"people_{key}": rate.mean() for key, rate in rates.items()}
-        return {"people": len(rates[rate_key(OURS)])} | means
+        return {"people": len(numbers[keys[0]])} | {
+            f"people_{key}": one.mean() for key, one in numbers.items()
+        }
 
 
 def rated() -> list[Variant]:
