@@ -21,6 +21,7 @@ from structlearn.reporting.claims import (
     difference,
     mean,
     quoted,
+    rate_difference,
 )
 from structlearn.tactile.latent_variants import FORWARD_OF, LOCALLY_LINEAR, NO_INVERSE
 from structlearn.tactile.touch_dataset import SPLITS
@@ -74,7 +75,8 @@ def rate_of_people(
 def rate(trials: ControllerScores, variant: Variant) -> Evidence:
     """Share of trials of one person in which a controller reaches its target; clustered by model."""
     counts = trials.counts(variant)
-    return clustered_share(counts["success"].to_numpy(), counts["trials"].to_numpy())
+    found = clustered_share(counts["success"].to_numpy(), counts["trials"].to_numpy())
+    return replace(found, people=None)  # these are trained models, so no sentence may call them people
 
 
 def _prediction(numbers: Numbers) -> dict[str, Found]:
@@ -186,12 +188,12 @@ def _smallest_rise(numbers: Numbers, structure: bool) -> Evidence:
 def _gains(results: ServoingResults, models: Mapping[str, Variant], without: Mapping[str, bool]) -> Found:
     """What each controller gains by something that it would be `without`, in % of targets."""
 
-    def percent(variant: Variant) -> np.ndarray | None:
-        found = results.of_people(rate_key(variant))
-        return None if found is None else 100 * found
+    def rates(variant: Variant) -> np.ndarray | None:
+        return results.of_people(rate_key(variant))
 
-    return _differences(
-        {name: (percent(model), percent(replace(model, **without))) for name, model in models.items()}
+    return by_case(
+        partial(over_people, rate_difference),
+        {name: (rates(model), rates(replace(model, **without))) for name, model in models.items()},
     )
 
 

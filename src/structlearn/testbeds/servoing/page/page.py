@@ -66,7 +66,6 @@ def _facts(results: ServoingResults) -> dict[str, object]:
         "mean_of_people": lambda key, number_format: in_words(
             over_people(mean, results.of_people(key)), number_format
         ),
-        "people_count": len(results.chosen["servo_people"].test),
         "over_people": lambda variant, skin="": in_words(rate_of_people(results, variant, skin), "share"),
     }
     errors = results.contact_errors
