@@ -6,7 +6,7 @@ IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
 
-.PHONY: repro test lint recorded own own-example inspect check bench profile study studies studies-check other-processor faults kills upsets view plot-page clean
+.PHONY: repro test lint recorded own own-example inspect check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 
 repro: $(INSTALLED)
 	$(IN_ENVIRONMENT) dvc repro
@@ -79,6 +79,10 @@ studies-check: $(INSTALLED)
 # The whole pipeline once more as on another processor: no verdict may depend on it.
 other-processor: $(INSTALLED)
 	$(IN_ENVIRONMENT) python benchmarks/other_processor.py
+
+# Which verdicts changed their word in the working tree, against the last commit.
+verdicts: $(INSTALLED)
+	$(BIN)/python -m structlearn.reporting.verdicts
 
 # Damage N files of every kind and read them: the same data, or one line. Tests do some hundred.
 faults: N ?= 10000

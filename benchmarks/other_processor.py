@@ -4,7 +4,8 @@
 
 The three libraries that choose kernels by the processor (OpenBLAS, PyTorch, Numba) are told that it is an
 older one. The run is in a clone with an empty cache; it takes longer than `dvc repro`. Writes
-`reports/other_processor`; ends with code 1 if a verdict is another one, not only undecided.
+`reports/other_processor` and names every verdict that changed; ends with code 1 if one is another, not only
+undecided. What pages quote from studies is not made again, and is counted as such.
 """
 
 import os
@@ -16,7 +17,13 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, write_csv
-from structlearn.reporting.other_processor import FLIPPED, OUTCOMES, compared, other_processor_page
+from structlearn.reporting.other_processor import (
+    FLIPPED,
+    OUTCOMES,
+    changes,
+    compared,
+    other_processor_page,
+)
 from structlearn.reporting.stage_times import this_machine
 
 SETTINGS = {"OPENBLAS_CORETYPE": "Nehalem", "ATEN_CPU_CAPABILITY": "default", "NUMBA_CPU_NAME": "generic"}
@@ -35,6 +42,7 @@ def main() -> None:
     write_csv(table, RESULT / "claims.csv")
     with publish(RESULT / "index.html") as path:
         path.write_text(other_processor_page(table, SETTINGS, this_machine()), encoding="utf-8")
+    print(*changes(table), sep="\n")
     print(", ".join(f"{(table['outcome'] == outcome).sum()} {outcome}" for outcome in OUTCOMES))
     if (table["outcome"] == FLIPPED).any():
         sys.exit(f"error: {RESULT}/claims.csv: a verdict depends on the processor")

@@ -117,6 +117,7 @@ from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSk
 ROOT = Path(__file__).parents[1]
 
 HOLDS_NOTHING_OUT = {
+    "engines": "simulates",
     "own/import_task": "takes recordings over",
     "own/segment": "cuts demonstrations",
     "own/skill": "puts into one file what was learned",

@@ -1,13 +1,20 @@
 """Verdicts of two processors: other digits are no other verdict, undecided is none either."""
 
+import subprocess
+import sys
+
 import pandas as pd
 import pytest
 
+from structlearn.reporting.claims import Evidence, claims_table, judge, quoted, read_claims
+from structlearn.reporting.document import environment
 from structlearn.reporting.other_processor import (
     DIGITS,
     FLIPPED,
     MARGIN,
+    QUOTED,
     SAME,
+    changes,
     compared,
     other_processor_page,
 )
@@ -25,6 +32,8 @@ HERE = pd.DataFrame(
         (("b", "", "2.0", "yes"), SAME),
         (("b", "", "2.1", "yes"), DIGITS),
         (("b", "", "2.1", "undecided"), MARGIN),
+        (("b", "", "2.0", "undecided"), MARGIN),  # at the bound: the printed digits do not tell
+        (("b", "", "2.0", "no"), FLIPPED),
         (("b", "", "2.1", "no"), FLIPPED),
         (("b", "", "2.1", "not tested"), FLIPPED),
         (("another", "", "2.0", "yes"), FLIPPED),
@@ -67,3 +76,61 @@ def test_what_only_differs_from_the_row_above_is_shown_with_it():
     assert "<td>It learns … in our variant</td><td></td><td>2.0</td>" in page
     assert "<td>A hand arrives … in our variant</td><td></td><td>4</td>" in page
     assert "verdict there" in page
+
+
+def test_rows_quoted_from_a_study_are_not_counted_as_run(tmp_path):
+    (tmp_path / "claims.yaml").write_text(
+        "- {statement: ran, source: IV, evidence: ran, test: above}\n"
+        "- {statement: read, source: IV, evidence: read, test: above}\n"
+    )
+    above = Evidence(1.0, 0.5, 1.5, 5)
+    found = {"ran": above} | quoted({"read": {"a": above, "b": above}}, "toy/people")
+    claims = read_claims(tmp_path / "claims.yaml")
+    table = claims_table(judge(claims, found, environment("structlearn.reporting"), {}))
+    assert table["study"].tolist() == ["", "toy/people", "toy/people"]
+    outcomes = compared({"toy": table}, {"toy": table}).set_index(["statement", "case"])["outcome"]
+    assert outcomes.to_dict() == {("ran", ""): SAME, ("read", "A"): QUOTED, ("read", "B"): QUOTED}
+    other = table.assign(verdict="undecided")  # whatever the reason: a changed word is shown
+    assert set(compared({"toy": table}, {"toy": other})["outcome"]) == {MARGIN}
+
+
+def test_changed_words_are_named_one_by_one():
+    there = HERE.assign(verdict=["yes", "undecided", "yes", "yes"], here=["1.1", "2.1", "3.1", "4"])
+    assert changes(compared({"toy": HERE}, {"toy": there[:3]})) == [
+        "toy: b: yes -> undecided (2.0 -> 2.1)",
+        "toy: c: x: no -> yes (3 -> 3.1)",
+        "toy: c: y: yes -> no such row (4 -> no such row)",
+    ]
+
+
+def test_rows_with_the_same_words_are_held_against_their_likes():
+    """Of two sets, or of the text and of ours."""
+    twice = pd.concat([HERE.assign(set="a", by="text"), HERE.assign(set="b", by="text")])
+    twice = pd.concat([twice, HERE.assign(set="b", by="ours", verdict="no")])
+    table = compared({"toy": twice}, {"toy": twice})
+    assert len(table) == len(twice)
+    assert set(table["outcome"]) == {SAME}
+
+
+def test_verdicts_of_the_working_tree_are_held_against_the_commit(tmp_path):
+    """Other digits are no news; another word is, and so is a row that is gone."""
+    file = tmp_path / "reports/toy/tables/claims.csv"
+    file.parent.mkdir(parents=True)
+    HERE.to_csv(file, index=False)
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
+    for words in (["init", "--quiet"], ["add", "."], ["commit", "--quiet", "--message", "tables"]):
+        subprocess.run([*git, *words], cwd=tmp_path, check=True)
+    assert printed(tmp_path) == ["no verdict changed"]
+    HERE.assign(here=["1.1", "2.1", "3.1", "4.1"]).to_csv(file, index=False)
+    assert printed(tmp_path) == ["no verdict changed"]
+    HERE.assign(verdict=["undecided", "yes", "no", "yes"])[:3].to_csv(file, index=False)
+    assert printed(tmp_path) == [
+        "toy: a: yes -> undecided (1.0 -> 1.0)",
+        "toy: c: y: yes -> no such row (4 -> no such row)",
+    ]
+
+
+def printed(folder):
+    command = [sys.executable, "-m", "structlearn.reporting.verdicts"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()

@@ -38,6 +38,7 @@ from structlearn.reporting.claims import (
     UNKNOWN,
     YES,
     Evidence,
+    claims_table,
     combined,
     read_claims,
 )
@@ -288,6 +289,9 @@ def test_people_are_drawn_and_judged_where_they_were_studied(made, feedback, seg
     report = made(feedback, study=people(numbers))
     assert NOT_TESTED not in {one.verdict for one in report.pages["feedback"].judged}
     assert "over 5 others" in render(report.pages["feedback"], AnyFigure())
+    assert set(claims_table(report.pages["feedback"].judged)["study"]) == {people_module.STUDY}
+    index = claims_table(report.pages["index"].judged)
+    assert set(index.loc[index["verdict"] != NOT_TESTED, "study"]) == {people_module.STUDY, ""}  # of this run
     assert report.metrics["people"] == 5
     nmse, low, high = (
         report.metrics[f"people_pmnn_prim2_generalization_nmse{end}"] for end in ("", "_low", "_high")

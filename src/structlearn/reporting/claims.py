@@ -43,6 +43,7 @@ class Evidence:
         people: that the `n` trials of a share are of, where trials of one person are alike; else None.
         pooled_low: lower end of the share's interval if all trials were independent.
         pooled_high: its upper end.
+        study: that it is quoted from, run beside the pipeline; empty where this run computed it.
     """
 
     value: float
@@ -53,6 +54,7 @@ class Evidence:
     people: int | None = None
     pooled_low: float = float("nan")
     pooled_high: float = float("nan")
+    study: str = ""
 
 
 def exact(value: float, n: int) -> Evidence:
@@ -174,6 +176,16 @@ Found = Evidence | Mapping[str, Evidence]
 """What was found for one claim: one number, or one by case."""
 
 
+def quoted(found: Mapping[str, Found], study: str) -> dict[str, Found]:
+    """Evidence read from the table of a study, marked as such: running the pipeline does not test it."""
+    return {
+        name: replace(one, study=study)
+        if isinstance(one, Evidence)
+        else {case: replace(its, study=study) for case, its in one.items()}
+        for name, one in found.items()
+    }
+
+
 def _decided(holds: bool, fails: bool) -> str:
     return YES if holds else NO if fails else UNDECIDED
 
@@ -270,6 +282,7 @@ class Judged:
         claim: with its texts rendered.
         cases: name, number in words, n and verdict of each; one with an empty name where there are no cases.
         verdict: over all cases.
+        studies: that the cases are quoted from, see `Evidence.study`; empty where none is.
         heading: of the set of data that it is about, on a page with several.
         simulated: verdict on the claim's counterpart; empty where it is not known.
     """
@@ -277,6 +290,7 @@ class Judged:
     claim: Claim
     cases: tuple[tuple[str, str, int, str], ...]
     verdict: str
+    studies: tuple[str, ...] = ()
     heading: str = ""
     simulated: str = ""
 
@@ -331,7 +345,8 @@ def _judged(claim: Claim, found: Found, environment: Environment, facts: Mapping
         (capitalised(case), in_words(one, claim.format, claim.unit), one.n, claim.verdict(one, case))
         for case, one in by_case.items()
     )
-    return Judged(claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]))
+    studies = tuple(one.study for one in by_case.values())
+    return Judged(claim.model_copy(update=texts), cases, combined([case[-1] for case in cases]), studies)
 
 
 def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
@@ -378,14 +393,19 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
 
 
 def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
-    """One row per case of each claim, as the CSV file holds them; with its set where there are several."""
+    """One row per case of each claim, as the CSV file holds them; with its set where there are several.
+
+    Returns:
+        `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`, `verdict_of_all`,
+        and `study`: that the number is quoted from, empty where the run computed it.
+    """
     rows = [
-        (one.claim.by, one.claim.statement, one.claim.source, one.claim.published, *case, one.verdict)
+        (one.claim.by, one.claim.statement, one.claim.source, one.claim.published, *case, one.verdict, study)
         for one in judged
-        for case in one.cases
+        for case, study in zip(one.cases, one.studies or [""] * len(one.cases), strict=True)
     ]
     columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
-    table = pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows, columns=[*columns, "study"])
     if any(one.heading for one in judged):
         sets = [
             (one.heading, one.simulated, like.model_dump_json() if (like := one.claim.simulated) else "")

@@ -9,7 +9,7 @@ from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters, read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures, segmentation_figures
-from structlearn.reporting.claims import UNKNOWN, Found, judge, read_claims
+from structlearn.reporting.claims import UNKNOWN, Found, judge, quoted, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.prose import listing
@@ -156,6 +156,7 @@ def scraping_report(
     aligned = [primitive.name for primitive in segmentation.found_primitives]
     found = people_results.known(people_results.segmentation_evidence, studied, aligned)
     of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)
+    found = quoted(found, people_results.STUDY)
     add("index", found | evidence.sweep_evidence(segmentation), of_one)
 
     report.drawings |= feedback_drawings(feedback, studied)
@@ -168,7 +169,7 @@ def scraping_report(
         for one in (studied, shown_one)
     )
     beside = {name: one for name, one in of_one.items() if not name.endswith(people_results.VALIDATED)}
-    add("feedback", found, beside)
+    add("feedback", quoted(found, people_results.STUDY), beside)
 
     report.drawings |= refinement_drawings(refinement, primitives)
     report.tables |= tables.refinement_tables(refinement, primitives, printed)
@@ -177,7 +178,8 @@ def scraping_report(
     report.tables |= refinement_studies.study_tables(studies, refined)
     report.metrics |= refinement.metrics(numbers.get)
     report.metrics |= refinement_studies.population_metrics(studies, list(refined.values()))
-    add("refinement", refinement_studies.refinement_evidence(refinement, studies, numbers.get))
+    found = refinement_studies.refinement_evidence(refinement, studies, numbers.get)
+    add("refinement", quoted(found, refinement_studies.PEOPLE))
     return report
 
 

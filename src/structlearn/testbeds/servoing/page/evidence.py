@@ -1,8 +1,14 @@
-"""What was found for each of the claims, by the names that `claims.yaml` uses."""
+"""What was found for each of the claims, by the names that `claims.yaml` uses.
+
+All of it is over people: of each, the whole branch was run anew, demonstrations, sensor, models and trials.
+So people are independent, which seeds of one person's models are not. The numbers are those of `metrics.json`
+and `details.json` by the same keys, means over the models of a person, from the study `servoing/people`; what
+the person of this run shows is in figures and tables and decides nothing.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 
@@ -14,9 +20,10 @@ from structlearn.reporting.claims import (
     clustered_share,
     difference,
     mean,
+    quoted,
+    rate_difference,
 )
-from structlearn.reporting.studies import Study
-from structlearn.tactile.latent_variants import FORWARD_OF, NO_INVERSE
+from structlearn.tactile.latent_variants import FORWARD_OF, LOCALLY_LINEAR, NO_INVERSE
 from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.testbeds.servoing.names import (
     DYNAMICS,
@@ -26,136 +33,170 @@ from structlearn.testbeds.servoing.names import (
     TEXT,
     dynamics_name,
 )
-from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, ServoingResults
+from structlearn.testbeds.servoing.page.results import (
+    PEOPLE_STUDY,
+    ServoingResults,
+    forward_key,
+    rate_key,
+)
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
-from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores
+from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
+
+TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)
+"""The published controller with the locally linear model, which the text did not try on a robot."""
+
+Numbers = Callable[[str], np.ndarray | None]
+"""A metric by person (P,), by its key; None where it is not known."""
 
 
 def evidence(results: ServoingResults) -> dict[str, Found]:
-    """What was found; closed loops are unknown where the demonstrations were recorded."""
-    return _prediction(results.models) | _closed_loop(results) | _geometry(results) | _people(results)
+    """What was found over people; unknown where they were not studied, or the study kept no such number."""
+    found = _prediction(results.of_people)
+    return quoted(found | _closed_loop(results) | _geometry(results), PEOPLE_STUDY)
 
 
-def _prediction(models: ModelScores) -> dict[str, Found]:
-    """Latent spaces, forward and inverse models: means, and paired differences over seeds."""
-    cosines = models.cosines
+def over_people(make: Callable[..., Evidence], *samples: np.ndarray | None, comparisons: int = 1) -> Evidence:
+    """`make(*samples)` of numbers by person, (P,) each; unknown where one of these is not known."""
+    return UNKNOWN if any(one is None for one in samples) else make(*samples, comparisons=comparisons)
+
+
+def rate_of_people(
+    results: ServoingResults, variant: Variant, skin: str = "", comparisons: int = 1
+) -> Evidence:
+    """Share of targets that a controller reaches over people, with the skin or another one."""
+    return over_people(
+        partial(_clustered, results.trials_per_person(skin)),
+        results.of_people(rate_key(variant, skin)),
+        comparisons=comparisons,
+    )
+
+
+def rate(trials: ControllerScores, variant: Variant) -> Evidence:
+    """Share of trials of one person in which a controller reaches its target; clustered by model."""
+    counts = trials.counts(variant)
+    found = clustered_share(counts["success"].to_numpy(), counts["trials"].to_numpy())
+    return replace(found, people=None)  # these are trained models, so no sentence may call them people
+
+
+def _prediction(numbers: Numbers) -> dict[str, Found]:
+    """Latent spaces, forward and inverse models: means, and differences in pairs of one person."""
+
+    def means(key: str) -> Found:
+        cases = {split: (numbers(f"{key}_{split}"),) for split in SPLITS}
+        return by_case(partial(over_people, mean), cases)
+
+    def cosines(name: str, ending: str = "") -> np.ndarray | None:
+        return numbers(f"cosine_distance_{name.lower()}{ending}")
+
     return {
-        "reconstruction": by_case(
-            mean, {split: (models.latents("reconstruction", True, split),) for split in SPLITS}
-        ),
-        "distances": by_case(mean, {split: (models.latents("distances", True, split),) for split in SPLITS}),
-        "grows": {name: _smallest_rise(models, structure) for structure, name in STRUCTURE_NAMES.items()},
-        "structure_predicts": _structured(models.forwards),
-        "structure_predicts_pressure": _structured(models.forwards, column="pressure"),
-        "loss_predicts": by_case(
-            difference,
+        "reconstruction": means("reconstruction_nmse"),
+        "distances": means("mds_nmse"),
+        "grows": {name: _smallest_rise(numbers, structure) for structure, name in STRUCTURE_NAMES.items()},
+        "structure_predicts": _structured(numbers),
+        "structure_predicts_pressure": _structured(numbers, column="pressure"),
+        "loss_predicts": _differences(
             {
                 dynamics_name(forward, way): (
-                    models.forwards(forward, way),
-                    models.forwards(forward, NO_INVERSE),
+                    numbers(forward_key(forward, way, structure=True)),
+                    numbers(forward_key(forward, NO_INVERSE, structure=True)),
                 )
                 for forward, way in DYNAMICS
                 if way != NO_INVERSE
-            },
+            }
         ),
-        "nj_predicts": by_case(
-            difference,
-            {f"{name} minus NJ": (cosines(name), cosines("NJ")) for name in FORWARD_OF if name != "NJ"},
+        "nj_predicts": _differences(
+            {f"{name} minus NJ": (cosines(name), cosines("NJ")) for name in FORWARD_OF if name != "NJ"}
         ),
-        "loss_directs": difference(cosines("NJ", with_loss=False), cosines("NJ")),
-        "easier": by_case(
-            difference, {name: (cosines(name), cosines(name, comparison="forward")) for name in FORWARD_OF}
-        ),
+        "loss_directs": over_people(difference, cosines("NJ", "_without_loss"), cosines("NJ")),
+        "easier": _differences({name: (cosines(name), cosines(name, "_predicted")) for name in FORWARD_OF}),
     }
 
 
 def _closed_loop(results: ServoingResults) -> dict[str, Found]:
-    """Shares of targets, and differences in % of targets, paired over models."""
-    trials = results.trials
+    """Shares of targets, and differences in % of targets, in pairs of one person."""
     models = {name: replace(OURS, inverse=name) for name in FORWARD_OF}
     text_models = {name: replace(TEXT, inverse=name) for name in FORWARD_OF}
+    trials, lost = results.trials_per_person(), results.of_people("servo_contacts_lost")
     return {
-        "loss_needed": rate(trials, replace(TEXT, with_loss=False)) if _serves(trials) else UNKNOWN,
-        "able": rate(trials, TEXT),
-        "aimed": rate(trials, TEXT),
-        "aimed_resting": rate(trials, OURS),
-        "stays": rate(trials, OURS, "lost"),
-        "structure_serves": _gains(trials, text_models, {"structure": False}),
-        "structure_serves_resting": _gains(trials, models, {"structure": False}),
-        "loss_serves": _gains(trials, models, {"with_loss": False}),
+        "loss_needed": _if_serves(results, TEXT, rate_of_people(results, replace(TEXT, with_loss=False))),
+        "loss_needed_ll": _if_serves(
+            results, TEXT_LL, rate_of_people(results, replace(TEXT_LL, with_loss=False))
+        ),
+        "able": rate_of_people(results, TEXT),
+        "able_ll": rate_of_people(results, TEXT_LL),
+        "aimed": rate_of_people(results, OURS),
+        "stays": over_people(partial(_clustered, trials), None if lost is None else lost / trials),
+        "structure_serves": _gains(results, text_models, {"structure": False}),
+        "structure_serves_resting": _gains(results, models, {"structure": False}),
+        "loss_serves": _gains(results, models, {"with_loss": False}),
     }
 
 
 def _geometry(results: ServoingResults) -> dict[str, Found]:
-    found = {
-        name: by_case(rate, {SKIN_NAMES[skin]: (its, variant) for skin, its in results.skins.items()})
-        for name, variant in (("geometry", TEXT), ("geometry_resting", OURS), ("geometry_aimed", OURS))
-    }
-    return found if _serves(results.trials) else found | {"geometry": UNKNOWN}
+    def with_others(variant: Variant) -> dict[str, Evidence]:
+        cases = {SKIN_NAMES[skin]: (results, variant, skin) for skin in results.skins}
+        return by_case(rate_of_people, cases)
 
-
-def _people(results: ServoingResults) -> dict[str, Found]:
-    """Shares of targets over other people with other sensors, each with models of its own."""
     return {
-        "able_people": over_people(results.people, "servo_success_rate_published"),
-        "aimed_people": over_people(results.people, "servo_success_rate"),
+        "geometry": _if_serves(results, TEXT, with_others(TEXT)),
+        "geometry_ll": _if_serves(results, TEXT_LL, with_others(TEXT_LL)),
+        "geometry_aimed": with_others(OURS),
     }
 
 
-def over_people(study: Study | None, key: str) -> Evidence:
-    """Mean of a metric over the people of the study; unknown where it was not run."""
-    return UNKNOWN if study is None else mean(study.values(AS_IT_STANDS, key))
-
-
-def rate(trials: ControllerScores, variant: Variant, what: str = "success", comparisons: int = 1) -> Evidence:
-    """Share of trials in which a controller reaches its target, or loses the contact; clustered by model."""
-    counts = trials.counts(variant)
-    return clustered_share(counts[what].to_numpy(), counts["trials"].to_numpy(), comparisons)
-
-
-def _structured(values: Callable[..., np.ndarray], **column: str) -> Found:
-    """Errors without structure minus with it, of all forward models."""
-    return by_case(
-        difference,
-        {
-            dynamics_name(*kind): (values(*kind, False, **column), values(*kind, True, **column))
-            for kind in DYNAMICS
-        },
-    )
-
-
-def _smallest_rise(models: ModelScores, structure: bool) -> Evidence:
-    """Of forward NMSE from one step of prediction to the next, over all models: the one that says least."""
-    lengths = [steps for steps in models.steps if steps <= TEST_CHAIN]
-    cases = [(kind, before, after) for kind in DYNAMICS for before, after in pairwise(lengths)]
-    rises = [
-        difference(
-            models.forwards(*kind, structure, after), models.forwards(*kind, structure, before), len(cases)
-        )
-        for kind, before, after in cases
-    ]
-    return min(rises, key=lambda rise: (rise.high > 0.0, rise.low))
-
-
-def _serves(trials: ControllerScores) -> bool:
-    """Whether the text's controller works on the skin that it learned from.
+def _if_serves(results: ServoingResults, variant: Variant, found: Found) -> Found:
+    """What was found of a controller that works as it was taught, over people; else unknown.
 
     Where it does not, its failing elsewhere, or without the inverse model's loss, says nothing of either.
     """
-    return rate(trials, TEXT).low > 0.5
+    return found if rate_of_people(results, variant).low > 0.5 else UNKNOWN
 
 
-def _gains(trials: ControllerScores, models: Mapping[str, Variant], without: Mapping[str, bool]) -> Found:
-    """What each controller gains by something that it would be `without`."""
-    return _differences(trials, {name: (model, replace(model, **without)) for name, model in models.items()})
+def _clustered(trials: int, rates: np.ndarray, comparisons: int = 1) -> Evidence:
+    """A share over people of as many trials each, from their rates (P,)."""
+    return clustered_share(np.rint(trials * rates), np.full(len(rates), trials), comparisons)
 
 
-def _differences(trials: ControllerScores, pairs: Mapping[str, tuple[Variant, Variant]]) -> Found:
-    return by_case(
-        difference,
+def _structured(numbers: Numbers, column: str = "") -> Found:
+    """Errors without structure minus with it, of all forward models."""
+    return _differences(
         {
-            name: (trials.successes(first), trials.successes(second))
-            for name, (first, second) in pairs.items()
-        },
+            dynamics_name(*kind): tuple(
+                numbers(forward_key(*kind, structure, column=column)) for structure in (False, True)
+            )
+            for kind in DYNAMICS
+        }
     )
+
+
+def _smallest_rise(numbers: Numbers, structure: bool) -> Evidence:
+    """Of forward NMSE from one step of prediction to the next, over all models: the one that says least."""
+    cases = [(kind, steps, steps + 1) for kind in DYNAMICS for steps in range(1, TEST_CHAIN)]
+    rises = [
+        over_people(
+            difference,
+            numbers(forward_key(*kind, structure, after)),
+            numbers(forward_key(*kind, structure, before)),
+            comparisons=len(cases),
+        )
+        for kind, before, after in cases
+    ]
+    return UNKNOWN if UNKNOWN in rises else min(rises, key=lambda rise: (rise.high > 0.0, rise.low))
+
+
+def _gains(results: ServoingResults, models: Mapping[str, Variant], without: Mapping[str, bool]) -> Found:
+    """What each controller gains by something that it would be `without`, in % of targets."""
+
+    def rates(variant: Variant) -> np.ndarray | None:
+        return results.of_people(rate_key(variant))
+
+    return by_case(
+        partial(over_people, rate_difference),
+        {name: (rates(model), rates(replace(model, **without))) for name, model in models.items()},
+    )
+
+
+def _differences(pairs: Mapping[str, tuple[np.ndarray | None, ...]]) -> Found:
+    """First minus second of each pair of numbers by person."""
+    return by_case(partial(over_people, difference), pairs)

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.metrics import mean_interval
-from structlearn.reporting.claims import in_words, judge, read_claims
+from structlearn.reporting.claims import in_words, judge, mean, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.prose import with_interval
 from structlearn.reporting.studies import rests_on
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.files import MADE_BY
 from structlearn.testbeds.servoing.page import tables
-from structlearn.testbeds.servoing.page.evidence import evidence, over_people, rate
+from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence, over_people, rate, rate_of_people
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
@@ -64,8 +64,11 @@ def _facts(results: ServoingResults) -> dict[str, object]:
         "like": replace,
         "over_seeds": over_seeds,
         "reached": reached,
-        "over_people": lambda key: in_words(over_people(results.people, key), ".2f"),
-        "unless_run": "" if results.people else "; study servoing/people",
+        "text_ll": TEXT_LL,
+        "mean_of_people": lambda key, number_format: in_words(
+            over_people(mean, results.of_people(key)), number_format
+        ),
+        "over_people": lambda variant, skin="": in_words(rate_of_people(results, variant, skin), "share"),
     }
     errors = results.contact_errors
     squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
