@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.metrics import mean_interval
-from structlearn.reporting.claims import in_words, judge, mean, read_claims
+from structlearn.reporting.claims import Evidence, in_words, judge, mean, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.prose import with_interval
 from structlearn.reporting.studies import rests_on
@@ -15,7 +15,7 @@ from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.files import MADE_BY
 from structlearn.testbeds.servoing.page import tables
 from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence, over_people, rate, rate_of_people
-from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
+from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, PUBLISHED, ServoingResults
 from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
 from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
@@ -68,7 +68,8 @@ def _facts(results: ServoingResults) -> dict[str, object]:
         "mean_of_people": lambda key, number_format: in_words(
             over_people(mean, results.of_people(key)), number_format
         ),
-        "over_people": lambda variant, skin="": in_words(rate_of_people(results, variant, skin), "share"),
+        "people_count": len(results.people.values(AS_IT_STANDS, "repeat")) if results.people else 0,
+        "over_people": lambda variant, skin="": share_in_sentence(rate_of_people(results, variant, skin)),
     }
     errors = results.contact_errors
     squares = np.square(errors[["along_mm", "across_mm"]]).to_numpy().sum()
@@ -78,6 +79,11 @@ def _facts(results: ServoingResults) -> dict[str, object]:
 def over_seeds(values: np.ndarray, number_format: str) -> str:
     """`0.36 [0.30, 0.42]`: mean of values (S,) with its 95 % interval."""
     return with_interval(*mean_interval(values), number_format)
+
+
+def share_in_sentence(found: Evidence) -> str:
+    """`32.2 % [15.4, 48.9]`: a share with its interval over people; the sentence says of whom it is."""
+    return in_words(replace(found, people=None), "share")
 
 
 def reached(trials: ControllerScores, variant: Variant) -> str:
