@@ -307,10 +307,10 @@ def test_blocks_of_the_run_tuned_on_decide_nothing():
     own = (spoiled["learned_from"] == "a") & (spoiled["asked_about"] == "a")
     spoiled.loc[own, ["map_nmse", "latent_mm"]] = 99.0
     results = SkinResults(made_up().tables | {"errors": spoiled}, ("a",))
-    assert skin_evidence(results.runs)["map_aim"] == skin_evidence(made_up().runs)["map_aim"]
+    assert skin_evidence(results.runs)["map_text"] == skin_evidence(made_up().runs)["map_text"]
     alone = SkinRuns({"errors": spoiled[own]}, ("a",))
     words = cases(parts.__name__, skin_evidence(alone), CLAIMS)
-    assert words["map_aim"] == {"": "not tested"}
+    assert words["map_text"] == {"": "not tested"}
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from jinja2 import Environment, StrictUndefined, UndefinedError
 
 from structlearn.reporting.claims import (
+    BY_CONSTRUCTION,
     NO,
     NOT_TESTED,
     TESTS,
@@ -35,6 +36,7 @@ from structlearn.reporting.claims import (
     rate_difference,
     read_claims,
     share,
+    unknown,
 )
 from structlearn.reporting.prose import percent, rounded
 
@@ -62,6 +64,21 @@ def within(low, high):
 def test_an_interval_decides_only_where_all_of_it_lies_on_one_side(test, bound, yes, no, undecided):
     judged = [claim(test, bound).verdict(within(*ends)) for ends in (yes, no, undecided)]
     assert judged == [YES, NO, UNDECIDED]
+
+
+def test_what_holds_by_construction_is_no_yes_and_says_why():
+    marked = claim(by_construction="it is written so")
+    words = judge([marked], {"e": {"a": exact(1.0, 3), "b": exact(2.0, 3)}}, ENVIRONMENT, {})
+    assert words[0].verdict == BY_CONSTRUCTION
+    assert claim_metrics(words)["claims_yes"] == 0
+    assert set(claims_table(words)["by_construction"]) == {"it is written so"}
+    assert marked.verdict(exact(-1.0, 3)) == NO  # a fault shows all the same
+
+
+def test_a_row_says_why_it_is_not_tested():
+    (judged,) = judge([claim()], {"e": unknown("nobody was there")}, ENVIRONMENT, {})
+    assert judged.verdict == NOT_TESTED
+    assert judged.cases[0][1] == "not tested: nobody was there"
 
 
 def test_zero_means_none_at_all():
@@ -144,6 +161,7 @@ def test_metrics_count_what_the_dissertation_states():
         "claims_no": 1,
         "claims_undecided": 0,
         "claims_not_tested": 0,
+        "claims_holds_by_construction": 0,
     }
     assert list(claims_table(judged)["verdict"]) == [YES, YES, NO]
 

@@ -126,6 +126,7 @@ def test_a_report_has_the_same_bytes_every_time(package, tmp_path):
         "claims_no": 0,
         "claims_undecided": 0,
         "claims_not_tested": 0,
+        "claims_holds_by_construction": 0,
     }
     assert json.loads(files["details.json"]) == {"other": 2}
     assert b"figures/curve-2.svg" in files["index.html"]

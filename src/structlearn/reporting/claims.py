@@ -6,6 +6,7 @@ found for them is `Evidence` by name. Here is the one evaluator and its one voca
     yes, no         the 95 % interval lies wholly on that side of the bound
     undecided       it lies on both sides
     not tested      nothing was found that could decide
+    holds by construction   its evidence cannot say "no": the claim is true of whatever is measured
 
 A claim with several cases (people, primitives, models) is yes only if every case is, and no if any is; their
 intervals are widened so that all of them together cover with 95 % (`comparisons`).
@@ -27,7 +28,8 @@ from structlearn.ground.params import read_values
 from structlearn.reporting.prose import capitalised, interval, percent, rounded
 
 YES, NO, UNDECIDED, NOT_TESTED = "yes", "no", "undecided", "not tested"
-VERDICTS = (YES, NO, UNDECIDED, NOT_TESTED)
+BY_CONSTRUCTION = "holds by construction"
+VERDICTS = (YES, NO, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,7 @@ class Evidence:
         pooled_low: lower end of the share's interval if all trials were independent.
         pooled_high: its upper end.
         study: that it is quoted from, run beside the pipeline; empty where this run computed it.
+        reason: why nothing was found, where the value is NaN.
     """
 
     value: float
@@ -55,6 +58,7 @@ class Evidence:
     pooled_low: float = float("nan")
     pooled_high: float = float("nan")
     study: str = ""
+    reason: str = ""
 
 
 def exact(value: float, n: int) -> Evidence:
@@ -172,6 +176,12 @@ def counted(count: int, n: int) -> Evidence:
 UNKNOWN = Evidence(float("nan"), float("nan"), float("nan"), 0)
 """Of what was not run: the verdict is `not tested`."""
 
+
+def unknown(reason: str) -> Evidence:
+    """Of what could not be found, and why: the row says so."""
+    return replace(UNKNOWN, reason=reason)
+
+
 Found = Evidence | Mapping[str, Evidence]
 """What was found for one claim: one number, or one by case."""
 
@@ -239,6 +249,7 @@ class Claim(BaseModel):
         format: of the numbers, or `share` for percentages, or `count` for `3 of 63`.
         unit: written behind them.
         note: what else a reader must know, e.g. what the number is of.
+        by_construction: why no measurement could refute it; it is shown as such and is no yes.
         simulated: the like statement of a simulated testbed, for claims about recorded data.
     """
 
@@ -254,6 +265,7 @@ class Claim(BaseModel):
     format: str = ".2f"
     unit: str = ""
     note: str = ""
+    by_construction: str = ""
     simulated: Counterpart | None = None
 
     @model_validator(mode="after")
@@ -271,7 +283,8 @@ class Claim(BaseModel):
             return NOT_TESTED
         test = self.test[case] if isinstance(self.test, dict) else self.test
         bound = self.bound[case] if isinstance(self.bound, dict) else self.bound
-        return TESTS[test](found, bound)
+        verdict = TESTS[test](found, bound)
+        return BY_CONSTRUCTION if self.by_construction and verdict == YES else verdict
 
 
 @dataclass(frozen=True)
@@ -307,7 +320,8 @@ def read_claims(path: Path) -> list[Claim]:
 def combined(verdicts: Sequence[str]) -> str:
     """The verdict on a claim by those on its cases: as bad as the worst."""
     return next(
-        (word for word in (NO, UNDECIDED, NOT_TESTED) if word in verdicts), YES if verdicts else NOT_TESTED
+        (word for word in (NO, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION) if word in verdicts),
+        YES if verdicts else NOT_TESTED,
     )
 
 
@@ -355,7 +369,7 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
     A rate is never rounded to 0 or 100 % where it is neither.
     """
     if np.isnan(found.value):
-        return NOT_TESTED
+        return f"{NOT_TESTED}: {found.reason}" if found.reason else NOT_TESTED
     if number_format == "count":
         return f"{found.count} of {found.n}"
     if number_format == "share":
@@ -397,15 +411,17 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
     Returns:
         `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`, `verdict_of_all`,
-        and `study`: that the number is quoted from, empty where the run computed it.
+        `by_construction`: why nothing could refute it, and `study`: that the number is quoted from; both are
+        empty elsewhere.
     """
+    texts = ("by", "statement", "source", "published")
     rows = [
-        (one.claim.by, one.claim.statement, one.claim.source, one.claim.published, *case, one.verdict, study)
+        (*(getattr(one.claim, name) for name in texts), *case, one.verdict, one.claim.by_construction, study)
         for one in judged
         for case, study in zip(one.cases, one.studies or [""] * len(one.cases), strict=True)
     ]
-    columns = ["by", "statement", "source", "published", "case", "here", "n", "verdict", "verdict_of_all"]
-    table = pd.DataFrame(rows, columns=[*columns, "study"])
+    columns = [*texts, "case", "here", "n", "verdict", "verdict_of_all", "by_construction", "study"]
+    table = pd.DataFrame(rows, columns=columns)
     if any(one.heading for one in judged):
         sets = [
             (one.heading, one.simulated, like.model_dump_json() if (like := one.claim.simulated) else "")

@@ -14,7 +14,7 @@ import pandas as pd
 
 from structlearn.ground.artefacts import Metrics, read_csv
 from structlearn.ground.params import read_values
-from structlearn.reporting.claims import NOT_TESTED, UNKNOWN, Judged, judge, verdict_in
+from structlearn.reporting.claims import NOT_TESTED, Judged, judge, unknown, verdict_in
 from structlearn.reporting.document import Document, Source, Table, anchor, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.testbeds.recorded.files import TABLES
@@ -153,9 +153,12 @@ def judged_part(
     part: Part, results: RecordedResults, facts: Mapping[str, object], simulated: Mapping[str, pd.DataFrame]
 ) -> list[Judged]:
     """A part's claims, not tested where there are no data of it, with verdicts on their counterparts."""
-    found = {claim.evidence: UNKNOWN for claim in part.claims}
+    found = {claim.evidence: unknown("not recorded here") for claim in part.claims}
     if part.there(results):
-        found = {name: its or UNKNOWN for name, its in part.evidence(results).items()}
+        found = {
+            name: its or unknown("nothing recorded decides it")
+            for name, its in part.evidence(results).items()
+        }
     judged = []
     for one in judge(part.claims, found, environment(PACKAGE), facts):
         like = one.claim.simulated

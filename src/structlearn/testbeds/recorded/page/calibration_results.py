@@ -6,7 +6,7 @@ from importlib.resources import files as package_files
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import UNKNOWN, Found, exact, judge, read_claims
+from structlearn.reporting.claims import Found, exact, judge, read_claims, unknown
 from structlearn.reporting.document import Document, Table, environment
 from structlearn.reporting.prose import listing, rounded
 from structlearn.testbeds.recorded import names
@@ -123,7 +123,7 @@ def calibration_document(
         "variance_percent": 100 * parameters["calibrate"].variance,
     }
     if not stored:
-        nothing = {claim.evidence: UNKNOWN for claim in claims}
+        nothing = {claim.evidence: unknown("no scraping execution is recorded here") for claim in claims}
         judged = judge(claims, nothing, environment(PACKAGE), constants)
         return Document("not_recorded.html.jinja", PACKAGE, STAGE, judged=judged)
     comparison, electrodes = stored["comparison"], stored["electrodes"]

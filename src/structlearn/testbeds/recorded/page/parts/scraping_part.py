@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.palette import AXIS_COLOURS, CATEGORICAL_COLOURS, GREY, LIGHT_GREY
-from structlearn.reporting.claims import UNKNOWN, Found, exact, mean
+from structlearn.reporting.claims import Found, exact, mean, unknown
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import legend, panel
@@ -55,7 +55,7 @@ def evidence(results: RecordedResults) -> dict[str, Found]:
             "position (mm)": exact(parts["mean_mm"].max(), len(parts)),
             "orientation (°)": exact(parts["mean_deg"].max(), len(parts)),
         },
-        "electrodes": mean(strong["nmse"]) if len(strong) else UNKNOWN,
+        "electrodes": mean(strong["nmse"]) if len(strong) else unknown("no electrode moves enough"),
     }
 
 

@@ -7,13 +7,15 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, by_case, mean
+from structlearn.reporting.claims import Evidence, Found, by_case, mean, unknown
 from structlearn.testbeds.recorded import names
 
 STRUCTURED, PLAIN, COMPONENTS, _ = names.SKIN_MODELS
 RIDGE = next(iter(names.SKIN_FORCE))
 
 ARROW = "\N{RIGHTWARDS ARROW}"
+
+MISSING = unknown("no runs for it are recorded here")
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class SkinRuns:
         """The same by what was learned from and asked about."""
         found = self.by_block(names.SKIN_NEW_RUN, error)
         if not len(found):
-            return UNKNOWN
+            return MISSING
         groups = found.groupby(level=[0, 1])
         return by_case(
             mean,
@@ -101,7 +103,7 @@ class SkinRuns:
     def force(self, new: str, model: str = RIDGE) -> Evidence:
         """N, root mean square of a press, mean over presses."""
         if "force" not in self.tables:
-            return UNKNOWN
+            return MISSING
         table = self.tables["force"]
         return of_mean(table[(table["new"] == new) & (table["model"] == model)]["rms_n"])
 
@@ -136,36 +138,31 @@ class SkinRuns:
 
 
 def of_mean(samples: pd.Series) -> Evidence:
-    """Mean of independent samples, `UNKNOWN` of none."""
-    return mean(samples.to_numpy(float)) if len(samples) else UNKNOWN
+    """Mean of independent samples, `MISSING` of none."""
+    return mean(samples.to_numpy(float)) if len(samples) else MISSING
 
 
 def skin_evidence(runs: SkinRuns) -> dict[str, Found]:
-    """By the names of the claims; of what is not there it is `UNKNOWN`."""
+    """By the names of the claims; of what is not there it is `MISSING`."""
     gain = {
         model: of_mean((runs.held_out("map_nmse", model) - runs.held_out("map_nmse")).dropna())
         for model in (PLAIN, COMPONENTS)
     }
-    servoed = {
-        ways: of_mean(
-            (runs.trials("arrived", STRUCTURED, *its) - runs.trials("arrived", PLAIN, *its)).dropna()
-        )
-        for ways, its in (
-            ("the published controllers", names.SKIN_SERVO_TEXT),
-            ("corrected", (names.SKIN_SERVO,)),
-        )
-    }
+    text, ours = (
+        of_mean((runs.trials("arrived", STRUCTURED, *its) - runs.trials("arrived", PLAIN, *its)).dropna())
+        for its in (names.SKIN_SERVO_TEXT, (names.SKIN_SERVO,))
+    )
     return {
         "signals": runs.tested("signal_nmse"),
         "map_text": runs.tested("map_nmse"),
-        "map_aim": runs.tested("map_nmse"),
         "structure": gain,
         "latent": runs.tested("latent_mm"),
         "laid": runs.tested("laid_mm"),
         "cross_run": runs.across_cases("latent_mm"),
         "pressure": {"pressure": runs.tested("pressure_nmse"), "depth": runs.depth()},
         "force": runs.force(names.SKIN_NEW_RUN),
-        "servo_structure": servoed,
+        "servo_structure": text,
+        "servo_structure_ours": ours,
         "servo": _arrivals(runs),
         "servo_way": runs.way(),
     }
@@ -174,7 +171,7 @@ def skin_evidence(runs: SkinRuns) -> dict[str, Found]:
 def _arrivals(runs: SkinRuns) -> Found:
     arrived = runs.trials("arrived", STRUCTURED, names.SKIN_SERVO)
     if not len(arrived):
-        return UNKNOWN
+        return MISSING
     return by_case(
         mean,
         {

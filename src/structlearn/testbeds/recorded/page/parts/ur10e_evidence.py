@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from structlearn.reporting.claims import UNKNOWN, Evidence, Found, counted, exact
+from structlearn.reporting.claims import Evidence, Found, counted, exact, unknown
 from structlearn.rigid_body.model_names import STRICT
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.panda_part import TEXT_STRUCTURES
@@ -18,6 +18,8 @@ from structlearn.testbeds.recorded.page.parts.ur10e_results import (
 )
 
 RIVALS = (("mlp", "none"), ("mlp_scaled", "none"), ("delan", "viscous"))
+
+NO_LOAD = unknown("no motion is recorded with and without a load")
 
 
 def ur10e_evidence(results: Ur10eResults) -> dict[str, Found]:
@@ -68,7 +70,7 @@ def _models(results: Ur10eResults) -> dict[str, Found]:
         "over_networks": _cases({names.DYNAMICS_MODELS[key[0]]: apart(key) for key in RIVALS}),
         "coulomb_factor": _cases({names.DYNAMICS_MODELS[model]: ratio(model) for model in STRICT}),
         "errors": _cases(dict(zip(joints, results.joint_error(part), strict=True))),
-        "further_errors": _cases(further) or UNKNOWN,
+        "further_errors": _cases(further) or unknown("no further motion is long enough"),
         "level": _cases(dict(zip(joints, level, strict=True))),
     }
 
@@ -82,7 +84,10 @@ def _drives(results: Ur10eResults) -> dict[str, Found]:
         assumed[f"joint {joint}"] = Drawn(
             100.0 * (moving.value / stands_in - 1.0), 100.0 * (moving.draws / stands_in - 1.0), moving.n
         )
-    return {"delays": _cases(delays), "assumed_gains": _cases(assumed) or UNKNOWN}
+    return {
+        "delays": _cases(delays),
+        "assumed_gains": _cases(assumed) or unknown("every gain is found at rest, or none is"),
+    }
 
 
 def _load(results: Ur10eResults) -> dict[str, Found]:
@@ -92,10 +97,10 @@ def _load(results: Ur10eResults) -> dict[str, Found]:
     long = {log: its for log, its in carried.items() if its.n >= FEWEST_BLOCKS}
     together = "all pairs" in found
     return {
-        "load": results.load("all pairs", "found").evidence() if together else UNKNOWN,
-        "load_alone": _cases(alone) or UNKNOWN,
-        "load_quoted": results.load("all pairs", "quoted").evidence() if together else UNKNOWN,
-        "load_carried": _cases(long) or UNKNOWN,
+        "load": results.load("all pairs", "found").evidence() if together else NO_LOAD,
+        "load_alone": _cases(alone) or NO_LOAD,
+        "load_quoted": results.load("all pairs", "quoted").evidence() if together else NO_LOAD,
+        "load_carried": _cases(long) or unknown("nowhere is the load carried long enough"),
     }
 
 

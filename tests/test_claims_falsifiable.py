@@ -1,0 +1,400 @@
+"""No claim of any page is safe: its own evidence says "no" of some tables that could have been measured.
+
+The evidence functions of all pages are fed the made-up tables of the pages' tests, in which measurements are
+inverted, noise, raised or lowered, everywhere or of one method alone, or the methods' names are exchanged.
+What is known before anything is measured (times, settings, seeds) stays as it is. A case of a claim that none
+of this turns into "no" says nothing: the claim is mended, or marked `by_construction`.
+"""
+
+import re
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
+from importlib.resources import files
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import test_recorded_page
+import test_scraping_page
+import test_servoing_page
+import torch
+from dynamics_tables import dynamics_results
+from reporting_feedback import ADAPTED, PRIMITIVES, people
+from reporting_refinement import refinement_results
+from reporting_scraping import PARAMETERS, demonstration
+from test_obstacles_page import results as obstacles_results  # noqa: F401 a fixture
+from test_scraping_page import feedback, segmentation  # noqa: F401 fixtures
+from test_servoing_page import results as servoing_results  # noqa: F401 a fixture
+
+from structlearn.reporting.claims import NO, Evidence, Found, read_claims
+from structlearn.reporting.studies import Study
+from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
+from structlearn.rigid_body.seeded_training import OURS, TEXT
+from structlearn.segmentation.cut_errors import downsampling_effect
+from structlearn.testbeds.dynamics.page.evidence import evidence as dynamics_evidence
+from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence
+from structlearn.testbeds.recorded.page import assembly, calibration_results
+from structlearn.testbeds.scraping.page.evidence import sweep_evidence
+from structlearn.testbeds.scraping.page.people_results import People, feedback_evidence, segmentation_evidence
+from structlearn.testbeds.servoing.page.evidence import evidence as servoing_evidence
+from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
+
+KNOWN = re.compile(
+    r"time_s|since_s|start_s|end_s|phase|fraction|noise_mm|setting_deg|tilt|factor|quoted|truth|true_.*|.*frequency.*"
+)
+"""Columns of numbers that are not measured: times, settings, and what the simulator or a maker says."""
+
+LABELS = ("structure", "with_loss", "resting", "blocked", "payload", "assumed", "met")
+"""Columns of yes and no that are not measured but say what was tried."""
+
+MOST_LABELS = 20
+"""Columns of text with more than so many values name runs, not methods."""
+
+Tables = Mapping[str, pd.DataFrame]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page's claims, what they rest on, and results to begin with.
+
+    Attributes:
+        package: that has the file of claims.
+        file: of claims.
+        results: makes one or more, each with tables anywhere in it, given `request.getfixturevalue`.
+        evidence: of such results.
+        chosen: whether a table, by its place in the results, is changed.
+        known: further columns that are not measured, by table.
+    """
+
+    package: str
+    file: str
+    results: Callable[[Callable[[str], Any]], Sequence[Any]]
+    evidence: Callable[[Any], Mapping[str, Found]]
+    chosen: Callable[[str], bool] = lambda place: True
+    known: Callable[[], Mapping[str, set[str]]] = dict
+
+
+def dynamics() -> list[Any]:
+    """Five seeds and robots; and the same where networks met the criterion as published."""
+    few = dynamics_results()
+    more = {
+        place: pd.concat([table, table.assign(seed=table["seed"] + 100).query("seed < 113")])
+        for place, table in tables(few).items()
+        if "seed" in table
+    }
+    made = with_tables(few, more)
+    scores = made.scores[made.scores["form"] == OURS]
+    there = set(made.scores.loc[made.scores["form"] == TEXT, "model"])
+    learned = scores[~scores["model"].isin(there)].assign(form=TEXT)
+    met = replace(made, scores=pd.concat([made.scores, learned]), outcomes=made.outcomes.assign(met=True))
+    return [made, met]
+
+
+def servoing(results: Any) -> list[Any]:
+    """Published controllers that work, on all skins, and a study of people."""
+    table = pd.DataFrame({"variant": AS_IT_STANDS, "repeat": range(4)})
+    keys = [*results.metrics(), "servo_success_rate_sphere"]
+    study = Study(table.assign(**{key: 0.9 + 0.1 * test_servoing_page.WOBBLE for key in keys}))
+    every = {one: 12 for one in test_servoing_page.variants(3)}
+    working = replace(
+        results,
+        comparison=test_servoing_page.comparison(every),
+        skin_tables=test_servoing_page.skin_tables(text=12, ours=12),
+        studies=dict.fromkeys(STUDIES, study),
+    )
+    return [working, results]
+
+
+def of_people(results: Any) -> Mapping[str, Found]:
+    """Of the page on segmentation: what the sweep and a study of people like this one find."""
+    aligned = [primitive.name for primitive in results.found_primitives]
+    studied = People.of_study(people(results.metrics()), PRIMITIVES)
+    return segmentation_evidence(studied, aligned) | sweep_evidence(results)
+
+
+def arithmetic() -> dict[str, set[str]]:
+    """Columns of the table on down-sampling that are the same whatever was recorded."""
+    first, second = (
+        downsampling_effect([demonstration(seed) for seed in seeds], PARAMETERS, (1, 2))
+        for seeds in (range(2), range(3, 5))
+    )
+    return {"downsampling": {name for name in first if first[name].equals(second[name])}}
+
+
+def feedback_of_people(results: Any) -> Mapping[str, Found]:
+    """Of the page on feedback: what a study of people like this one finds."""
+    studied = People.of_study(people(results.metrics()), PRIMITIVES)
+    return feedback_evidence(studied, ADAPTED, results.board.settings_deg)
+
+
+def deaf_to_phase(results: Any) -> Any:
+    """The same with networks whose nodes weigh the same at every phase."""
+    alike = {
+        name: replace(its, phase_weights=np.tile(its.phase_weights[:1], (len(its.phase_weights), 1)))
+        for name, its in results.networks.items()
+    }
+    return replace(results, networks=alike)
+
+
+FOLLOWS = {"tables.ur10e_links": {"positive_mass", "positive_definite", "triangle"}}
+"""Columns of the recorded tables that are no measurements, but follow from how Cov writes a link."""
+
+SCRAPING = "structlearn.testbeds.scraping.page"
+RECORDED = "structlearn.testbeds.recorded.page"
+PAGES = {
+    "dynamics": Page(
+        "structlearn.testbeds.dynamics.page", "claims.yaml", lambda get: dynamics(), dynamics_evidence
+    ),
+    "obstacles": Page(
+        "structlearn.testbeds.obstacles.page",
+        "claims.yaml",
+        lambda get: [get("obstacles_results")],
+        partial(obstacles_evidence, largest_nmse=0.1, largest_goal_m=0.152),
+    ),
+    "servoing": Page(
+        "structlearn.testbeds.servoing.page",
+        "claims.yaml",
+        lambda get: servoing(get("servoing_results")),
+        servoing_evidence,
+    ),
+    "segmentation": Page(
+        SCRAPING, "segmentation_claims.yaml", lambda get: [get("segmentation")], of_people, known=arithmetic
+    ),
+    "feedback": Page(
+        SCRAPING,
+        "feedback_claims.yaml",
+        lambda get: [get("feedback"), deaf_to_phase(get("feedback"))],
+        feedback_of_people,
+    ),
+    "refinement": Page(
+        SCRAPING,
+        "refinement_claims.yaml",
+        lambda get: [refinement_results()],
+        test_scraping_page.refinement_evidence,
+    ),
+    "calibration": Page(
+        RECORDED,
+        "calibration_claims.yaml",
+        lambda get: [test_recorded_page.calibration(1.0)["comparison"]],
+        calibration_results.evidence,
+    ),
+} | {
+    part.name: Page(
+        f"{RECORDED}.parts",
+        f"{part.name}_claims.yaml",
+        lambda get: [test_recorded_page.made_up()],
+        part.evidence,
+        lambda place, part=part: (
+            place.removeprefix("tables.") in part.needs or place.startswith(f"tables.{part.name}_")
+        ),
+        partial(dict, FOLLOWS),
+    )
+    for part in assembly.PARTS
+}
+
+
+def tables(results: Any, place: str = "") -> dict[str, pd.DataFrame]:
+    """All tables anywhere in results, by their place: `models.forward`."""
+    if isinstance(results, pd.DataFrame):
+        return {place: results}
+    parts: Mapping[str, Any] = {}
+    if is_dataclass(results):
+        parts = {one.name: getattr(results, one.name) for one in fields(results)}
+    elif isinstance(results, Mapping):
+        parts = results
+    found = {}
+    for name, part in parts.items():
+        found |= tables(part, f"{place}.{name}".strip("."))
+    return found
+
+
+def with_tables(results: Any, changed: Tables) -> Any:
+    """The same results with some tables replaced, by their place."""
+    if isinstance(results, pd.DataFrame):
+        return changed.get("", results)
+    heads: dict[str, dict[str, pd.DataFrame]] = {}
+    for place, table in changed.items():
+        head, _, rest = place.partition(".")
+        heads.setdefault(head, {})[rest] = table
+    if isinstance(results, Mapping):
+        return {**results, **{head: with_tables(results[head], rest) for head, rest in heads.items()}}
+    return replace(
+        results, **{head: with_tables(getattr(results, head), rest) for head, rest in heads.items()}
+    )
+
+
+def inverted(values: pd.Series) -> pd.Series:
+    """The largest becomes the smallest."""
+    return ~values if values.dtype == bool else 1.0 / values
+
+
+def negated(values: pd.Series) -> pd.Series:
+    """What rose falls, and successes are failures."""
+    return ~values if values.dtype == bool else -values
+
+
+def permuted(values: pd.Series) -> pd.Series:
+    """The same values in another order."""
+    return values.sample(frac=1.0, random_state=zlib.crc32(str(values.name).encode())).set_axis(values.index)
+
+
+def falling(values: pd.Series) -> pd.Series:
+    """The later the row, the smaller; success at first alone."""
+    place = np.linspace(0.0, 1.0, len(values))
+    return values & (place < 0.5) if values.dtype == bool else values * np.exp(-10.0 * place)
+
+
+def noise(values: pd.Series) -> pd.Series:
+    """Coins, or numbers about 1 or 0."""
+    rng = np.random.default_rng(zlib.crc32(str(values.name).encode()))
+    if values.dtype == bool:
+        return pd.Series(rng.random(len(values)) < 0.5, values.index)
+    drawn = pd.Series(rng.normal(size=len(values)), values.index)
+    return np.exp(drawn) if (values.dropna() >= 0).all() else drawn
+
+
+def raised(values: pd.Series) -> pd.Series:
+    """Success everywhere, or far larger numbers, which differ as they did."""
+    return values | True if values.dtype == bool else 1e3 * (1.0 + values.abs())
+
+
+def lowered(values: pd.Series) -> pd.Series:
+    """Success nowhere, or far smaller numbers."""
+    return values & False if values.dtype == bool else 1e-3 * values
+
+
+HOW = (negated, inverted, noise, permuted, falling, raised, lowered)
+
+
+def measured(table: pd.DataFrame, known: set[str] = frozenset()) -> list[str]:
+    """Columns that hold what was measured."""
+    return [
+        name
+        for name in table.select_dtypes([float, bool])
+        if not KNOWN.fullmatch(name) and name not in LABELS and name not in known
+    ]
+
+
+def labels(table: pd.DataFrame) -> dict[str, list[object]]:
+    """Columns that say what was tried, with their values."""
+    found = {}
+    for name in table.columns:
+        if name in LABELS or not pd.api.types.is_numeric_dtype(table[name]):
+            values = list(table[name].dropna().unique())
+            if 1 < len(values) <= MOST_LABELS:
+                found[name] = values
+    return found
+
+
+Change = dict[str, pd.DataFrame]
+
+
+def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[Change]:
+    """A table with other measurements, the coarse changes first; `names`: columns that are measured."""
+
+    def change(how: Callable, names: Sequence[str], rows: pd.Series | None = None) -> Change:
+        new = {name: how(table[name]) for name in names}
+        if rows is not None:
+            new = {name: table[name].where(~rows, values) for name, values in new.items()}
+        return {place: table.assign(**new)}
+
+    yield from (change(how, names) for how in HOW)
+    for label, values in labels(table).items():
+        for shift in range(1, len(values)):
+            other = dict(zip(values, values[shift:] + values[:shift], strict=True))
+            yield {place: table.assign(**{label: table[label].map(other)})}
+    for label, values in labels(table).items():
+        yield from (
+            change(how, names, table[label] == value) for value, how in product(values, (raised, lowered))
+        )
+    yield from (change(how, [name]) for name, how in product(names, HOW))
+
+
+def never_no(page: Page, get: Callable[[str], Any]) -> dict[str, tuple[set[str], set[str]]]:
+    """By evidence of a page's claims, all cases, and those that no change turns into a "no"."""
+    claims, known = read_claims(files(page.package) / page.file), page.known()
+    several = page.results(get)
+    begun = page.evidence(several[0])
+    every_case = {claim.evidence: set(cases(begun[claim.evidence])) for claim in claims}
+    left = {name: set(its) for name, its in every_case.items()}
+    for results in several:
+        begun = page.evidence(results)
+        every = {place: table for place, table in tables(results).items() if page.chosen(place)}
+        columns = {place: measured(table, known.get(place, set())) for place, table in every.items()}
+
+        def found(changed: Change, results: Any = results) -> Mapping[str, Found]:
+            try:
+                with np.errstate(all="ignore"):
+                    its = page.evidence(with_tables(results, changed))
+            except (
+                KeyError,
+                ValueError,
+                IndexError,
+                ZeroDivisionError,
+            ):  # nobody can have measured such tables
+                return {}
+            for claim in claims:
+                for case, one in cases(its.get(claim.evidence, {})).items():
+                    if claim.verdict(one, case) == NO:
+                        left[claim.evidence].discard(case)
+            return its
+
+        found({})
+        for how in HOW:
+            if not any(left.values()):
+                break
+            found(
+                {
+                    place: table.assign(**{name: how(table[name]) for name in columns[place]})
+                    for place, table in every.items()
+                }
+            )
+        for place, table in every.items():
+            noisy = found({place: table.assign(**{name: noise(table[name]) for name in columns[place]})})
+            rest_on_it = {
+                name for name in left if not columns[place] or repr(noisy.get(name)) != repr(begun[name])
+            }
+            for changed in changes(place, table, columns[place]):
+                if not any(left[name] for name in rest_on_it):
+                    break
+                found(changed)
+    return {name: (every_case[name], left[name]) for name in left}
+
+
+def cases(found: Found) -> Mapping[str, Evidence]:
+    return {"": found} if isinstance(found, Evidence) else found
+
+
+@pytest.fixture(scope="module")
+def unmoved():
+    """What `never_no` finds, by page: claims of a page are looked at together."""
+    return {}
+
+
+@pytest.mark.parametrize(
+    ("page", "claim"),
+    [
+        pytest.param(name, claim, id=f"{name}: {claim.evidence}")
+        for name, page in PAGES.items()
+        for claim in read_claims(files(page.package) / page.file)
+    ],
+)
+def test_every_case_of_a_claim_can_come_out_no(page, claim, unmoved, request):
+    if page not in unmoved:
+        unmoved[page] = never_no(PAGES[page], request.getfixturevalue)
+    every, never = unmoved[page][claim.evidence]
+    assert never == (every if claim.by_construction else set())
+
+
+def test_no_links_of_cov_are_impossible():
+    """What `possible_bodies` of the UR10e is marked for: it is so whatever was learned."""
+    free = 3.0 * torch.from_numpy(np.random.default_rng(0).normal(size=(1000, parameter_count("cov"))))
+    inertias = link_inertias("cov", free)
+    moments = np.linalg.eigvalsh(inertias.inertia.numpy())
+    assert (inertias.mass > 0.0).all()
+    assert (moments[:, 0] > 0.0).all()
+    assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()
