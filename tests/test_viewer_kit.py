@@ -116,8 +116,8 @@ def test_a_full_disk_is_one_line_and_leaves_the_former_recordings(tmp_path):
     def view(most_bytes):
         limit = (most_bytes, resource.RLIM_INFINITY)
         return subprocess.run(
-            [sys.executable, "-c", FULL], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
+            [sys.executable, "-c", FULL], cwd=tmp_path, capture_output=True, text=True, check=False,
+            timeout=60, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
         )  # fmt: skip
 
     done = view(resource.RLIM_INFINITY)

@@ -49,8 +49,8 @@ whose theme is light."""
 def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
     """Write a recording; the file is complete when the block ends, and not there when that fails.
 
-    It is gathered in memory: of a full disk rerun's own file sink tells in its log alone, if it does not wait for
-    ever, and leaves what there was room for.
+    It is gathered in memory: of a full disk rerun's own file sink tells in its log alone, if it does not
+    hang, and leaves what there was room for.
 
     The viewer keeps one blueprint per application and merges recordings of equal id, so both are named after
     the title: several recordings can be open side by side. No wall-clock time is logged.

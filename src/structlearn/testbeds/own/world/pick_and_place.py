@@ -45,8 +45,8 @@ MOVES = {
 GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}
 """After how many moves the gripper closes and opens."""
 
-# Time: a move of 0.5 m takes about 2 s, a shorter one less, and no two are alike. The arm keeps its limits at this
-# pace also from and to the corners of the workspace (`make check TASK=pick`).
+# Time: a move of 0.5 m takes about 2 s, a shorter one less, and no two are alike. At this pace the arm keeps
+# its limits also from and to the corners of the workspace (`make check TASK=pick`).
 SECONDS, SECONDS_PER_M = 1.0, 2.0
 TEMPO_SPREAD, MOVE_SPREAD = 0.08, 0.08  # std of the duration's logarithm, shared by all moves and of each
 SKEW, WAVES = 0.5, 0.15  # std of the exponents of the pace: early or late, and faster and slower in turns
