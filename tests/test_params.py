@@ -257,7 +257,7 @@ stages:
 
 
 def test_trying_a_parameter_as_the_readme_says_leaves_the_file_as_it_is(root, tmp_path):
-    """Changes that are not committed too; and what was tried and is written there afterwards is not run again."""
+    """Changes that are not committed too; what was tried and is then written there is not run again."""
     section = (root / "README.md").read_text().split("## Running a part, changing parameters")[1]
     (command,) = re.findall(r"^dvc exp run .*$", section, re.MULTILINE)
     scripts = Path(sys.executable).parent
@@ -285,7 +285,7 @@ def test_trying_a_parameter_as_the_readme_says_leaves_the_file_as_it_is(root, tm
     assert (project / "out.yaml").read_bytes() == before
     for value in re.findall(r"-S (\S+)", command):
         (*_, key), new = value.split("=")[0].split("."), value.split("=")[1]
-        text, count = re.subn(rf"(\n  {key}: )[^ ]+", rf"\g<1>{new}", text)
+        text, count = re.subn(rf"\b({key}: )[^ ,}}]+", rf"\g<1>{new}", text)
         assert count, key
     file.write_text(text)
     assert "is cached - skipping run" in run("dvc repro")
