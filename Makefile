@@ -5,6 +5,12 @@ BIN := .venv/bin
 IN_ENVIRONMENT := PATH="$(CURDIR)/$(BIN):$$PATH"
 INSTALLED := .venv/installed
 DATA ?= data/public
+# What a user names reaches commands by the environment, in quotes: nothing in it is read by a shell, nor by make.
+override TASK := $(value TASK)
+override SOURCE := $(or $(value SOURCE),data/example/pick)
+override URDF := $(value URDF)
+override OUTPUT := $(value OUTPUT)
+export TASK SOURCE URDF OUTPUT
 
 .PHONY: repro test lint recorded own own-example inspect check bench profile study studies studies-check other-processor verdicts faults kills upsets view plot-page clean
 
@@ -30,11 +36,11 @@ recorded: $(INSTALLED)
 # Tasks of your own, as stages/own/params.yaml lists them, from bags to a checked skill: all, or `make own TASK=pick`.
 EXAMPLE := data/example/pick
 OWN := stages/own/dvc.yaml
-ENTRY_IS_GOOD = $(if $(TASK),$(BIN)/python -m structlearn.testbeds.own.task "$(TASK)")
+ENTRY_IS_GOOD = $(if $(TASK),$(BIN)/python -m structlearn.testbeds.own.task "$$TASK")
 own: $(INSTALLED) $(if $(filter-out pick,$(TASK)),,$(EXAMPLE))
 	$(ENTRY_IS_GOOD)
-	$(IN_ENVIRONMENT) dvc repro --keep-going $(if $(TASK),$(OWN):report@$(TASK) $(OWN):view@$(TASK),$(OWN))
-	@echo "reports/own/$(or $(TASK),*)/index.html is up to date"
+	$(IN_ENVIRONMENT) dvc repro --keep-going $(if $(TASK),"$(OWN):report@$$TASK" "$(OWN):view@$$TASK",$(OWN))
+	@echo "reports/own/$${TASK:-*}/index.html is up to date"
 
 $(EXAMPLE): | $(INSTALLED)
 	$(BIN)/python stages/own/make_example.py
@@ -45,9 +51,8 @@ own-example: $(INSTALLED)
 
 # What recordings hold, whether they are fit to be learned from, and an entry for stages/own/params.yaml, e.g.
 # `make inspect SOURCE=~/bags`; URDF=robot.urdf computes poses from joints, OUTPUT=entry.yaml keeps the entry.
-SOURCE ?= data/example/pick
 inspect: $(INSTALLED)
-	$(BIN)/python -m structlearn.inspect "$(SOURCE)" $(if $(URDF),--urdf "$(URDF)") $(if $(OUTPUT),--output "$(OUTPUT)")
+	$(BIN)/python -m structlearn.inspect $(if $(URDF),--urdf="$$URDF") $(if $(OUTPUT),--output="$$OUTPUT") -- "$$SOURCE"
 
 # Timings beside public libraries, which are installed for it; latency, growth and workers. Wants a quiet machine.
 BENCH := reports/benchmarks
@@ -103,18 +108,22 @@ upsets: $(INSTALLED)
 check: $(INSTALLED)
 	$(if $(TASK),,$(error which task? make check TASK=pick))
 	$(ENTRY_IS_GOOD)
-	$(IN_ENVIRONMENT) dvc repro $(OWN):check@$(TASK)
-	$(BIN)/python -m structlearn.testbeds.own.check_verdict $(TASK)
+	$(IN_ENVIRONMENT) dvc repro "$(OWN):check@$$TASK"
+	$(BIN)/python -m structlearn.testbeds.own.check_verdict "$$TASK"
 
 # Open the recordings of a testbed, e.g. `make view TESTBED=recorded`, or of a task, `make view TASK=pick`; WEB=1 serves them to a browser instead.
 TESTBED ?= scraping
-RECORDINGS = $(if $(TASK),reports/own/$(TASK)/recordings,reports/recordings/$(TESTBED))/*.rrd
+view: export FOLDER = $(if $(TASK),reports/own/$(TASK)/recordings,reports/recordings/$(TESTBED))
+view: export MADE_BY = $(if $(TASK),make own TASK=$(TASK),dvc repro, or dvc checkout where it was run)
 view: $(INSTALLED)
+	@ls "$$FOLDER"/*.rrd > /dev/null 2>&1 || { echo "error: $$FOLDER: no recordings; make them first: $$MADE_BY" >&2; exit 1; }
 ifdef WEB
 	@echo "http://localhost:9090/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9876%2Fproxy&theme=dark"
-	$(BIN)/rerun --serve-web --bind 127.0.0.1 $(RECORDINGS)
+	$(BIN)/rerun --serve-web --bind 127.0.0.1 "$$FOLDER"/*.rrd
 else
-	$(BIN)/rerun $(RECORDINGS)
+	@[ "$$(uname)" != Linux ] || [ "$$DISPLAY$$WAYLAND_DISPLAY$$WAYLAND_SOCKET" ] || { \
+	  echo "error: there is no display to show $$FOLDER on; in a browser: make view WEB=1$${TASK:+ TASK=$$TASK}" >&2; exit 1; }
+	$(BIN)/rerun "$$FOLDER"/*.rrd
 endif
 
 # The page of `dvc plots show` with its scripts inside, so that it needs no network; the file is kept in git.

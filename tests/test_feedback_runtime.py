@@ -708,6 +708,18 @@ def test_a_run_that_cannot_be_planned_is_an_error(arguments, message):
 # --- real time --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", [*POSITION, *ORIENTATION, "deviation", "coupling"])
+def test_outputs_cannot_be_written_into(name):
+    """They are views of the controller's state: a term that its caller doubled would pass its bound."""
+    controller = started(Controller(bounded(with_feedback(np.random.default_rng(18))), RATE))
+    controller.tick(BASE)
+    output = getattr(controller, name)
+    with pytest.raises(ValueError, match="read-only"):
+        output *= 2
+    with pytest.raises(ValueError, match="read-only"):
+        output[0] = 1.0
+
+
 def test_ticks_write_into_the_same_arrays_and_keep_no_memory():
     rng = np.random.default_rng(16)
     networks = {"tilt": {axis: random_network(rng) for axis in AXES}}

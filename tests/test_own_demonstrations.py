@@ -3,6 +3,7 @@
 import json
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,13 +16,18 @@ from conftest import minimum_jerk
 from recordings_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
 
+from structlearn.feedback.skill import ReactiveSkill
 from structlearn.feedback.skill_file import read_provenance, read_skill
+from structlearn.feedback.workspace import demonstrated_workspace
 from structlearn.ground.errors import InputError
-from structlearn.recordings import read_recordings, write_recordings
+from structlearn.primitives.fitting import learn_sequence
+from structlearn.recordings import read_recordings, synchronise, write_recordings
 from structlearn.reporting.document import words_in_view
-from structlearn.testbeds.own.files import TaskFiles
+from structlearn.segmentation.segments import cut
+from structlearn.testbeds.own.files import NAME_RULE, TaskFiles
+from structlearn.testbeds.own.protocol.skill_check import check_skill
 from structlearn.testbeds.own.task import OF_DEMONSTRATIONS, PARTS, read_checked, read_task
-from structlearn.testbeds.own.world.pick_and_place import takes, write_takes
+from structlearn.testbeds.own.world.pick_and_place import as_recording, takes, write_takes
 
 STAGES = (
     "import_task",
@@ -166,6 +172,92 @@ def test_a_name_that_is_no_folder_is_refused(folder):
     own_tasks(folder, **{"a/b": REACH})
     with pytest.raises(InputError, match="a task's name has letters"):
         read_task("a/b")
+
+
+EVIL = (
+    "x; touch PWNED", "$(touch PWNED)", "`touch PWNED`", "x' ; touch PWNED ; '", 'x" ; touch PWNED ; "',
+    "x\ntouch PWNED", "-rf", "../../kept",
+)  # fmt: skip
+"""Names that a shell, a program or a path would make something else of."""
+
+
+def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_path):
+    """Also by a plain `dvc repro`, of all tasks at once and before any other check."""
+    shutil.copytree(root / "stages/own", tmp_path / "stages/own")
+    (tmp_path / "stages/own/dvc.lock").unlink(missing_ok=True)
+    shutil.copytree(root / "src", tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    own_tasks(tmp_path, **dict.fromkeys(EVIL, REACH))
+    kept = tmp_path / "kept/demonstrations/1.mcap"
+    kept.parent.mkdir(parents=True)
+    kept.touch()
+    variables = environment() | {"PYTHONPATH": str(root / "src")}
+    dvc = f"{Path(sys.executable).parent}/dvc"
+    subprocess.run([dvc, "init", "--quiet", "--no-scm"], cwd=tmp_path, env=variables, check=True)
+    done = subprocess.run(
+        [dvc, "repro", "--keep-going", "stages/own/dvc.yaml"],
+        cwd=tmp_path, env=variables, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode != 0
+    refused = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert sorted(refused) == sorted(f"error: {name!r}: {NAME_RULE}" for name in EVIL)
+    assert {path.name for path in tmp_path.iterdir()} == {".dvc", ".dvcignore", "stages", "src", "kept"}
+    assert kept.exists()
+    assert {path.name for path in (tmp_path / "stages/own").iterdir()} == {
+        path.name for path in (root / "stages/own").iterdir() if path.name != "dvc.lock"
+    }
+
+
+def test_no_command_of_a_pipeline_holds_what_a_user_named(root):
+    for file in ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml"):
+        for name, stage in yaml.safe_load((root / file).read_text())["stages"].items():
+            assert "${" not in stage.get("do", stage)["cmd"], f"{file}: {name}"
+
+
+@pytest.mark.parametrize("goal", ["own", "check", "view", "inspect"])
+def test_make_hands_names_on_as_they_are(root, goal, tmp_path):
+    for name in (*EVIL[:5], "$(shell touch PWNED)"):
+        done = subprocess.run(
+            ["make", "-f", root / "Makefile", goal, f"TASK={name}", f"SOURCE={name}", "INSTALLED=", "BIN=."],
+            cwd=tmp_path, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode != 0
+        assert not list(tmp_path.iterdir()), done.stdout
+
+
+def test_a_view_without_recordings_or_without_a_screen_is_one_line(root, tmp_path):
+    def view(*words):
+        command = ["make", "--silent", "--file", root / "Makefile", "view", *words, "INSTALLED=", "BIN=."]
+        variables = {key: value for key, value in environment().items() if "DISPLAY" not in key}
+        done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
+        assert done.returncode != 0
+        return [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
+
+    assert view("TASK=pick") == [
+        "error: reports/own/pick/recordings: no recordings; make them first: make own TASK=pick"
+    ]
+    (tmp_path / "reports/own/pick/recordings").mkdir(parents=True)
+    (tmp_path / "reports/own/pick/recordings/primitives.rrd").touch()
+    (line,) = view("TASK=pick")
+    assert line.endswith("make view WEB=1 TASK=pick")
+
+
+def test_a_stage_is_skipped_only_where_what_it_writes_is_there(root):
+    """One without outs is up to date in every fresh clone, whatever is missing there."""
+    for file in ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml"):
+        for name, stage in yaml.safe_load((root / file).read_text())["stages"].items():
+            stage = stage.get("do", stage)
+            assert stage.get("outs") or stage.get("metrics") or stage.get("always_changed"), f"{file}: {name}"
+
+
+def test_the_example_passes_its_own_check():
+    """The whole way from its bags, without the stages between: its arm keeps all limits in every corner."""
+    task = read_task("pick")
+    demonstrations = [synchronise(as_recording(take), task.clock.rate_hz, 0.2) for take in takes(1, 3, 6)]
+    primitives = learn_sequence(demonstrations, cut(demonstrations, task.segment).results, task.fit)
+    box = demonstrated_workspace([one.position for one in demonstrations], task.skill.workspace_margin_m)
+    found = check_skill(ReactiveSkill(primitives, workspace=box), task.robot)
+    assert (found.verdict, len(found.failing)) == ("yes", 0)
+    assert found.metrics()["check_runs"] == 33
 
 
 def test_executions_and_corrections_give_feedback(root, reduced_project, tmp_path, monkeypatch):

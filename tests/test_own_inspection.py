@@ -316,6 +316,28 @@ def test_of_several_poses_the_one_that_moves_most_is_taken(tmp_path):
     assert "also there: /a_part" in found.proposal.doubts["topics.pose"][0]
 
 
+def test_topics_neither_steer_the_terminal_nor_write_an_entry_of_their_own(tmp_path, monkeypatch, capsys):
+    evil = '/a\x1b]0;title\x07\x1b[2J\u202e\n  "x; touch PWNED": {source: bags}\n  '
+    stamps = (10**9 + 10 * MS * np.arange(400)).tolist()
+    rows = pose_messages(stamps, moving_rows(far=0.02), evil) + pose_messages(
+        stamps, moving_rows(), evil[:-1]
+    )
+    rows += joint_messages(stamps, [evil], np.zeros((400, 1)), evil[:-2])
+    bag = tmp_path / "bags" / "1.mcap"
+    bag.parent.mkdir()
+    write_bag(bag, sorted(rows, key=lambda row: row[3]))
+    run(monkeypatch, bag.parent, "--output", tmp_path / "entry.yaml")
+    printed, entry = capsys.readouterr().out, (tmp_path / "entry.yaml").read_text()
+    for text in (printed, entry):
+        assert all(line.isprintable() for line in text.split("\n"))
+        assert "touch PWNED" in text
+    assert list(yaml.safe_load("tasks:\n" + entry)["tasks"]) == ["bags"]
+    assert as_task(entry, tmp_path).topics.pose == evil[:-1]
+    with pytest.raises(InputError) as error:
+        raise InputError(f"1.mcap: topic '{evil}' is missing")
+    assert str(error.value).isprintable()
+
+
 def test_a_turn_between_two_moves_is_a_doubt(tmp_path):
     rows = np.vstack([moving_rows(), moving_rows()])
     rows[400:, 0] = rows[399, 0] - rows[400:, 0]

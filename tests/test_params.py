@@ -1,6 +1,10 @@
 import ast
 import importlib
+import os
 import re
+import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
@@ -241,3 +245,55 @@ def test_every_value_has_a_comment_beside_it(root):
     assert len(lines) <= 450
     bare = {lines[number] for number in lines_of_leaves(yaml.compose(text)) if "# " not in lines[number]}
     assert bare == set()
+
+
+TOY = """
+stages:
+  fit:
+    cmd: python -c "import shutil; shutil.copy('params.yaml', 'out.yaml')"
+    params: [segment.extension_s, fit_primitives.kernel_count]
+    outs: [out.yaml]
+"""
+
+
+def test_trying_a_parameter_as_the_readme_says_leaves_the_file_as_it_is(root, tmp_path):
+    """Changes that are not committed too; what was tried and is then written there is not run again."""
+    section = (root / "README.md").read_text().split("## Running a part, changing parameters")[1]
+    (command,) = re.findall(r"^dvc exp run .*$", section, re.MULTILINE)
+    scripts = Path(sys.executable).parent
+    variables = os.environ | {"PATH": f"{scripts}:{os.environ['PATH']}", "HOME": str(tmp_path)}
+    variables |= {f"GIT_{who}_{what}": "a@b" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    project, file = tmp_path / "project", tmp_path / "project/params.yaml"
+    project.mkdir()
+    (project / "dvc.yaml").write_text(TOY)
+    text = (root / "params.yaml").read_text()
+    file.write_text(text)
+
+    def run(words):
+        done = subprocess.run(
+            shlex.split(words), cwd=project, env=variables, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    for words in ("git init -q", "dvc init -q", "dvc repro", "git add .", "git commit -q -m start"):
+        run(words)
+    file.write_text(text + "# mine\n")
+    before = (project / "out.yaml").read_bytes()
+    run(command)
+    assert file.read_text() == text + "# mine\n"
+    assert (project / "out.yaml").read_bytes() == before
+    for value in re.findall(r"-S (\S+)", command):
+        (*_, key), new = value.split("=")[0].split("."), value.split("=")[1]
+        text, count = re.subn(rf"\b({key}: )[^ ,}}]+", rf"\g<1>{new}", text)
+        assert count, key
+    file.write_text(text)
+    assert "is cached - skipping run" in run("dvc repro")
+    assert yaml.safe_load((project / "out.yaml").read_text())["segment"]["extension_s"] == 0.3
+
+
+def test_nobody_is_told_to_let_dvc_write_the_parameters_anew(root):
+    told = [root / "README.md", root / "params.yaml", *(root / "src").rglob("*.jinja")]
+    for path in told:
+        text = path.read_text()
+        assert not re.search(r"dvc exp run(?! --temp)", text), path

@@ -1,9 +1,13 @@
+import resource
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import rerun as rr
 from committed import committed
 from rerun.error_utils import strict_mode
-from viewer_files import DT, ONLY_POSITION, PRIMITIVES, contents, demonstration, values, view_names
+from viewer_files import DT, ONLY_POSITION, PRIMITIVES, contents, demonstration, values, verify, view_names
 
 from structlearn.palette import BLUE, ORANGE, SKY
 from structlearn.primitives import sequence
@@ -85,6 +89,49 @@ def test_errors_of_rerun_raise_and_strictness_ends_with_the_recording(tmp_path):
     ):
         stream.log("points", rr.Points3D([[0.0, 0.0, 0.0]], colors="no colour"))
     assert strict_mode() == before
+
+
+FULL = """
+import sys
+import numpy as np
+from structlearn.ground.publication import publish
+from structlearn.ground.stage import run
+from structlearn.viewer.rrd import recording, send_curve
+
+def main():
+    with publish("recordings") as folder:
+        folder.mkdir()
+        for name in ("small", "large"):
+            with recording(folder / f"{name}.rrd", name) as stream:
+                for curve in range({"small": 1, "large": 4}[name]):
+                    time, values = np.arange(10_000.0), np.random.default_rng(curve).normal(size=10_000)
+                    send_curve(stream, f"curve/{curve}", time, values, "curve", "#ffffff")
+
+run(main)
+"""
+"""A stage that writes two recordings, of about 0.2 and 0.9 MB."""
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_former_recordings(tmp_path):
+    def view(most_bytes):
+        limit = (most_bytes, resource.RLIM_INFINITY)
+        return subprocess.run(
+            [sys.executable, "-c", FULL], cwd=tmp_path, capture_output=True, text=True, check=False,
+            timeout=60, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
+        )  # fmt: skip
+
+    done = view(resource.RLIM_INFINITY)
+    assert done.returncode == 0, done.stderr
+    before = {path.name: path.read_bytes() for path in (tmp_path / "recordings").iterdir()}
+    for name in before:
+        verify(tmp_path / "recordings" / name)
+    assert len(before) == 2
+    for most in (0, 140_000, len(before["large.rrd"]) - 1000):  # at once, in the data, in the footer
+        full = view(most)
+        told = [line for line in full.stderr.splitlines() if line.startswith("error: ")]
+        assert (full.returncode, len(told)) == (1, 1), full.stderr
+        assert told == ["error: recordings: cannot be written: File too large"]
+        assert {path.name: path.read_bytes() for path in (tmp_path / "recordings").iterdir()} == before
 
 
 def test_notes_and_lanes(tmp_path):

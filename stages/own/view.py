@@ -1,7 +1,9 @@
 """Recordings of a task to look at: demonstrations with their cuts, and the primitives learned from them."""
 
+from pathlib import Path
+
 from structlearn.ground.artefacts import publish
-from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.testbeds.own.files import TaskFiles, leave_out, run_for_task
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
 
@@ -13,26 +15,34 @@ LEARNED = """Thick: the primitives in turn, from and to the mean start and goals
 
 
 def main(files: TaskFiles) -> None:
+    with publish(files.report / "recordings") as folder:
+        if files.has("segment"):
+            write_recordings(files, folder)
+        else:
+            leave_out(folder, "demonstrations")
+
+
+def write_recordings(files: TaskFiles, folder: Path) -> None:
+    """Two files in a folder, which is made."""
     demonstrations = files.runs("demonstrations")
     paths = {name: files.table(f"primitives/{name}") for name in ("nominal", "generalised")}
-    with publish(files.report / "recordings") as folder:
-        folder.mkdir()
-        write_demonstrations(
-            folder / "demonstrations.rrd",
-            demonstrations,
-            files.segmentation(),
-            f"{files.name}: demonstrations",
-            DEMONSTRATED,
-        )
-        write_primitives(
-            folder / "primitives.rrd",
-            demonstrations,
-            files.primitives(),
-            paths,
-            f"{files.name}: primitives",
-            LEARNED,
-        )
+    folder.mkdir()
+    write_demonstrations(
+        folder / "demonstrations.rrd",
+        demonstrations,
+        files.segmentation(),
+        f"{files.name}: demonstrations",
+        DEMONSTRATED,
+    )
+    write_primitives(
+        folder / "primitives.rrd",
+        demonstrations,
+        files.primitives(),
+        paths,
+        f"{files.name}: primitives",
+        LEARNED,
+    )
 
 
 if __name__ == "__main__":
-    run_for_task(main, "segment")
+    run_for_task(main)

@@ -50,7 +50,7 @@ class Controller:
     """One run after the other of a skill.
 
     Outputs, valid after `start` and after each tick; the arrays are the same objects for the controller's
-    whole life, and are overwritten by the next tick:
+    whole life, are overwritten by the next tick, and are read-only, since they are views of its state:
 
     Attributes:
         position: (3,) m.
@@ -106,10 +106,10 @@ class Controller:
         self._arguments = (tuple(self._plan), tuple(self._state))
         self._sample, self._clock = self._state.sample, self._state.clock
         self._started = False
-        self.position, self.velocity, self.acceleration = self._state.path[:, 0, 0]
-        self.angular_velocity, self.angular_acceleration = self._state.turning[:, 0, 0]
-        self.orientation, self.deviation = self._state.orientation[0, 0], self._state.deviation
-        self.coupling = self._state.coupling
+        self.position, self.velocity, self.acceleration = map(_read_only, self._state.path[:, 0, 0])
+        self.angular_velocity, self.angular_acceleration = map(_read_only, self._state.turning[:, 0, 0])
+        self.orientation = _read_only(self._state.orientation[0, 0])
+        self.deviation, self.coupling = _read_only(self._state.deviation), _read_only(self._state.coupling)
 
     def start(self, position: np.ndarray, orientation: np.ndarray | None = None) -> None:
         """Begin a run at rest, to the goals that the controller was made with.
@@ -269,3 +269,10 @@ class Controller:
     def _ticks_done(self) -> int:
         """Ticks since the first one, which gave the start."""
         return max(int(self._clock[stepping.TICK]) - 1, 0)
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    """A view of an array through which nothing can be written."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

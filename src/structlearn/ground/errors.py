@@ -4,6 +4,16 @@ LONGEST = 600
 """Characters of a message; libraries that quote what they could not read know no end."""
 
 
+def printable(text: str) -> str:
+    """Text in one line, in which whatever is not printable is escaped.
+
+    What a file says, e.g. the name of a topic, may neither steer a terminal nor begin a line of its own.
+    """
+    return "".join(
+        sign if sign.isprintable() else sign.encode("unicode_escape").decode("ascii") for sign in text
+    )
+
+
 class InputError(ValueError):
     """Bad input from the user: a file, a parameter or a recording.
 
@@ -12,7 +22,7 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str) -> None:
-        line = " ".join(message.split())
+        line = printable(" ".join(message.split()))
         super().__init__(line if len(line) <= LONGEST else f"{line[:LONGEST]} ...")
 
 

@@ -9,7 +9,7 @@ from structlearn.ground.params import Parameters
 
 
 def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
-    """One row per parameter, named as for `dvc exp run -S`.
+    """One row per parameter, named as for `dvc exp run --temp -S`.
 
     Args:
         parameters: by their key in `params.yaml`.

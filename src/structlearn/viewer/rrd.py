@@ -47,7 +47,10 @@ whose theme is light."""
 
 @contextmanager
 def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
-    """Write a recording; the file is complete when the block ends.
+    """Write a recording; the file is complete when the block ends, and not there when that fails.
+
+    It is gathered in memory: of a full disk rerun's own file sink tells in its log alone, if it does not
+    hang, and leaves what there was room for.
 
     The viewer keeps one blueprint per application and merges recordings of equal id, so both are named after
     the title: several recordings can be open side by side. No wall-clock time is logged.
@@ -58,19 +61,24 @@ def recording(path: str | Path, title: str) -> Iterator[rr.RecordingStream]:
 
     Yields:
         The stream to log to and to send the blueprint to.
+
+    Raises:
+        OSError: the file cannot be written.
     """
     stream = rr.RecordingStream(f"structlearn: {title}", recording_id=title, send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
-    stream.set_sinks(rr.FileSink(path))
+    memory = stream.memory_recording()
     strict = strict_mode()
     set_strict_mode(True)  # or rerun turns errors into warnings and leaves views empty
     try:
         stream.send_recording_name(title)
         yield stream
+        written = memory.drain_as_bytes()  # with the footer that `rerun rrd verify` asks for
     finally:
         set_strict_mode(strict)
-        stream.disconnect()  # flushes, and writes the footer that `rerun rrd verify` asks for
+        stream.disconnect()
+    Path(path).write_bytes(written)
 
 
 def entity(*parts: str) -> str:

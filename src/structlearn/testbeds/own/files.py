@@ -1,5 +1,7 @@
 """Where the files of one task of your own lie, and what they hold, for all who read them."""
 
+import os
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,8 +11,10 @@ from typing import Any
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, read_table
+from structlearn.ground.errors import InputError
 from structlearn.ground.params import ParametersType, read_parameters, read_values, value_at
 from structlearn.ground.stage import run
+from structlearn.ground.wall_clock import RUN_BY_DVC
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.recordings import read_demonstrations
@@ -21,6 +25,14 @@ from structlearn.segmentation.result import Segmentation, read_segmentation
 DATA, REPORTS = Path("data/own"), Path("reports/own")
 SKILL, ABSENT = "skill.safetensors", "absent.txt"
 
+NAME_RULE = "a task's name has letters, digits, - and _ alone, and begins with a letter or a digit"
+"""It is a folder's, and part of the names of its stages, in which DVC has signs of its own."""
+
+
+def is_name(name: str) -> bool:
+    """Whether a task may be called so."""
+    return re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name) is not None
+
 
 @dataclass(frozen=True)
 class TaskFiles:
@@ -28,9 +40,16 @@ class TaskFiles:
 
     Attributes:
         name: of the task.
+
+    Raises:
+        InputError: no task may be called so.
     """
 
     name: str
+
+    def __post_init__(self) -> None:
+        if not is_name(self.name):
+            raise InputError(f"{self.name!r}: {NAME_RULE}")
 
     @property
     def folder(self) -> Path:
@@ -109,7 +128,7 @@ def local_path(path: str) -> Path:
 
 
 def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "") -> None:
-    """Run a stage for the task that the command line names.
+    """Run a stage for the task that the command line names, or else DVC.
 
     Its time is in no file that git keeps: tasks are the user's.
 
@@ -120,7 +139,7 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
     """
 
     def of_task() -> None:
-        files = TaskFiles(sys.argv[1])
+        files = TaskFiles(sys.argv[1] if sys.argv[1:] else _run_for(os.environ.get(RUN_BY_DVC, "")))
         if not part or files.has(part):
             main(files)
         elif out:
@@ -128,3 +147,8 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
                 leave_out(folder, part)
 
     run(of_task, in_times=False)
+
+
+def _run_for(stage: str) -> str:
+    """The task in the name of a stage as DVC tells it, e.g. `stages/own/dvc.yaml:segment@pick`."""
+    return stage.partition("dvc.yaml:")[2].partition("@")[2]

@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from structlearn.ground.errors import printable
 from structlearn.recordings.joint_series import FIELDS
 from structlearn.recordings.survey import TopicClocks, stamps_of
 from structlearn.testbeds.own.protocol.findings import Findings
@@ -50,14 +51,14 @@ def report(found: Findings) -> str:
         lines += ["No entry can be proposed: nothing here could be the pose of a hand."]
     else:
         lines += ["To paste at the end of stages/own/params.yaml, where its tasks stand:", ""]
-        lines += [as_yaml(found.proposal)]
-    return "\n".join(line.rstrip() for line in lines).rstrip() + "\n"
+        lines += as_yaml(found.proposal).splitlines()
+    return "\n".join(printable(line).rstrip() for line in lines).rstrip() + "\n"
 
 
 def as_yaml(proposal: Proposal) -> str:
     """An entry below `tasks:`, indented so that it can be appended, each value with its doubts above it."""
     lines = [f"  {proposal.name}:", *_entry(proposal.entry, proposal.doubts, "", " " * 4)]
-    return "\n".join(lines) + "\n"
+    return "\n".join(map(printable, lines)) + "\n"  # a doubt that broke its line would become an entry
 
 
 def _entry(
@@ -176,6 +177,7 @@ def _answers(answers: Sequence[Answer]) -> list[str]:
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:
     """Rows as lines whose columns stand below each other."""
+    rows = [[printable(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  ".join(

@@ -11,7 +11,6 @@ A task has the parts that its entry names (`PARTS`); the others are null, whatev
 """
 
 import hashlib
-import re
 import sys
 from pathlib import Path
 from typing import Any, Self
@@ -30,7 +29,7 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.testbeds.own.files import local_path
+from structlearn.testbeds.own.files import NAME_RULE, is_name, local_path
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
@@ -38,9 +37,6 @@ from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParamete
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
-
-TASK_NAME = r"[A-Za-z0-9][A-Za-z0-9_-]*"
-"""A task's name is a folder's and part of the names of its stages, in which DVC has signs of its own."""
 
 PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
 """Keys of what a task may have or not, besides demonstrations."""
@@ -142,8 +138,8 @@ def read_task(name: str, path: Path = PARAMETER_FILE) -> TaskParameters:
     where = f"tasks.{name}"
     if not isinstance(tasks.get(name), dict):
         raise InputError(f"{path}: {where}: there is no such task among {', '.join(tasks) or 'none'}")
-    if not re.fullmatch(TASK_NAME, name):
-        raise InputError(f"{path}: {where}: a task's name has letters, digits, - and _ alone")
+    if not is_name(name):
+        raise InputError(f"{path}: {where}: {NAME_RULE}")
     return checked(_with_defaults(values.get("defaults") or {}, tasks[name]), TaskParameters, path, where)
 
 

@@ -26,8 +26,8 @@ from structlearn.simulation.hand_noise import hand_noise
 
 # Places of the fingertips in the arm's base frame, m, with the scatter of each (std per axis).
 HOME = np.array([0.40, 0.00, 0.45])
-PART = np.array([0.52, -0.22, 0.12])
-TRAY = np.array([0.46, 0.26, 0.14])
+PART = np.array([0.50, -0.22, 0.13])
+TRAY = np.array([0.45, 0.25, 0.14])
 ABOVE = np.array([0.0, 0.0, 0.18])
 PLACES = {"home": HOME, "part": PART, "tray": TRAY, "above part": PART + ABOVE, "above tray": TRAY + ABOVE}
 SCATTER_M = {"home": 0.015, "part": 0.006, "tray": 0.006, "above part": 0.012, "above tray": 0.012}
@@ -45,8 +45,9 @@ MOVES = {
 GRASP = {2: (1, 1), 3: (1, 2), 5: (1, 4)}
 """After how many moves the gripper closes and opens."""
 
-# Time: a move of 0.5 m takes about 1.6 s, a shorter one less, and no two are alike.
-SECONDS, SECONDS_PER_M = 0.8, 1.6
+# Time: a move of 0.5 m takes about 2 s, a shorter one less, and no two are alike. At this pace the arm keeps
+# its limits also from and to the corners of the workspace (`make check TASK=pick`).
+SECONDS, SECONDS_PER_M = 1.0, 2.0
 TEMPO_SPREAD, MOVE_SPREAD = 0.08, 0.08  # std of the duration's logarithm, shared by all moves and of each
 SKEW, WAVES = 0.5, 0.15  # std of the exponents of the pace: early or late, and faster and slower in turns
 PAUSE_S, REST_S = (0.3, 1.0), (0.5, 1.2)  # between moves; before the first and after the last
