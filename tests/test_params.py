@@ -227,24 +227,45 @@ def test_no_parameter_has_a_second_value_in_the_code(models):
     assert defaults == []
 
 
-def lines_of_leaves(node: yaml.Node) -> Iterator[int]:
-    """Lines, from 0, at which a value stands that is no mapping; of a list its first."""
+def leaves(node: yaml.Node, above: tuple[int, ...] = ()) -> Iterator[tuple[int, tuple[int, ...]]]:
+    """Lines, from 0, of every value that is no mapping, and of the keys above it; of a list its first."""
     if isinstance(node, yaml.MappingNode):
-        for _, value in node.value:
-            yield from lines_of_leaves(value)
-    elif isinstance(node, yaml.SequenceNode) and any(isinstance(one, yaml.MappingNode) for one in node.value):
+        for key, value in node.value:
+            own = (key.start_mark.line,)
+            yield from [(own[0], above)] if is_leaf(value) else leaves(value, above + own)
+    elif isinstance(node, yaml.SequenceNode):
         for value in node.value:
-            yield from lines_of_leaves(value)
-    else:
-        yield node.start_mark.line
+            yield from leaves(value, above)
 
 
-def test_every_value_has_a_comment_beside_it(root):
+EXPLAINED = r"as(?: of)? `|by primitive|in order of time|and the joint"
+"""In the comment of a group: it says what all its values are, or where they are explained."""
+
+
+def is_leaf(node: yaml.Node) -> bool:
+    if isinstance(node, yaml.SequenceNode):
+        return not any(isinstance(one, yaml.MappingNode) for one in node.value)
+    return not (isinstance(node, yaml.MappingNode) and node.value)
+
+
+def test_every_value_has_a_line_of_its_own_with_a_comment(root):
+    """Beside or above it; or the comment of its group says what all are, or where they are explained."""
     text = (root / "params.yaml").read_text()
     lines = text.splitlines()
-    assert len(lines) <= 450
-    bare = {lines[number] for number in lines_of_leaves(yaml.compose(text)) if "# " not in lines[number]}
-    assert bare == set()
+    assert max(map(len, lines)) <= 100
+    found = list(leaves(yaml.compose(text)))
+    assert len({line for line, _ in found}) == len(found)
+
+    def comment(line: int) -> str:
+        before = lines[line - 1] if lines[line - 1].lstrip().startswith("#") else ""
+        return before + lines[line].partition("  # ")[2]
+
+    bare = [
+        lines[line]
+        for line, above in found
+        if not comment(line) and not any(re.search(EXPLAINED, comment(one)) for one in above)
+    ]
+    assert bare == []
 
 
 TOY = """
@@ -285,7 +306,7 @@ def test_trying_a_parameter_as_the_readme_says_leaves_the_file_as_it_is(root, tm
     assert (project / "out.yaml").read_bytes() == before
     for value in re.findall(r"-S (\S+)", command):
         (*_, key), new = value.split("=")[0].split("."), value.split("=")[1]
-        text, count = re.subn(rf"\b({key}: )[^ ,}}]+", rf"\g<1>{new}", text)
+        text, count = re.subn(rf"\b({key}: )[^\s,}}]+", rf"\g<1>{new}", text)
         assert count, key
     file.write_text(text)
     assert "is cached - skipping run" in run("dvc repro")
