@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.limits import demonstrated_limits
-from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
 from structlearn.feedback.supervision import SupervisionParameters, sensor_channels

@@ -9,8 +9,8 @@ import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.folds import PARTS
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, dominant_features
-from structlearn.feedback.representation_orderings import REPRESENTATIONS, STOPPINGS
+from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, dominant_features
 from structlearn.feedback.supervision import Cuts
 from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
 from structlearn.ground import signals
@@ -167,7 +167,7 @@ class FeedbackResults:
         checks: of `supervision.coupling_dataset`, by primitive.
         networks: the pointwise models by primitive.
         comparison: of `model_comparison.compare_representations`, with `primitive`.
-        orderings: of `representation_orderings.paired_orderings`, with `primitive`.
+        orderings: of `model_comparison.paired_orderings`, with `primitive`.
         seen_deg: settings that are learned from.
         board: what was executed with the models.
     """

@@ -1,0 +1,92 @@
+"""What holds for every feedback network: of table IV.5, and of whoever adds one."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from committed import committed
+from feedback_skills import random_skill
+from feedback_toy import toy_dataset
+
+from structlearn.feedback import models
+from structlearn.feedback.coupling_model import named_model, read_networks, write_networks
+from structlearn.feedback.folds import FRACTIONS, leave_one_out
+from structlearn.feedback.limits import Limits
+from structlearn.feedback.model_comparison import NETWORKS
+from structlearn.feedback.runtime import Controller
+from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.ground.errors import InputError
+from structlearn.primitives import canonical
+
+QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)
+DATA = toy_dataset()
+JOBS = [(DATA, fold) for fold in leave_one_out(DATA, FRACTIONS, 1, seed=0)[:2]]
+OWN = {"linear_feedback": ("linear_feedback", ())}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def examples_are_found():
+    """As with STRUCTLEARN_NETWORKS=examples."""
+    folder = str(Path(__file__).parents[1] / "examples")
+    models.__path__.append(folder)
+    yield
+    models.__path__.remove(folder)
+    sys.modules.pop(f"{models.__name__}.linear_feedback", None)
+
+
+@pytest.fixture(scope="module", params=NETWORKS | OWN)
+def trained(request):
+    module, hidden = (NETWORKS | OWN)[request.param]
+    return named_model(module).train(JOBS, QUICK, hidden)
+
+
+def test_each_job_has_a_network_for_each_stopping(trained):
+    for one in trained:
+        assert set(one.models) == set(one.steps) == {"validation", "generalization"}
+        for model in one.models.values():
+            assert model.inputs == DATA.deviation.shape[1]
+            assert model.fault() == ""
+            assert np.ptp(model.coupling(DATA.deviation, DATA.phase, DATA.phase_velocity)) > 0.0
+
+
+def test_a_stored_network_is_the_same_bit_for_bit(trained, tmp_path):
+    network = trained[0].models["validation"]
+    write_networks([("turn.ry", network), ("scrape.ry", network)], tmp_path / "n.safetensors")
+    for found in read_networks(tmp_path / "n.safetensors").values():
+        seen = DATA.deviation, DATA.phase, DATA.phase_velocity
+        np.testing.assert_array_equal(found.coupling(*seen), network.coupling(*seen))
+        assert named_model(type(network).__module__.rpartition(".")[2]) is type(network) is type(found)
+
+
+def test_a_tick_is_a_sample_of_the_batch(trained):
+    network = trained[0].models["validation"]
+    bounds = Limits(largest_coupling={"rx": 1e9}, fade_s=1e-9)
+    skill = random_skill(np.random.default_rng(0), {"tilt": {"rx": network}}, limits=bounds)
+    controller = Controller(skill, 200.0)
+    controller.start(skill.primitives[0].position.start, skill.primitives[0].orientation.start)
+    rng, felt, found = np.random.default_rng(1), [], []
+    while controller.primitive < 2:
+        controller.tick(50.0 * rng.normal(size=6))
+        if controller.primitive == 1:
+            felt.append(controller.deviation.copy())
+            found.append(controller.coupling[0])
+    tau = canonical.time_constant(skill.primitives[1].duration)
+    expected = network.coupling(np.array(felt), *canonical.phase(np.arange(len(felt)) / 200.0, tau))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_a_weight_that_is_not_finite_is_told(trained):
+    network = trained[0].models["validation"]
+    name = next(name for name in ("output_weights", "input_mean", "weights") if hasattr(network, name))
+    broken = replace(network, **{name: np.full_like(getattr(network, name), np.nan)})
+    with pytest.raises(InputError, match="network of 'tilt' for rx holds a value that is not finite"):
+        random_skill(np.random.default_rng(0), {"tilt": {"rx": broken}})
+
+
+def test_an_unknown_network_is_told_with_those_that_are_known():
+    with pytest.raises(InputError, match=r"network 'os' among autoencoded, .*linear_feedback, .*"):
+        named_model("os")
+    with pytest.raises(InputError, match=r"read_results\.py: defines 0 feedback networks"):
+        named_model("read_results")
