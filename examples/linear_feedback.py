@@ -1,6 +1,4 @@
-"""A feedback network of one's own: deviations times weights, which fade with the phase, by least squares.
-
-    c = tanh(u) (w . ds + b)        u: phase velocity, 0 where a movement begins and ends
+"""A feedback network of one's own: c = tanh(u) (w . ds + b) by least squares, which fades with the phase.
 
 Put it into `src/structlearn/feedback/models/`, or its folder into STRUCTLEARN_NETWORKS, and write `network:
 linear_feedback` into `params.yaml`: the stages train it, run it on the board and put it into the skill.
@@ -48,6 +46,10 @@ class LinearFeedback(CouplingModel):
     def inputs(self):
         """Number of channels."""
         return len(self.weights)
+
+    def fault(self):
+        """What is wrong with the model; compiled code does not look at bounds."""
+        return super().fault() if self.weights.ndim == 1 and self.bias.ndim == 0 else "has other shapes"
 
     def table(self, p, u):
         """How far the coupling has faded at each phase."""

@@ -1,8 +1,6 @@
-"""What holds for every feedback network: of table IV.5, and of whoever adds one."""
+"""What holds for every feedback network: those of table IV.5, and the one of `examples/`."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from committed import committed
 from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
-from structlearn.feedback import models
 from structlearn.feedback.coupling_model import named_model, read_networks, write_networks
 from structlearn.feedback.folds import FRACTIONS, leave_one_out
 from structlearn.feedback.limits import Limits
@@ -26,18 +23,8 @@ JOBS = [(DATA, fold) for fold in leave_one_out(DATA, FRACTIONS, 1, seed=0)[:2]]
 OWN = {"linear_feedback": ("linear_feedback", ())}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def examples_are_found():
-    """As with STRUCTLEARN_NETWORKS=examples."""
-    folder = str(Path(__file__).parents[1] / "examples")
-    models.__path__.append(folder)
-    yield
-    models.__path__.remove(folder)
-    sys.modules.pop(f"{models.__name__}.linear_feedback", None)
-
-
 @pytest.fixture(scope="module", params=NETWORKS | OWN)
-def trained(request):
+def trained(request, example_networks):
     module, hidden = (NETWORKS | OWN)[request.param]
     return named_model(module).train(JOBS, QUICK, hidden)
 
@@ -85,7 +72,19 @@ def test_a_weight_that_is_not_finite_is_told(trained):
         random_skill(np.random.default_rng(0), {"tilt": {"rx": broken}})
 
 
-def test_an_unknown_network_is_told_with_those_that_are_known():
+def test_arrays_that_do_not_fit_together_are_never_evaluated(trained, tmp_path):
+    """Compiled code does not look at bounds."""
+    network = trained[0].models["validation"]
+    with pytest.raises(ValueError, match="takes 6 channels, got 5"):
+        network.coupling(np.zeros((3, 5)), np.full(3, 0.5), np.full(3, -1.0))
+    for name, values in network.arrays().items():
+        broken = network.from_arrays(network.arrays() | {name: np.concatenate([np.atleast_1d(values)] * 2)})
+        write_networks([("turn", broken)], tmp_path / "n.safetensors")
+        with pytest.raises(InputError, match=r"n\.safetensors: the network of 'turn' has"):
+            read_networks(tmp_path / "n.safetensors")
+
+
+def test_an_unknown_network_is_told_with_those_that_are_known(example_networks):
     with pytest.raises(InputError, match=r"network 'os' among autoencoded, .*linear_feedback, .*"):
         named_model("os")
     with pytest.raises(InputError, match=r"read_results\.py: defines 0 feedback networks"):

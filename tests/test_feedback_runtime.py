@@ -16,9 +16,8 @@ from structlearn.feedback.axes import AXES, direction
 from structlearn.feedback.limits import Limits, demonstrated_limits, largest_coupling
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller, Status
-from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.skill import ReactiveSkill, Workspace, on_axis
 from structlearn.feedback.tick_latency import tick_latency
-from structlearn.feedback.workspace import Workspace
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame

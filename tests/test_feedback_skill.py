@@ -86,7 +86,7 @@ FAULTS = {
     "input scale": (broken(input_scale=np.ones(5)), "network of 'tilt' for rx has layers that do not fit"),
     "zero scale": (
         broken(input_scale=np.zeros(6)),
-        "network of 'tilt' for rx has an input scale of 0",
+        "network of 'tilt' for rx has an input scale that is not positive",
     ),
     "NaN": (
         broken(output_weights=np.full(25, np.nan)),

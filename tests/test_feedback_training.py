@@ -26,8 +26,7 @@ from structlearn.feedback.supervised_training import (
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
-from structlearn.networks.rmsprop import RootMeanSquarePropagation
-from structlearn.networks.torch_settings import as_tensor
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
 
 QUICK = committed(TrainingParameters, "compare_models", steps=60, evaluate_every=20, batch_size=16)
 

@@ -36,8 +36,14 @@ from structlearn.primitives.primitive_files import part, prefixed
 if TYPE_CHECKING:
     from structlearn.feedback.corrected_paths import CorrectedPaths
 
-Job = tuple[CouplingDataset, Fold]
-"""Samples, and which of them train a model, choose its step and test it."""
+Jobs = Sequence[tuple[CouplingDataset, Fold]]
+"""Samples, and which of them train a model, choose its step and test it; one model per job."""
+
+Nodes = Sequence[int]
+"""Of each hidden layer."""
+
+Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
+"""Weights (after, before) and biases (after,) of each."""
 
 _NUMBERS = types.CPointer(types.float64)
 
@@ -66,7 +72,7 @@ class Compiled(NamedTuple):
 
 
 class CouplingModel:
-    """Coupling term of one axis from sensor deviations and phase; a frozen dataclass of arrays.
+    """Coupling term of one axis from sensor deviations and phase; a frozen dataclass of arrays and `Layers`.
 
     Where the phase velocity u is 0, c should be 0: then a movement starts smoothly and ends at its goal.
 
@@ -78,11 +84,7 @@ class CouplingModel:
 
     @classmethod
     def train(
-        cls,
-        jobs: Sequence[Job],
-        parameters: TrainingParameters,
-        hidden: Sequence[int] = (),
-        initial: Self | None = None,
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> "list[Trained]":
         """Train one model per job.
 
@@ -125,13 +127,27 @@ class CouplingModel:
         raise NotImplementedError
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Arrays that make up the model, for its file."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        """Fields of the model, for its file; of layers `<field>.<number>.weights` and `.biases`."""
+        found = {}
+        for field in fields(self):
+            if field.type is np.ndarray:
+                found[field.name] = getattr(self, field.name)
+            else:
+                for place, (weights, biases) in enumerate(getattr(self, field.name)):
+                    name = f"{field.name}.{place}"
+                    found |= {f"{name}.weights": weights, f"{name}.biases": biases}
+        return found
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
-        """The inverse of `arrays`; KeyError or TypeError where one is missing or too many."""
-        return cls(**arrays)
+        """The inverse of `arrays`; KeyError where one is missing."""
+
+        def layers(name: str) -> Layers:
+            places = range(sum(key.startswith(f"{name}.") for key in arrays) // 2)
+            return tuple((arrays[f"{name}.{at}.weights"], arrays[f"{name}.{at}.biases"]) for at in places)
+
+        read = {np.ndarray: arrays.__getitem__, Layers: layers}
+        return cls(**{field.name: read[field.type](field.name) for field in fields(cls)})
 
     def fault(self) -> str:
         """What is wrong with the model, after "the network of ..."; empty where nothing is."""
@@ -148,8 +164,13 @@ class CouplingModel:
 
         Returns:
             (...) coupling terms c.
+
+        Raises:
+            ValueError: there are fewer channels than the network takes.
         """
-        batch = np.shape(deviation)[:-1]
+        *batch, channels = np.shape(deviation)
+        if channels < self.inputs:
+            raise ValueError(f"the network takes {self.inputs} channels, got {channels}")
         p, u = np.asarray(p, dtype=float), np.asarray(u, dtype=float)
         table = self.table(p.ravel(), u.ravel())
         table = np.broadcast_to(table.reshape(*p.shape, -1), (*batch, table.shape[-1]))
@@ -244,11 +265,15 @@ def read_networks(path: str | Path) -> dict[str, CouplingModel]:
     tensors = read_tensors(path)
     try:
         names = json.loads(read_description(path))["coupling_models"]
-        return {name: named_model(model).from_arrays(part(name, tensors)) for name, model in names.items()}
+        found = {name: named_model(model).from_arrays(part(name, tensors)) for name, model in names.items()}
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: holds no feedback networks (missing {error})") from error
+    for name, network in found.items():
+        if fault := network.fault():
+            raise InputError(f"{path}: the network of '{name}' {fault}")
+    return found
 
 
 @intrinsic

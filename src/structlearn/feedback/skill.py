@@ -5,7 +5,7 @@ of the same sensors (IV.6.2.3.2): `networks["scrape"]["ry"]` corrects about the 
 `scrape` runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,6 @@ import numpy as np
 from structlearn.feedback.axes import AXES, Axis, turns
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.limits import Limits
-from structlearn.feedback.workspace import Workspace
 from structlearn.ground.errors import InputError
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PosePrimitive
@@ -24,6 +23,43 @@ Networks = Mapping[str, Mapping[Axis, CouplingModel]]
 
 UNIT_TOLERANCE = 1e-6
 """How far the norm of an axis or a quaternion may be from 1."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A box along the axes of the base frame.
+
+    Attributes:
+        low: (3,) m.
+        high: (3,) m.
+
+    Raises:
+        InputError: the corners are no finite points, or the wrong way round.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+
+    def __post_init__(self) -> None:
+        corners = np.array([self.low, self.high], dtype=float)
+        if corners.shape != (2, 3) or not np.isfinite(corners).all() or not (corners[0] < corners[1]).all():
+            raise InputError(f"a workspace needs a low and a high corner, has {self.low} and {self.high}")
+
+    def require(self, point: np.ndarray, what: str) -> None:
+        """Refuse a point (3,) that is outside.
+
+        Raises:
+            InputError: it is; the message names every such axis, and by how much.
+        """
+        beyond = np.maximum(self.low - point, point - self.high)
+        faults = [
+            f"{axis} = {value:.4g} m is {excess:.3g} m {'below' if value < low else 'above'} "
+            f"[{low:.4g}, {high:.4g}]"
+            for axis, value, excess, low, high in zip("xyz", point, beyond, self.low, self.high, strict=True)
+            if excess > 0.0
+        ]
+        if faults:
+            raise InputError(f"{what} is outside the workspace of the skill: {'; '.join(faults)}")
 
 
 @dataclass(frozen=True)
@@ -100,6 +136,17 @@ class ReactiveSkill:
         if isinstance(primitive, str) or not 0 <= primitive < len(names):
             raise InputError(f"there is no primitive {primitive!r} among {', '.join(names)}")
         return primitive
+
+
+def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
+    """The smallest box around demonstrated paths, and a margin.
+
+    Args:
+        paths: (T, 3) m each, from start to end.
+        margin_m: added on every side.
+    """
+    points = np.concatenate(list(paths))
+    return Workspace(points.min(axis=0) - margin_m, points.max(axis=0) + margin_m)
 
 
 def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:

@@ -18,8 +18,7 @@ from structlearn import __version__
 from structlearn.feedback.axes import AXES, unit
 from structlearn.feedback.coupling_model import model_name, named_model
 from structlearn.feedback.limits import FadingParameters, Limits
-from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.workspace import Workspace
+from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import (

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.feedback.coupling_model import Job, Trained
+from structlearn.feedback.coupling_model import Jobs, Trained
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
 from structlearn.feedback.training_parameters import TrainingParameters
@@ -124,7 +124,7 @@ class StackedPhaseModulatedNetworks:
 
 
 def train_networks(
-    jobs: Sequence[Job],
+    jobs: Jobs,
     parameters: TrainingParameters,
     hidden: Sequence[int],
     initial: PhaseModulatedNetwork | None,

@@ -15,12 +15,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.feedback.coupling_model import CouplingModel, Job, Trained
+from structlearn.feedback.coupling_model import CouplingModel, Jobs, Trained
 from structlearn.feedback.folds import PARTS, Fold
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
-from structlearn.networks.rmsprop import RootMeanSquarePropagation
-from structlearn.networks.torch_settings import as_tensor, one_thread
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
 EVALUATED_AT_ONCE = 128
 """Samples per model; a stack's activations then stay in a core's cache."""
@@ -148,7 +147,7 @@ def train_stack(
     ]
 
 
-def standardised(jobs: Sequence[Job], phases: int = 0) -> tuple[list[tuple[np.ndarray, np.ndarray]], Tensor]:
+def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np.ndarray]], Tensor]:
     """Inputs of all jobs (M, S, D), and what was taken off each one's columns and divided them, twice (D,).
 
     Args:
@@ -168,9 +167,7 @@ def standardised(jobs: Sequence[Job], phases: int = 0) -> tuple[list[tuple[np.nd
     return units, as_tensor(np.stack(inputs))
 
 
-def scaled_targets(
-    jobs: Sequence[Job], inputs: Tensor, kernel_count: int | None
-) -> tuple[list[float], StackedData]:
+def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
     """Scales of the jobs' targets (M,), and all that a stack trains on.
 
     Args:

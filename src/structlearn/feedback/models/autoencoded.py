@@ -1,11 +1,10 @@
 """Code of an autoencoder, then phase kernels (IV.9.3.3): see `pca`."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Job, Trained
+from structlearn.feedback.coupling_model import Jobs, Nodes, Trained
 from structlearn.feedback.models.pca import Encoder, principal_components, train_coded
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.training_parameters import TrainingParameters
@@ -22,11 +21,7 @@ class AutoencodedNetwork(PhaseModulatedNetwork):
 
     @classmethod
     def train(
-        cls,
-        jobs: Sequence[Job],
-        parameters: TrainingParameters,
-        hidden: Sequence[int] = (),
-        initial: Self | None = None,
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained]:
         """See `CouplingModel.train`; the code has as many dimensions as there are principal components."""
         if initial is not None:
@@ -35,7 +30,7 @@ class AutoencodedNetwork(PhaseModulatedNetwork):
         return train_coded(jobs, autoencoder(jobs, dimensions, parameters), parameters, hidden)
 
 
-def autoencoder(jobs: Sequence[Job], dimensions: np.ndarray, parameters: TrainingParameters) -> list[Encoder]:
+def autoencoder(jobs: Jobs, dimensions: np.ndarray, parameters: TrainingParameters) -> list[Encoder]:
     """Autoencoders (encoder 100 tanh, linear code, decoder 100 tanh), trained as one stack.
 
     Args:

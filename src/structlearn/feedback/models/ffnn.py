@@ -3,14 +3,13 @@
 Its coupling term does not vanish with the phase velocity: a rival in table IV.5, not for a robot.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Compiled, CouplingModel, Job, Trained
-from structlearn.feedback.layered_kernel import layered, layered_numbers
+from structlearn.feedback.coupling_model import Compiled, CouplingModel, Jobs, Layers, Nodes, Trained
+from structlearn.feedback.models.pmnn import layered, layered_fault, layered_numbers
 from structlearn.feedback.training_parameters import TrainingParameters
 
 if TYPE_CHECKING:
@@ -29,18 +28,14 @@ class FeedForwardNetwork(CouplingModel):
 
     input_mean: np.ndarray
     input_scale: np.ndarray
-    layers: Sequence[tuple[np.ndarray, np.ndarray]]
+    layers: Layers
 
     kernel = layered
     phases = 0
 
     @classmethod
     def train(
-        cls,
-        jobs: Sequence[Job],
-        parameters: TrainingParameters,
-        hidden: Sequence[int] = (),
-        initial: Self | None = None,
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained]:
         """All jobs as one stack, by RMSProp, from the start; see `CouplingModel.train`."""
         from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
@@ -69,39 +64,19 @@ class FeedForwardNetwork(CouplingModel):
         readout = np.broadcast_to([*biases, *weights[0]], (len(p), 1 + weights.shape[1]))
         return np.column_stack([readout, *(p, u)[: self.phases]])
 
+    def fault(self) -> str:
+        """See `pmnn.layered_fault`."""
+        return layered_fault(self.input_mean, self.input_scale, self.layers, 1) or super().fault()
+
     def compiled(self) -> Compiled:
-        """See `layered_kernel`."""
+        """See `pmnn.layered`."""
         return layered_numbers(self.input_mean, self.input_scale, self.layers[:-1], self.phases)
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Layer l (from 0) is `layers.<l>.weights` and `.biases`."""
-        arrays = {"input_mean": self.input_mean, "input_scale": self.input_scale}
-        for place, (weights, biases) in enumerate(self.layers):
-            arrays |= {f"layers.{place}.weights": weights, f"layers.{place}.biases": biases}
-        return arrays
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
-        """The inverse of `arrays`."""
-        places = range((len(arrays) - 2) // 2)
-        layers = [(arrays[f"layers.{at}.weights"], arrays[f"layers.{at}.biases"]) for at in places]
-        return cls(arrays["input_mean"], arrays["input_scale"], layers)
 
 
 class StackedFeedForwardNetworks:
-    """M networks as they are trained, with tanh and dropout in every hidden layer.
+    """M networks as they are trained, see `supervised_training.Stack`."""
 
-    Args:
-        models: number of networks M.
-        inputs: number of inputs D.
-        hidden: nodes of each hidden layer.
-        dropout: probability with which a hidden node is left out of a training step.
-        generator: source of the initial weights and of the dropout masks.
-    """
-
-    def __init__(
-        self, models: int, inputs: int, hidden: Sequence[int], dropout: float, generator: "Generator"
-    ):
+    def __init__(self, models: int, inputs: int, hidden: Nodes, dropout: float, generator: "Generator"):
         from structlearn.networks.stacked_layers import Dropout, RowLayers
 
         self.layers = RowLayers.initial(models, (inputs, *hidden, 1), generator)

@@ -12,8 +12,8 @@ from typing import Self
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Job, Trained
-from structlearn.feedback.models.pmnn import Layers, PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import Jobs, Layers, Nodes, Trained
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.training_parameters import TrainingParameters
 
 VARIANCE_KEPT = 0.99
@@ -25,11 +25,7 @@ class PrincipalComponents(PhaseModulatedNetwork):
 
     @classmethod
     def train(
-        cls,
-        jobs: Sequence[Job],
-        parameters: TrainingParameters,
-        hidden: Sequence[int] = (),
-        initial: Self | None = None,
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained]:
         """See `CouplingModel.train`; from an initial network it goes on as a phase-modulated one."""
         if initial is not None:
@@ -56,7 +52,7 @@ class Encoder:
     dimensions: int
 
 
-def principal_components(jobs: Sequence[Job], variance: float = VARIANCE_KEPT) -> list[Encoder]:
+def principal_components(jobs: Jobs, variance: float = VARIANCE_KEPT) -> list[Encoder]:
     """Principal components of each job's training samples.
 
     Args:
@@ -77,7 +73,7 @@ def principal_components(jobs: Sequence[Job], variance: float = VARIANCE_KEPT) -
 
 
 def train_coded(
-    jobs: Sequence[Job], encoders: Sequence[Encoder], parameters: TrainingParameters, hidden: Sequence[int]
+    jobs: Jobs, encoders: Sequence[Encoder], parameters: TrainingParameters, hidden: Nodes
 ) -> list[Trained]:
     """Train a phase-modulated network on each job's code, and put it behind its encoder."""
     coded = [

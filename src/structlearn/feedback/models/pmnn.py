@@ -10,21 +10,70 @@ phase features, which depend on time only: a sample costs the hidden layers and 
 `stacked_pmnn` is what is trained.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Self
 
+import numba
 import numpy as np
 
-from structlearn.feedback.coupling_model import Compiled, CouplingModel, Job, Trained
-from structlearn.feedback.layered_kernel import layered, layered_numbers
+from structlearn.feedback.coupling_model import Compiled, CouplingModel, Jobs, Layers, Nodes, Trained, kernel
 from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
+from structlearn.networks.compiled_layers import hidden_layers, layer_values, pack
 from structlearn.primitives import kernels
 
 if TYPE_CHECKING:
     from structlearn.feedback.corrected_paths import CorrectedPaths
 
-Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
+
+@kernel
+def layered(sizes, values, row, deviations, memory):
+    """Coupling term at one sample: h = tanh layers of [ds, row[1 + H :]], c = row[0] + row[1 : 1 + H] . h."""
+    extra, layers = sizes[1], sizes[2]
+    shape = numba.carray(sizes, 4 + layers)[3:]
+    width, channels = 0, shape[0] - extra
+    for size in shape:
+        width = max(width, size)
+    room = numba.carray(memory, (layers + 2) * width + shape[0])
+    work = room[: (layers + 2) * width].reshape(layers + 2, width)
+    inputs = numba.carray(deviations, shape[0])
+    if extra:
+        inputs = room[(layers + 2) * width :]
+        for i in range(channels):
+            inputs[i] = deviations[i]
+        for i in range(extra):
+            inputs[channels + i] = row[1 + shape[layers] + i]
+    hidden_layers(numba.carray(values, sizes[0]), 0, layers, shape, inputs, work)
+    last, c = work[layers], row[0]
+    for j in range(shape[layers]):
+        c += row[1 + j] * last[j]
+    return c
+
+
+def layered_numbers(mean: np.ndarray, scale: np.ndarray, hidden: Layers, extra: int = 0) -> Compiled:
+    """Numbers of a network for `layered`, which `ffnn` shares.
+
+    Args:
+        mean: (D + X,) taken off its inputs.
+        scale: (D + X,) by which they are divided then.
+        hidden: weights and biases of each tanh layer.
+        extra: how many inputs X come from the row.
+    """
+    packed = pack([(mean, scale, hidden)])
+    shape = packed.sizes[0]
+    sizes = np.array([len(packed.values), extra, len(hidden), *shape], dtype=np.int64)
+    return Compiled(sizes, packed.values, layer_values(packed.sizes).size + int(shape[0]))
+
+
+def layered_fault(mean: np.ndarray, scale: np.ndarray, layers: Layers, outputs: int) -> str:
+    """Layers or a standardisation that do not fit together, or a scale of 0; empty where nothing is wrong."""
+    shapes = [(weights.shape, biases.shape) for weights, biases in layers]
+    widths = [len(mean), *(len(biases) for _, biases in layers[:-1]), outputs]
+    if scale.shape != mean.shape or shapes != [
+        ((after, before), (after,)) for before, after in pairwise(widths)
+    ]:
+        return f"has layers that do not fit together: {shapes}"
+    return "" if (scale > 0).all() else "has an input scale that is not positive"
 
 
 @dataclass(frozen=True)
@@ -51,11 +100,7 @@ class PhaseModulatedNetwork(CouplingModel):
 
     @classmethod
     def train(
-        cls,
-        jobs: Sequence[Job],
-        parameters: TrainingParameters,
-        hidden: Sequence[int] = (),
-        initial: Self | None = None,
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> list[Trained]:
         """All jobs as one stack, by RMSProp; see `CouplingModel.train`."""
         from structlearn.feedback.stacked_pmnn import train_networks
@@ -94,38 +139,16 @@ class PhaseModulatedNetwork(CouplingModel):
         return np.column_stack([weights @ self.phase_biases, weights @ self.phase_weights])
 
     def compiled(self) -> Compiled:
-        """See `layered_kernel`."""
+        """See `layered`."""
         return layered_numbers(self.input_mean, self.input_scale, self.hidden)
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Hidden layer l (from 0) is `hidden.<l>.weights` and `.biases`."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        for layer, (weights, biases) in enumerate(self.hidden):
-            arrays |= {f"hidden.{layer}.weights": weights, f"hidden.{layer}.biases": biases}
-        return arrays
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
-        """The inverse of `arrays`."""
-        hidden = [
-            (arrays[f"hidden.{layer}.weights"], arrays[f"hidden.{layer}.biases"])
-            for layer in range(sum(name.endswith(".weights") for name in arrays))
-        ]
-        return cls(hidden=tuple(hidden), **{name: arrays[name] for name in _ARRAYS})
 
     def fault(self) -> str:
         """Layers that do not fit together, too few kernels, a scale of 0, or what is not finite."""
-        count, sizes = self.kernel_count, self.sizes
-        if count < 2:
-            return f"has {count} phase kernels, needs about {kernels.KERNEL_COUNT}"
-        layers = [*self.hidden, (self.phase_weights, self.phase_biases)]
-        shapes = [(weights.shape, biases.shape) for weights, biases in layers]
-        fitting = [
-            ((after, before), (after,)) for before, after in zip(sizes, [*sizes[1:], count], strict=True)
-        ]
-        if self.input_scale.shape != (sizes[0],) or shapes != fitting:
-            return f"has layers that do not fit together: {shapes}"
-        return super().fault() if (self.input_scale > 0).all() else "has an input scale of 0"
+        if self.kernel_count < 2:
+            return f"has {self.kernel_count} phase kernels, needs about {kernels.KERNEL_COUNT}"
+        layers = (*self.hidden, (self.phase_weights, self.phase_biases))
+        fault = layered_fault(self.input_mean, self.input_scale, layers, self.kernel_count)
+        return fault or super().fault()
 
     def behind(self, mean: np.ndarray, scale: np.ndarray, layers: Layers) -> Self:
         """This network of a code as one of the deviations that are encoded.
@@ -141,9 +164,6 @@ class PhaseModulatedNetwork(CouplingModel):
         inner[0] = (first @ weights, inner[0][1] + first @ (biases - self.input_mean))
         *hidden, (phase_weights, phase_biases) = inner
         return type(self)(mean, scale, (*before, *hidden), phase_weights, phase_biases, self.output_weights)
-
-
-_ARRAYS = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
 
 
 def open_loop(weights: np.ndarray) -> PhaseModulatedNetwork:
