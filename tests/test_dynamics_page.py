@@ -16,7 +16,7 @@ from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, NAMES
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.seeded_training import OURS, TEXT
+from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.page.evidence import evidence

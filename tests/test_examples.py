@@ -98,7 +98,9 @@ def test_a_network_of_ones_own_is_trained_runs_on_the_board_and_stands_in_the_sk
         _, executed = executed_set(model, skill, board, testbed, clock)
         assert {type(network).__name__ for network in executed.networks.values()} == {"LinearFeedback"}
         assert np.isfinite(executed.runs[8.8][0].orientation).all()
-    write_skill(replace(skill, workspace=demonstrated_workspace([CONTACT_M], 0.5)), tmp_path / "skill", {})
+    write_skill(
+        replace(skill, workspace=demonstrated_workspace([CONTACT_M[None]], 0.5)), tmp_path / "skill", {}
+    )
     controller = Controller(read_skill(tmp_path / "skill"), 300.0)
     controller.start(skill.primitives[0].position.start, skill.primitives[0].orientation.start)
     coupling = []

@@ -78,7 +78,7 @@ def test_arrays_that_do_not_fit_together_are_never_evaluated(trained, tmp_path):
     with pytest.raises(ValueError, match="takes 6 channels, got 5"):
         network.coupling(np.zeros((3, 5)), np.full(3, 0.5), np.full(3, -1.0))
     for name, values in network.arrays().items():
-        broken = network.from_arrays(network.arrays() | {name: np.concatenate([np.atleast_1d(values)] * 2)})
+        broken = network.from_arrays(network.arrays() | {name: np.asarray(values)[None]})
         write_networks([("turn", broken)], tmp_path / "n.safetensors")
         with pytest.raises(InputError, match=r"n\.safetensors: the network of 'turn' has"):
             read_networks(tmp_path / "n.safetensors")

@@ -12,7 +12,7 @@ from structlearn.rigid_body.inertia_tables import base_table, link_table
 from structlearn.rigid_body.model_files import write_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters, scores, train, trainings
+from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, scores, train, trainings
 from structlearn.simulation.arm import ArmParameters
 
 RAW = Path("data/raw/dynamics")

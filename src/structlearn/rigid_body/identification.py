@@ -11,8 +11,8 @@ import numpy as np
 
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.inertia_learner import initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, free_parameters
-from structlearn.rigid_body.structured_learning import initial_friction, squared
 from structlearn.rigid_body.torque_factors import TorqueFactors
 from structlearn.rigid_body.tree import LinkInertias
 

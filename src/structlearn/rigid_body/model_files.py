@@ -13,7 +13,7 @@ from structlearn.ground.errors import InputError
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
-from structlearn.rigid_body.model_learning import KINDS, Kind
+from structlearn.rigid_body.learner import KINDS, Kind
 from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
 from structlearn.rigid_body.tree import LinkInertias
 

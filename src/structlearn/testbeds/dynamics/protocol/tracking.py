@@ -120,7 +120,7 @@ def learned(
 
     Args:
         testbed: the arm.
-        outcomes: of `seeded_training.train`, those of this arm.
+        outcomes: of `training_grid.train`, those of this arm.
         read: models of a form and name, in the order of the outcomes.
     """
     return [

@@ -55,7 +55,7 @@ class MotionRegressor:
         self.friction = tuple(friction)
 
 
-class StructuredLearner:
+class InertiaLearner:
     """M models of one structure that learn from the same samples.
 
     Args:

@@ -22,8 +22,7 @@ from structlearn.networks.adam import AdamParameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
-from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import (
+from structlearn.rigid_body.learner import (
     Kind,
     Learned,
     LearningParameters,
@@ -33,6 +32,7 @@ from structlearn.rigid_body.model_learning import (
     learn_in_epochs,
     learner,
 )
+from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import KinematicTree
