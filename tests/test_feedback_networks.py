@@ -1,6 +1,6 @@
 """What holds for every feedback network: those of table IV.5, and the one of `examples/`."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,14 @@ from committed import committed
 from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
-from structlearn.feedback.coupling_model import named_model, read_networks, write_networks
+from structlearn.feedback.coupling_model import (
+    Compiled,
+    CouplingModel,
+    kernel,
+    named_model,
+    read_networks,
+    write_networks,
+)
 from structlearn.feedback.folds import FRACTIONS, leave_one_out
 from structlearn.feedback.limits import Limits
 from structlearn.feedback.model_comparison import NETWORKS
@@ -47,8 +54,38 @@ def test_a_stored_network_is_the_same_bit_for_bit(trained, tmp_path):
         assert named_model(type(network).__module__.rpartition(".")[2]) is type(network) is type(found)
 
 
+@kernel
+def remembered(sizes, values, row, deviations, memory):
+    memory[0] = values[0] * memory[0] + deviations[0]
+    return row[0] * memory[0]
+
+
+@dataclass(frozen=True)
+class Leaky(CouplingModel):
+    """What was felt, fading: a network may remember."""
+
+    share: np.ndarray
+    kernel, inputs = remembered, 6
+
+    def table(self, p, u):
+        return u[:, None]
+
+    def compiled(self):
+        return Compiled(np.zeros(1, dtype=np.int64), self.share, memory=1)
+
+
+def test_a_movement_begins_without_memories():
+    seen = np.ones((2, 3, 6)), np.array([0.9, 0.8, 0.7]), np.full(3, -1.0)
+    found = Leaky(np.array([0.5])).coupling(*seen)
+    np.testing.assert_array_equal(found, 2 * [[-1.0, -1.5, -1.75]])
+    assert_ticks_are_the_batch(Leaky(np.array([0.9])))
+
+
 def test_a_tick_is_a_sample_of_the_batch(trained):
-    network = trained[0].models["validation"]
+    assert_ticks_are_the_batch(trained[0].models["validation"])
+
+
+def assert_ticks_are_the_batch(network):
     bounds = Limits(largest_coupling={"rx": 1e9}, fade_s=1e-9)
     skill = random_skill(np.random.default_rng(0), {"tilt": {"rx": network}}, limits=bounds)
     controller = Controller(skill, 200.0)
