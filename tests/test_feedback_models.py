@@ -47,9 +47,7 @@ def trained(datasets, level):
 
 
 def arrays(network):
-    layers = [array for layer in network.hidden for array in layer]
-    names = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
-    return [*layers, *(getattr(network, name) for name in names)]
+    return list(network.arrays().values())
 
 
 def test_every_model_has_a_network_for_every_primitive(trained, datasets):

@@ -76,21 +76,6 @@ def test_where_the_phase_rests_there_is_no_coupling(seed, deviation, u, p):
     np.testing.assert_allclose(two, 2.0 * one)  # proportional to the phase velocity
 
 
-@pytest.mark.parametrize("sizes", [(), (7,), (6, 3)])
-def test_stored_networks_are_the_same_bit_for_bit(tmp_path, sizes):
-    networks = [("turn", random_network(sizes)), ("scrape along", random_network((2,), seed=1))]
-    coupling_model.write_networks(networks, tmp_path / "n.safetensors")
-    found = coupling_model.read_networks(tmp_path / "n.safetensors")
-    assert list(found) == ["scrape along", "turn"]  # by name
-    for name, network in networks:
-        seen = np.ones((3, INPUTS)), np.array([0.8, 0.5, 0.1]), np.full(3, -2.0)
-        before, after = (item.coupling(*seen) for item in (network, found[name]))
-        np.testing.assert_array_equal(after, before)
-        assert len(found[name].hidden) == len(network.hidden)
-    coupling_model.write_networks(list(found.items()), tmp_path / "again.safetensors")
-    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "n.safetensors").read_bytes()
-
-
 def test_foreign_files_are_named(tmp_path):
     weights = {"layer.weights": np.ones(3)}
     claims = {"plain": "a network", "list": json.dumps([1]), "empty": "{}"}

@@ -74,16 +74,8 @@ def refined(board, tmp_path_factory):
     return refine_on_board(board, DATASETS, PARAMETERS, tmp_path_factory.mktemp("unfinished"))
 
 
-def arrays(network):
-    return [
-        network.phase_weights,
-        network.output_weights,
-        *(array for pair in network.hidden for array in pair),
-    ]
-
-
 def same_network(one, other):
-    return all(map(np.array_equal, arrays(one), arrays(other)))
+    return all(map(np.array_equal, one.arrays().values(), other.arrays().values()))
 
 
 def assert_same(one, other):

@@ -30,6 +30,7 @@ from structlearn.feedback.folds import FRACTIONS, Fold, without_generalization
 from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
+from structlearn.networks.compiled_layers import Layers
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.primitive_files import part, prefixed
 
@@ -41,9 +42,6 @@ Jobs = Sequence[tuple[CouplingDataset, Fold]]
 
 Nodes = Sequence[int]
 """Of each hidden layer."""
-
-Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
-"""Weights (after, before) and biases (after,) of each."""
 
 _NUMBERS = types.CPointer(types.float64)
 

@@ -20,6 +20,7 @@ from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.networks.adam import AdamParameters
 from structlearn.networks.torch_settings import one_thread
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.learner import (
@@ -32,7 +33,6 @@ from structlearn.rigid_body.learner import (
     learn_in_epochs,
     learner,
 )
-from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import KinematicTree

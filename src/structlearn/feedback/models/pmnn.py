@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Self
 import numba
 import numpy as np
 
-from structlearn.feedback.coupling_model import Compiled, CouplingModel, Jobs, Layers, Nodes, Trained, kernel
+from structlearn.feedback.coupling_model import Compiled, CouplingModel, Jobs, Nodes, Trained, kernel
 from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
-from structlearn.networks.compiled_layers import hidden_layers, layer_values, pack
+from structlearn.networks.compiled_layers import Layers, hidden_layers, layer_values, pack
 from structlearn.primitives import kernels
 
 if TYPE_CHECKING:

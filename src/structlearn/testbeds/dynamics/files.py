@@ -11,7 +11,7 @@ import pandas as pd
 
 from structlearn.ground.artefacts import read_table
 from structlearn.recordings.joint_log import JointLog, read_joint_log
-from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models
+from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.training_grid import Form
 from structlearn.testbeds.dynamics.names import ROBOT

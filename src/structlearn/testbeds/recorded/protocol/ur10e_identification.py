@@ -23,10 +23,10 @@ from structlearn.rigid_body.arm_identification import (
 )
 from structlearn.rigid_body.body_intervals import drawn_fits
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.load_identification import identify_load
-from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.motion import Motion, excited, smoothed_motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.torque_blocks import block_table
