@@ -113,7 +113,7 @@ def test_another_feedback_network_is_a_key(root, copied):
     by_hand(copied, stages, STRUCTLEARN_NETWORKS=str(root / "examples"))
     for file in ("models/pointwise.safetensors", "skill.safetensors"):
         assert b"linear_feedback" in (copied / "data/feedback/scraping" / file).read_bytes()
-    assert "figure IV.16 bottom" not in (copied / "reports/scraping/feedback.html").read_text()
+    assert "As figure IV.16 bottom" not in (copied / "reports/scraping/feedback.html").read_text()
 
 
 def test_dvc_makes_the_same_and_keeps_the_times(watched, reduced_project):
