@@ -25,7 +25,7 @@ import pandas as pd
 from primitive_inputs import DT, NETWORK, SEED, demonstrations, orientation_demonstration
 from timing import machine
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.tick_latency import TickLatency, tick_latency

@@ -15,6 +15,7 @@ import peer_movement_primitives
 import peer_mp_pytorch
 from primitive_inputs import (
     AXES,
+    COUPLING_SCALE,
     DT,
     NETWORK,
     SAMPLES,
@@ -26,9 +27,9 @@ from primitive_inputs import (
 )
 from timing import Case, Contender
 
-from structlearn.feedback.compiled_pmnn import compiled_coupling
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.primitives import kernels, trajectory, transformation
+from structlearn.feedback.coupling_model import evaluate
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
+from structlearn.primitives import canonical, kernels, trajectory, transformation
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.trajectory import Trajectory
@@ -157,24 +158,27 @@ class CompiledNetwork(CouplingNetwork):
     def __init__(self) -> None:
         super().__init__(())
         inputs, kernel_count = NETWORK[0], NETWORK[-2]
-        self.compiled = compiled_coupling(
-            PhaseModulatedNetwork(
-                input_mean=np.zeros(inputs),
-                input_scale=np.ones(inputs),
-                hidden=tuple(
-                    (weights.T, biases) for weights, biases in zip(self.weights, self.biases, strict=False)
-                ),
-                phase_weights=np.eye(kernel_count),
-                phase_biases=np.zeros(kernel_count),
-                output_weights=self.weights[-1][:, 0],
-            )
+        network = PhaseModulatedNetwork(
+            input_mean=np.zeros(inputs),
+            input_scale=np.ones(inputs),
+            hidden=tuple(
+                (weights.T, biases) for weights, biases in zip(self.weights, self.biases, strict=False)
+            ),
+            phase_weights=np.eye(kernel_count),
+            phase_biases=np.zeros(kernel_count),
+            output_weights=COUPLING_SCALE * self.weights[-1][:, 0],
         )
+        times = np.linspace(0.0, 1.0, SAMPLES)
+        self.table = network.table(*canonical.phase(times, canonical.TAU_PER_DURATION))
+        numbers = network.compiled()
+        self.numbers, self.memory = numbers[:2], np.zeros(numbers.memory)
+        self.kernel = network.kernel.address
 
     def __call__(self, step: int, x: np.ndarray, xd: np.ndarray) -> float:
         """Coupling term, the same on all axes, at x (3,) and xd (3,)."""
         self.inputs[:3] = x
         self.inputs[3:6] = xd
-        return self.compiled(self.inputs, self.modulation[step])
+        return evaluate(self.kernel, *self.numbers, self.table[step], self.inputs, self.memory)
 
 
 def coupled_compiled() -> Case:
@@ -189,7 +193,7 @@ def coupled_compiled() -> Case:
         ),
         aim_ms=5.0,
         tolerance=1e-9,
-        note="by `feedback.compiled_pmnn`; only its rounding differs from the numpy network",
+        note="by the kernel of `feedback.models.pmnn`; only its rounding differs from the numpy network",
     )
 
 

@@ -10,6 +10,7 @@ import recordings_bags
 from hypothesis import settings
 from reduced_pipeline import by_hand, clone
 
+from structlearn.feedback import models
 from structlearn.ground import quaternion
 from structlearn.ground.parallel import BACKEND
 from structlearn.recordings.demonstration import Demonstration
@@ -55,6 +56,13 @@ def reduced_project(root, tmp_path_factory) -> Path:
             by_hand(clone(root, project))
             finished.touch()
     return project
+
+
+@pytest.fixture(scope="session")
+def example_networks(root) -> str:
+    """Feedback networks of `examples/` are found by their modules' names, as with STRUCTLEARN_NETWORKS."""
+    models.__path__.append(str(root / "examples"))
+    return str(root / "examples")
 
 
 @pytest.fixture(scope="session")

@@ -11,10 +11,10 @@ from committed import committed
 from dynamics_motion import committed_motion
 
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
-from structlearn.rigid_body.model_learning import KINDS, LOSSES
+from structlearn.rigid_body.learner import KINDS, LOSSES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH
 from structlearn.rigid_body.online_learning import OnlineParameters
-from structlearn.rigid_body.seeded_training import OURS, TEXT, DynamicsTrainingParameters
+from structlearn.rigid_body.training_grid import OURS, TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults

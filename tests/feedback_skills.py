@@ -6,7 +6,7 @@ import numpy as np
 from primitives_movements import reach, wobbly_turn
 
 from structlearn.feedback.limits import Limits
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position

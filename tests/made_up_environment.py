@@ -54,5 +54,5 @@ class MadeUp:
         if self.failing(seed):
             return Rollout(np.array([np.nan]), None, f"ValueError: {seed} diverged")
         deviation = felt(NEW, np.random.default_rng(seed))
-        coupling = network.coupling(deviation[:, : len(network.input_mean)], FEATURES)
+        coupling = network.coupling(deviation[:, : network.inputs], *PHASE)
         return Rollout(np.abs(coupling - wanted(NEW)), dataset(deviation, coupling, NEW))

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 from rigid_body_robots import FINGERS
 
-from structlearn.feedback.skill import ReactiveSkill, open_loop
-from structlearn.feedback.workspace import demonstrated_workspace
+from structlearn.feedback.models.pmnn import open_loop
+from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.recordings import synchronise
 from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters

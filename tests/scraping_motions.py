@@ -3,7 +3,7 @@
 import numpy as np
 from committed import committed
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.ground import quaternion
 from structlearn.primitives.orientation import fit_quaternion

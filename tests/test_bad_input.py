@@ -13,7 +13,7 @@ from recordings_bags import pose_messages, pose_rows, write_bag
 from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill, simulated
 
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.pmnn import read_networks, write_networks
+from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.feedback.training_parameters import MODELS
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive

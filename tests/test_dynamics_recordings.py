@@ -7,12 +7,12 @@ from dynamics_tables import IIWA, iiwa, payload_table, tracking_tables
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.recordings.joint_log import JointLog
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
-from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.model_names import DEFAULT, model_name
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.seeded_training import OURS
+from structlearn.rigid_body.training_grid import OURS
 from structlearn.testbeds.dynamics.names import ROBOT, colour
 from structlearn.testbeds.dynamics.protocol.tracked_reaches import tracked_reaches
 from structlearn.testbeds.dynamics.recordings.payload import write_payload

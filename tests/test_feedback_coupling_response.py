@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import few, quick, rngs, wobbly_turn
 
-from structlearn.feedback.coupling_response import coupling_response
+from structlearn.feedback.corrected_paths import coupling_response
 from structlearn.ground import quaternion
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion

@@ -7,7 +7,7 @@ from feedback_skills import random_network
 
 from structlearn.feedback.supervision import SupervisionParameters, executed_primitive
 from structlearn.ground.metrics import mean_interval
-from structlearn.primitives import canonical, kernels
+from structlearn.primitives import canonical
 from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     SETTLED_S,
@@ -119,7 +119,7 @@ def test_traces_hold_what_the_model_made_of_the_deviations(expected):
         np.testing.assert_allclose(rows["time_s"], 0.02 * np.arange(101), atol=1e-9)
         np.testing.assert_allclose(rows[channels], deviation[::2])
         p, u = canonical.phase(rows["time_s"].to_numpy(), canonical.time_constant(2.0))
-        exact = network.coupling(deviation[::2], kernels.features(p, u, 25))
+        exact = network.coupling(deviation[::2], p, u)
         np.testing.assert_allclose(rows["coupling"], exact)
     assert len(table) == 3 * 101
 

@@ -6,8 +6,9 @@ from committed import committed
 from feedback_toy import toy_dataset
 
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
+from structlearn.feedback.coupling_model import train_final
 from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.training_parameters import (
     MODELS,
     FeedbackParameters,
@@ -17,6 +18,7 @@ from structlearn.feedback.training_parameters import (
 from structlearn.ground.errors import InputError
 
 FEW = FeedbackParameters(
+    network="pmnn",
     hidden=(8,),
     pointwise=committed(TrainingParameters, "compare_models", steps=200, evaluate_every=100, seed=1),
     unrolled=committed(UnrolledTrainingParameters, "train_feedback.unrolled", steps=60, seed=1),
@@ -45,9 +47,7 @@ def trained(datasets, level):
 
 
 def arrays(network):
-    layers = [array for layer in network.hidden for array in layer]
-    names = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
-    return [*layers, *(getattr(network, name) for name in names)]
+    return list(network.arrays().values())
 
 
 def test_every_model_has_a_network_for_every_primitive(trained, datasets):
@@ -69,7 +69,7 @@ def test_the_same_data_and_seed_give_the_same_networks(trained, datasets, level)
 
 
 def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
-    alone = train_final(datasets["turn"], FEW.pointwise, FEW.hidden)
+    alone = train_final(PhaseModulatedNetwork, datasets["turn"], FEW.pointwise, FEW.hidden)
     for one, other in zip(arrays(alone), arrays(dict(trained["pointwise"])["turn"]), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -77,7 +77,9 @@ def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
 def test_what_has_seen_the_level_board_asks_for_less_there(trained, level):
     for name, dataset in level.items():
         text, ours = (dict(trained[model])[name] for model in ("pointwise", "level"))
-        coupling = (one.coupling(dataset.deviation, dataset.modulation()) for one in (text, ours))
+        coupling = (
+            one.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity) for one in (text, ours)
+        )
         before, after = (np.mean(one**2) for one in coupling)
         assert after < 0.5 * before
 
@@ -89,7 +91,7 @@ def test_what_stops_training_in_the_unroll_was_not_seen_before(trained, datasets
     unseen = np.setdiff1d(datasets["turn"].demonstration, training.demonstration)
     np.testing.assert_array_equal(np.unique(validation.demonstration), unseen)
     seen = np.isin(datasets["turn"].demonstration, training.demonstration)
-    initial = train_final(datasets["turn"].where(seen), FEW.pointwise, FEW.hidden)
+    initial = train_final(PhaseModulatedNetwork, datasets["turn"].where(seen), FEW.pointwise, FEW.hidden)
     network = dict(trained["unrolled"])["turn"]
     np.testing.assert_array_equal(network.input_mean, initial.input_mean)
     before, after = (np.mean(unrolled_error(one, validation) ** 2) for one in (initial, network))

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.feedback import pmnn
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback import coupling_model
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.ground import artefacts
 from structlearn.ground.errors import InputError
+from structlearn.primitives import canonical, kernels
 
 INPUTS, KERNELS = 4, 5
 
@@ -42,64 +43,62 @@ def by_hand(network, deviation, modulation):
     return coupling
 
 
-@pytest.mark.parametrize("sizes", [(), (7,), (6, 3)])
-def test_coupling_is_the_equation_node_by_node(sizes):
+@pytest.mark.parametrize("sizes", [(), (7,), (6, 3), (100,)])
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+def test_coupling_is_the_equation_node_by_node(sizes, scale):
+    """Also where layers saturate."""
     rng, network = np.random.default_rng(1), random_network(sizes)
-    deviation, modulation = rng.normal(size=(2, 3, INPUTS)), rng.normal(size=(2, 3, KERNELS))
-    found = network.coupling(deviation, modulation)
+    deviation, phase = (
+        scale * rng.normal(size=(2, 3, INPUTS)),
+        canonical.phase(np.array([0.2, 0.5, 0.9]), 2.0),
+    )
+    found = network.coupling(deviation, *phase)
+    modulation = kernels.features(*phase, KERNELS)
     assert found.shape == (2, 3)
     for index in np.ndindex(2, 3):
-        np.testing.assert_allclose(found[index], by_hand(network, deviation[index], modulation[index]))
+        expected = by_hand(network, deviation[index], modulation[index[1]])
+        np.testing.assert_allclose(found[index], expected, rtol=1e-11)
+        one = network.coupling(deviation[index], phase[0][index[1]], phase[1][index[1]])
+        assert one.shape == ()
+        np.testing.assert_allclose(one, expected, rtol=1e-11)
 
 
 @given(
     st.integers(0, 100),
     st.lists(st.floats(-1e6, 1e6), min_size=INPUTS, max_size=INPUTS),
     st.floats(-9.0, 0.0),
+    st.floats(0.0, 1.0),
 )
-def test_where_the_phase_rests_there_is_no_coupling(seed, deviation, u):
+def test_where_the_phase_rests_there_is_no_coupling(seed, deviation, u, p):
     network = random_network((3,), seed)
-    shares = np.random.default_rng(seed).dirichlet(np.ones(KERNELS))
-    assert network.coupling(np.array(deviation), 0.0 * shares) == 0.0
-    one, two = (network.coupling(np.array(deviation), factor * u * shares) for factor in (1.0, 2.0))
+    assert network.coupling(np.array(deviation), p, 0.0) == 0.0
+    one, two = (network.coupling(np.array(deviation), p, factor * u) for factor in (1.0, 2.0))
     np.testing.assert_allclose(two, 2.0 * one)  # proportional to the phase velocity
-
-
-@pytest.mark.parametrize("sizes", [(), (7,), (6, 3)])
-def test_stored_networks_are_the_same_bit_for_bit(tmp_path, sizes):
-    networks = [("turn", random_network(sizes)), ("scrape along", random_network((2,), seed=1))]
-    pmnn.write_networks(networks, tmp_path / "n.safetensors")
-    found = pmnn.read_networks(tmp_path / "n.safetensors")
-    assert list(found) == ["scrape along", "turn"]  # by name
-    for name, network in networks:
-        deviation, modulation = np.ones((3, INPUTS)), np.ones((3, KERNELS))
-        before, after = (item.coupling(deviation, modulation) for item in (network, found[name]))
-        np.testing.assert_array_equal(after, before)
-        assert len(found[name].hidden) == len(network.hidden)
-    pmnn.write_networks(list(found.items()), tmp_path / "again.safetensors")
-    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "n.safetensors").read_bytes()
 
 
 def test_foreign_files_are_named(tmp_path):
     weights = {"layer.weights": np.ones(3)}
     claims = {"plain": "a network", "list": json.dumps([1]), "empty": "{}"}
-    claims["claim"] = json.dumps({"phase_modulated_networks": {"turn": 1}})
+    claims["claim"] = json.dumps({"coupling_models": {"turn": "pmnn"}})
     for name, description in claims.items():
         path = tmp_path / f"{name}.safetensors"
         artefacts.write_tensors(weights, path, description)
-        with pytest.raises(InputError, match=rf"{name}\.safetensors: holds no phase-modulated networks"):
-            pmnn.read_networks(path)
+        with pytest.raises(InputError, match=rf"{name}\.safetensors: holds no feedback networks"):
+            coupling_model.read_networks(path)
+    artefacts.write_tensors(weights, tmp_path / "other", json.dumps({"coupling_models": {"turn": "os"}}))
+    with pytest.raises(InputError, match=r"there is no feedback network 'os' among .*pmnn"):
+        coupling_model.read_networks(tmp_path / "other")
     (tmp_path / "text.safetensors").write_text("x,y\n1,2\n" * 20)
     with pytest.raises(InputError, match=r"text\.safetensors: not a readable safetensors file"):
-        pmnn.read_networks(tmp_path / "text.safetensors")
+        coupling_model.read_networks(tmp_path / "text.safetensors")
     with pytest.raises(InputError, match="no such file"):
-        pmnn.read_networks(tmp_path / "missing.safetensors")
+        coupling_model.read_networks(tmp_path / "missing.safetensors")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_weight_that_is_not_finite_is_named(tmp_path, bad):
     network = random_network()
     network.phase_weights[0, 0] = bad
-    pmnn.write_networks([("turn", network)], tmp_path / "n.safetensors")
+    coupling_model.write_networks([("turn", network)], tmp_path / "n.safetensors")
     with pytest.raises(InputError, match=r"turn\.phase_weights holds a value that is not finite"):
-        pmnn.read_networks(tmp_path / "n.safetensors")
+        coupling_model.read_networks(tmp_path / "n.safetensors")

@@ -1,11 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import torch
 from committed import committed
+from feedback_skills import random_network
 from feedback_toy import toy_dataset
 
 from structlearn.feedback.folds import leave_one_out
-from structlearn.feedback.representations import StackedAutoencoders, autoencoder, principal_components
+from structlearn.feedback.models.autoencoded import StackedAutoencoders, autoencoder
+from structlearn.feedback.models.pca import principal_components
 from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.primitives import canonical
 
 QUICK = committed(TrainingParameters, "compare_models", steps=400, evaluate_every=100, batch_size=32)
 FOLDS = leave_one_out(toy_dataset(), (0.075, 0.075), 1, seed=0)
@@ -19,24 +24,32 @@ def spanned(stds, seed=0):
     return rng.normal(size=(SAMPLES, len(stds))) * stds @ directions.T + 5.0, directions
 
 
+def jobs(deviation, folds=FOLDS):
+    return [(replace(toy_dataset(), deviation=deviation), fold) for fold in folds]
+
+
+def dimensions(encoders):
+    return [encoder.dimensions for encoder in encoders]
+
+
 def test_principal_components_keep_as_many_as_the_variance_needs():
     deviation, _ = spanned([10.0, 5.0, 3.0, 0.3, 0.2])  # the last two: 0.1 % of the variance
-    assert principal_components(deviation, FOLDS).dimensions.tolist() == [3, 3, 3, 3]
-    assert principal_components(deviation, FOLDS, 0.9).dimensions.tolist() == [2, 2, 2, 2]
-    assert principal_components(deviation, FOLDS, 0.9999).dimensions.tolist() == [5, 5, 5, 5]
+    assert dimensions(principal_components(jobs(deviation))) == [3, 3, 3, 3]
+    assert dimensions(principal_components(jobs(deviation), 0.9)) == [2, 2, 2, 2]
+    assert dimensions(principal_components(jobs(deviation), 0.9999)) == [5, 5, 5, 5]
 
 
 def test_principal_components_are_those_of_the_training_samples_alone():
     deviation, directions = spanned([10.0, 5.0])
     changed = deviation.copy()
     changed[FOLDS[1].generalization] *= -30.0
-    one, other = principal_components(deviation, FOLDS), principal_components(changed, FOLDS)
+    one, other = principal_components(jobs(deviation)), principal_components(jobs(changed))
     train = FOLDS[1].train
-    np.testing.assert_array_equal(one.features[1, train], other.features[1, train, :2])
-    np.testing.assert_allclose(one.features[1, train].mean(axis=0), 0.0, atol=1e-9)
-    assert np.abs(one.features[0, train] - other.features[0, train, :2]).max() > 1.0  # there it does train
+    np.testing.assert_array_equal(one[1].code[train], other[1].code[train, :2])
+    np.testing.assert_allclose(one[1].code[train].mean(axis=0), 0.0, atol=1e-9)
+    assert np.abs(one[0].code[train] - other[0].code[train, :2]).max() > 1.0  # there it does train
     latent = (deviation - deviation.mean(axis=0)) @ directions  # the code spans the same plane
-    found = one.features[0]
+    found = one[0].code
     residual = latent - found @ np.linalg.lstsq(found, latent, rcond=None)[0]
     assert residual.std() < 0.5
 
@@ -46,11 +59,11 @@ def test_a_fold_with_fewer_components_is_filled_with_zeros():
     deviation[FOLDS[2].generalization] += np.outer(
         np.resize([60.0, -60.0], len(FOLDS[2].generalization)), np.eye(38)[0]
     )
-    codes = principal_components(deviation, FOLDS)
-    assert codes.dimensions.tolist() == [3, 3, 2, 3]
-    assert codes.features.shape == (4, SAMPLES, 3)
-    assert np.abs(codes.features[2, :, 2]).max() == 0.0
-    assert np.abs(codes.features[0, :, 2]).max() > 1.0
+    encoders = principal_components(jobs(deviation))
+    assert dimensions(encoders) == [3, 3, 2, 3]
+    assert all(encoder.code.shape == (SAMPLES, 3) for encoder in encoders)
+    assert np.abs(encoders[2].code[:, 2]).max() == 0.0
+    assert np.abs(encoders[0].code[:, 2]).max() > 1.0
 
 
 def test_an_autoencoder_finds_a_curve_that_one_principal_component_cannot_show():
@@ -61,12 +74,11 @@ def test_an_autoencoder_finds_a_curve_that_one_principal_component_cannot_show()
     def unlikeness(code):  # of neighbours in the code, which should be neighbours on the curve
         return np.quantile(np.abs(np.diff(angle[np.argsort(code)])), 0.9)
 
-    codes = autoencoder(curve, FOLDS[:2], np.array([1, 1]), parameters)
-    assert codes.features.shape == (2, SAMPLES, 1)
-    component = principal_components(curve, FOLDS[:1], 0.1).features
-    assert component.shape == (1, SAMPLES, 1)
-    for code in codes.features[..., 0]:
-        assert unlikeness(code) < 0.2 * unlikeness(component[0, :, 0])
+    (component,) = principal_components(jobs(curve, FOLDS[:1]), 0.1)
+    assert component.code.shape == (SAMPLES, 1)
+    for encoder in autoencoder(jobs(curve, FOLDS[:2]), np.array([1, 1]), parameters):
+        assert encoder.code.shape == (SAMPLES, 1)
+        assert unlikeness(encoder.code[:, 0]) < 0.2 * unlikeness(component.code[:, 0])
 
 
 def test_autoencoders_have_codes_of_their_own_width():
@@ -84,6 +96,21 @@ def test_autoencoders_have_codes_of_their_own_width():
 
 def test_autoencoders_are_deterministic():
     deviation, _ = spanned([10.0, 5.0, 3.0])
-    first, second = (autoencoder(deviation, FOLDS[:2], np.array([2, 3]), QUICK) for _ in range(2))
-    np.testing.assert_array_equal(first.features, second.features)
-    assert np.isfinite(first.features).all()
+    runs = [autoencoder(jobs(deviation, FOLDS[:2]), np.array([2, 3]), QUICK) for _ in range(2)]
+    for first, second in zip(*runs, strict=True):
+        np.testing.assert_array_equal(first.code, second.code)
+        assert np.isfinite(first.code).all()
+
+
+def test_encoders_that_are_folded_into_a_network_give_it_their_code():
+    deviation, _ = spanned([10.0, 5.0, 3.0])
+    for encoders in (
+        principal_components(jobs(deviation, FOLDS[:1])),
+        autoencoder(jobs(deviation, FOLDS[:1]), np.array([3]), QUICK),
+    ):
+        (encoder,) = encoders
+        network = random_network(np.random.default_rng(0), 3, ())
+        phase = canonical.phase(np.linspace(0.1, 0.9, SAMPLES), 2.0)
+        scale = np.full(38, encoder.scale)
+        found = network.behind(encoder.mean, scale, encoder.layers).coupling(deviation, *phase)
+        np.testing.assert_allclose(found, network.coupling(encoder.code, *phase), atol=1e-4, rtol=1e-4)

@@ -14,10 +14,10 @@ from scipy.integrate import solve_ivp
 
 from structlearn.feedback.axes import AXES, direction
 from structlearn.feedback.limits import Limits, demonstrated_limits, largest_coupling
+from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller, Status
-from structlearn.feedback.skill import ReactiveSkill, on_axis, open_loop
+from structlearn.feedback.skill import ReactiveSkill, Workspace, on_axis
 from structlearn.feedback.tick_latency import tick_latency
-from structlearn.feedback.workspace import Workspace
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame
@@ -155,9 +155,7 @@ def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(se
     zero = np.mean([handed[k] for k in good[:OFFSET_SAMPLES]], axis=0)
     switch = round(down.duration * RATE)
     expected = skill.expected["tilt"].unroll(dt, duration=tilt.duration).position
-    features = kernels.features(
-        *canonical.phase(dt * np.arange(len(expected)), canonical.time_constant(tilt.duration))
-    )
+    p, u = canonical.phase(dt * np.arange(len(expected)), canonical.time_constant(tilt.duration))
     felt = []
 
     def coupling(k, q, w):
@@ -168,7 +166,7 @@ def test_with_feedback_the_ticks_are_the_unrolled_primitive_with_its_coupling(se
         else:
             counts = handed[newest]
         felt.append(q)
-        return direction(axis) * network.coupling(counts - zero - expected[k], features[k])
+        return direction(axis) * network.coupling(counts - zero - expected[k], p[k], u[k])
 
     begin = down.orientation.unroll(dt, velocity=0.0, acceleration=0.0)
     state = {"velocity": begin.angular_velocity[-1], "acceleration": begin.angular_acceleration[-1]}
@@ -192,11 +190,11 @@ def test_deviation_and_coupling_are_those_of_the_reference_at_every_tick(rng):
     switches = np.flatnonzero(np.diff(outputs["primitive"])) + 1
     tilt = slice(*switches)
     tau = canonical.time_constant(skill.primitives[1].duration)
-    features = kernels.features(*canonical.phase(np.arange(switches[1] - switches[0]) / RATE, tau))
-    expected = skill.expected["tilt"].unroll(1 / RATE, duration=tau / 2).position[: len(features)]
+    phase = canonical.phase(np.arange(switches[1] - switches[0]) / RATE, tau)
+    expected = skill.expected["tilt"].unroll(1 / RATE, duration=tau / 2).position[: len(phase[0])]
     counts = np.array([sensor(k - k % 3) for k in range(*switches)])
     np.testing.assert_allclose(outputs["deviation"][tilt], counts - BASE - expected, atol=1e-9)
-    reference = skill.networks["tilt"][AXIS].coupling(outputs["deviation"][tilt], features)
+    reference = skill.networks["tilt"][AXIS].coupling(outputs["deviation"][tilt], *phase)
     np.testing.assert_allclose(outputs["coupling"][tilt, 0], reference, rtol=1e-12, atol=1e-11)
     assert not outputs["coupling"][: switches[0]].any()
     assert not outputs["coupling"][switches[1] :].any()

@@ -6,7 +6,8 @@ from feedback_skills import NAMES, random_network, random_skill
 from primitives_movements import wobbly_turn
 
 from structlearn.feedback.limits import Limits
-from structlearn.feedback.skill import ReactiveSkill, on_axis, open_loop
+from structlearn.feedback.models.pmnn import open_loop
+from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.twist_swing import fit_twist_swing
@@ -19,9 +20,9 @@ def skill_with_feedback(seed=0):
 
 def test_an_open_loop_policy_is_linear_in_the_phase_features():
     weights = np.random.default_rng(0).normal(size=25)
-    features = kernels.features(*canonical.phase(np.linspace(0.0, 1.0, 9), 2.0))
-    found = open_loop(weights).coupling(np.empty((9, 0)), features)
-    np.testing.assert_allclose(found, features @ weights, atol=1e-14)
+    phase = canonical.phase(np.linspace(0.0, 1.0, 9), 2.0)
+    found = open_loop(weights).coupling(np.empty((9, 0)), *phase)
+    np.testing.assert_allclose(found, kernels.features(*phase) @ weights, atol=1e-14)
 
 
 def twisted(skill):
@@ -80,12 +81,12 @@ FAULTS = {
         lambda skill: replace(skill, expected={"down": skill.expected["down"]}),
         "network of 'tilt' for rx takes 6 channels, but there are no expected traces",
     ),
-    "layers": (broken(phase_weights=np.ones((25, 9))), "layers of the network of 'tilt' for rx do not fit"),
-    "phase biases": (broken(phase_biases=np.ones(24)), "layers of the network of 'tilt' for rx do not fit"),
-    "input scale": (broken(input_scale=np.ones(5)), "layers of the network of 'tilt' for rx do not fit"),
+    "layers": (broken(phase_weights=np.ones((25, 9))), "network of 'tilt' for rx has layers that do not fit"),
+    "phase biases": (broken(phase_biases=np.ones(24)), "network of 'tilt' for rx has layers that do not fit"),
+    "input scale": (broken(input_scale=np.ones(5)), "network of 'tilt' for rx has layers that do not fit"),
     "zero scale": (
         broken(input_scale=np.zeros(6)),
-        "network of 'tilt' for rx holds a value that is not finite or a",
+        "network of 'tilt' for rx has an input scale that is not positive",
     ),
     "NaN": (
         broken(output_weights=np.full(25, np.nan)),

@@ -9,10 +9,10 @@ from feedback_skills import random_network, random_skill
 
 from structlearn import __version__
 from structlearn.feedback.limits import Limits
+from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import open_loop
+from structlearn.feedback.skill import demonstrated_workspace
 from structlearn.feedback.skill_file import provenance, read_provenance, read_skill, write_skill
-from structlearn.feedback.workspace import demonstrated_workspace
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.verify import SKILL
@@ -95,8 +95,8 @@ def changed(file, tensors=None, **description):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"networks": {"tilt": {"y": 1}}}, r"no skill of this version \(missing 'networks\.tilt\.y"),
-        ({"networks": {"tilt": {"roll": 1}}}, r"no skill of this version \(missing"),
+        ({"networks": {"tilt": {"y": "pmnn"}}}, r"no skill of this version \(missing 'input_mean'"),
+        ({"networks": {"tilt": {"rx": "os"}}}, "there is no feedback network 'os'"),
         (
             {"expected": ["down"]},
             "'tilt' for z takes 6 channels, but there are no expected traces",

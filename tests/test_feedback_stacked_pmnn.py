@@ -3,10 +3,12 @@ import pytest
 import torch
 
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, kernel_scale
-from structlearn.primitives import kernels
+from structlearn.primitives import canonical, kernels
 
 MODELS, INPUTS, BATCH, KERNELS = 3, 4, 50, 25
-MODULATION = kernels.unit_features(BATCH, KERNELS)  # one movement
+TIMES = np.linspace(0.0, 1.0, BATCH)
+PHASE = canonical.phase(TIMES, canonical.TAU_PER_DURATION)  # one movement
+MODULATION = kernels.features(*PHASE, KERNELS)
 
 
 def stack(hidden=(10,)):
@@ -31,7 +33,7 @@ def test_an_exported_network_computes_what_its_stack_does(hidden):
     mean, scale = np.arange(4.0), np.array([0.5, 1.0, 2.0, 4.0])
     for index in range(MODELS):
         exported = network.to_network(index, mean, scale, output_scale=30.0)
-        found = exported.coupling(inputs[index].numpy() * scale + mean, MODULATION)
+        found = exported.coupling(inputs[index].numpy() * scale + mean, *PHASE)
         assert found.dtype == np.float64
         np.testing.assert_allclose(found, 30.0 * outputs[index], atol=30.0 * 1e-5)
         assert np.abs(found).max() > 1.0

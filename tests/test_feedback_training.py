@@ -7,12 +7,13 @@ from committed import committed
 from feedback_toy import toy_dataset
 from pydantic import ValidationError
 
-from structlearn.feedback.folds import leave_one_out
+from structlearn.feedback.coupling_model import train_final
+from structlearn.feedback.folds import FRACTIONS, leave_one_out
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
     CHOOSING,
     DECAY,
-    FRACTIONS,
     LearningCurves,
     StackedData,
     evaluate,
@@ -21,13 +22,11 @@ from structlearn.feedback.supervised_training import (
     standardisation,
     target_scale,
     train,
-    train_final,
 )
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
-from structlearn.networks.rmsprop import RootMeanSquarePropagation
-from structlearn.networks.torch_settings import as_tensor
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
 
 QUICK = committed(TrainingParameters, "compare_models", steps=60, evaluate_every=20, batch_size=16)
 
@@ -55,13 +54,14 @@ def test_a_known_coupling_is_learnt_and_exported():
     parameters = committed(
         TrainingParameters, "compare_models", steps=1500, evaluate_every=250, dropout=0.1, learning_rate=3e-3
     )
-    network = train_final(data, parameters, hidden=(40,))
-    assert nmse(network.coupling(data.deviation, data.modulation()), data.target) < 0.1
+    network = train_final(PhaseModulatedNetwork, data, parameters, (40,))
+    phase = data.phase, data.phase_velocity
+    assert nmse(network.coupling(data.deviation, *phase), data.target) < 0.1
     assert network.phase_weights.dtype == np.float64
-    assert network.coupling(data.deviation, 0.0 * data.modulation()).max() == 0.0
+    assert np.abs(network.coupling(data.deviation, data.phase, 0.0 * data.phase)).max() == 0.0
     # and where the phase velocity has almost faded, the correction is still held
     end = data.phase < 0.03
-    assert nmse(network.coupling(data.deviation, data.modulation())[end], data.target[end]) < 0.1
+    assert nmse(network.coupling(data.deviation, *phase)[end], data.target[end]) < 0.1
 
 
 def test_a_model_learns_the_same_alone_and_in_a_stack():
@@ -96,8 +96,8 @@ def test_a_step_is_that_of_torch_on_every_tensor():
 def test_training_is_deterministic_and_leaves_the_number_of_threads():
     data = toy_dataset()
     threads = torch.get_num_threads()
-    first, second = (train_final(data, QUICK) for _ in range(2))
-    other = train_final(data, QUICK.model_copy(update={"seed": 1}))
+    first, second = (train_final(PhaseModulatedNetwork, data, QUICK, (100,)) for _ in range(2))
+    other = train_final(PhaseModulatedNetwork, data, QUICK.model_copy(update={"seed": 1}), (100,))
     np.testing.assert_array_equal(first.phase_weights, second.phase_weights)
     assert not np.array_equal(first.phase_weights, other.phase_weights)
     assert torch.get_num_threads() == threads
@@ -160,21 +160,19 @@ def test_steps_are_evaluated_to_the_last_and_diverged_ones_never_chosen():
 
 def test_training_goes_on_from_a_given_network():
     data = toy_dataset()
-    initial = train_final(data, QUICK)
+    initial = train_final(PhaseModulatedNetwork, data, QUICK, (100,))
     still = QUICK.model_copy(update={"learning_rate": 1e-12})
-    found = train_final(data, still, initial=initial)
-    deviation, modulation = data.deviation, data.modulation()
+    found = train_final(PhaseModulatedNetwork, data, still, initial=initial)
+    seen = data.deviation, data.phase, data.phase_velocity
     np.testing.assert_array_equal(found.input_mean, initial.input_mean)
-    np.testing.assert_allclose(
-        found.coupling(deviation, modulation), initial.coupling(deviation, modulation), atol=1e-3
-    )
+    np.testing.assert_allclose(found.coupling(*seen), initial.coupling(*seen), atol=1e-3)
 
 
 def test_a_silent_channel_does_no_harm():
     data = toy_dataset()
     data.deviation[:, 3] = 7.0
-    network = train_final(data, QUICK)
-    assert np.isfinite(network.coupling(data.deviation, data.modulation())).all()
+    network = train_final(PhaseModulatedNetwork, data, QUICK, (100,))
+    assert np.isfinite(network.coupling(data.deviation, data.phase, data.phase_velocity)).all()
 
 
 def test_all_channels_share_one_scale_and_its_unit_does_not_matter():
@@ -193,7 +191,9 @@ def test_all_channels_share_one_scale_and_its_unit_does_not_matter():
 def test_bad_input_is_named():
     data = toy_dataset()
     with pytest.raises(InputError, match="the coupling target is constant"):
-        train_final(dataclasses.replace(data, target=np.zeros_like(data.target)), QUICK)
+        train_final(
+            PhaseModulatedNetwork, dataclasses.replace(data, target=np.zeros_like(data.target)), QUICK
+        )
     with pytest.raises(ValidationError, match="dropout"):
         committed(TrainingParameters, "compare_models", dropout=1.0)
     with pytest.raises(ValidationError, match="extra"):

@@ -10,13 +10,14 @@ from pydantic import ValidationError
 from structlearn.feedback.corrected_paths import corrected_paths, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
+from structlearn.feedback.coupling_model import train_final
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
-from structlearn.feedback.supervised_training import train_final
 from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
 from structlearn.feedback.unrolled_training import train_unrolled
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.primitives import canonical, kernels, transformation
+from structlearn.primitives import canonical, transformation
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.trajectory import OrientationTrajectory
 
@@ -146,7 +147,7 @@ def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
     paths = random_paths(numbers=1, settings=(5.0,))
     network, zero = untrained(paths), np.zeros(1)
     dt, tau = 1.7 / 59, canonical.time_constant(1.7)
-    coupling = network.coupling(paths.deviation[0], kernels.unit_features(60))[:, None]
+    coupling = network.coupling(paths.deviation[0], *paths.phase)[:, None]
     path = transformation.unroll(
         zero, zero, np.zeros((60, 1)), dt, tau, coupling=lambda k, x, xd: coupling[k]
     )
@@ -178,6 +179,7 @@ def test_of_a_trembling_hand_the_unroll_learns_more_than_single_samples_do():
         for first, last in ((0, 6), (6, 8), (8, 10))
     )
     sample_by_sample = train_final(
+        PhaseModulatedNetwork,
         data.where(data.demonstration < 6),
         committed(TrainingParameters, "compare_models", steps=1000, dropout=0.0, evaluate_every=250),
         hidden=(6,),
@@ -190,7 +192,7 @@ def test_of_a_trembling_hand_the_unroll_learns_more_than_single_samples_do():
 def test_a_network_knocked_off_is_put_right_from_the_path_alone():
     paths = random_paths(numbers=12)
     teacher = untrained(paths, seed=1)
-    said = teacher.coupling(paths.deviation, kernels.unit_features(60))
+    said = teacher.coupling(paths.deviation, *paths.phase)
     exact = dataclasses.replace(paths, target=np.ones_like(said), correction=said @ paths.response.T)
     training, validation = split(exact, 0.2, seed=0)
     noise = 1.0 + 0.5 * np.random.default_rng(0).normal(size=25)

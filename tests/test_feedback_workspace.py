@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis.extra.numpy import arrays
 from primitives_movements import quick
 
-from structlearn.feedback.workspace import Workspace, demonstrated_workspace
+from structlearn.feedback.skill import Workspace, demonstrated_workspace
 from structlearn.ground.errors import InputError
 
 UNIT_CUBE = Workspace(np.zeros(3), np.ones(3))

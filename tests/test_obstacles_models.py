@@ -9,9 +9,12 @@ from structlearn.avoidance import network_training
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import displaced
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
-from structlearn.avoidance.phase_modulated import read_phase_modulated, write_phase_modulated
-from structlearn.avoidance.phase_modulated_training import train_phase_modulated
-from structlearn.feedback.pmnn import write_networks
+from structlearn.avoidance.phase_modulated import (
+    read_phase_modulated,
+    train_phase_modulated,
+    write_phase_modulated,
+)
+from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical

@@ -13,9 +13,9 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.minimum_jerk import progress
 from structlearn.recordings.joint_log import JointLog
 from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.prediction import rigid_body_torques
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
 from structlearn.testbeds.own.protocol.own_motion import identify_own_arm
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters

@@ -27,7 +27,7 @@ from parallel_work import (
     square_at_the_second_try,
 )
 
-from structlearn.feedback.skill import open_loop
+from structlearn.feedback.models.pmnn import open_loop
 from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map

@@ -104,6 +104,18 @@ def test_more_processes_give_the_same_bytes(reduced_project, copied):
     assert [path for path in once if once[path] != again[path]] == []
 
 
+def test_another_feedback_network_is_a_key(root, copied):
+    """It is trained, runs on the board and stands in the skill; the page leaves out its phase kernels."""
+    parameters = yaml.safe_load((copied / "params.yaml").read_text())
+    parameters["train_feedback"]["network"] = "linear_feedback"
+    (copied / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
+    stages = ("train_feedback", "evaluate_feedback", "write_skill", "report_scraping")
+    by_hand(copied, stages, STRUCTLEARN_NETWORKS=str(root / "examples"))
+    for file in ("models/pointwise.safetensors", "skill.safetensors"):
+        assert b"linear_feedback" in (copied / "data/feedback/scraping" / file).read_bytes()
+    assert "As figure IV.16 bottom" not in (copied / "reports/scraping/feedback.html").read_text()
+
+
 def test_dvc_makes_the_same_and_keeps_the_times(watched, reduced_project):
     made, by_hand = artefacts(watched), artefacts(reduced_project)
     assert {path: data for path, data in made.items() if path.startswith("data")}.items() <= by_hand.items()

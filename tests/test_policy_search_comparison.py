@@ -10,7 +10,7 @@ import pytest
 from committed import committed
 from made_up_environment import KERNELS, MadeUp
 
-from structlearn.feedback.skill import open_loop
+from structlearn.feedback.models.pmnn import open_loop
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
 from structlearn.policy_search.rollouts import Rollout, kernel_activation

@@ -10,7 +10,6 @@ from committed import committed
 from feedback_skills import random_network
 from made_up_environment import (
     CHANNELS,
-    FEATURES,
     KERNELS,
     LEARNED,
     NEW,
@@ -22,10 +21,9 @@ from made_up_environment import (
     wanted,
 )
 
-from structlearn.feedback import supervised_training
 from structlearn.feedback.coupling_dataset import concatenated
-from structlearn.feedback.skill import open_loop
-from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.coupling_model import train_final
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
@@ -67,7 +65,7 @@ def demonstrations():
 @pytest.fixture(scope="module")
 def initial(demonstrations):
     untrained = random_network(np.random.default_rng(1), CHANNELS, hidden=(6,), kernels=KERNELS)
-    return train_final(demonstrations, PARAMETERS.training, initial=untrained)
+    return train_final(PhaseModulatedNetwork, demonstrations, PARAMETERS.training, initial=untrained)
 
 
 @pytest.fixture(scope="module")
@@ -99,9 +97,7 @@ def assert_same(one, other):
 
 
 def arrays(network):
-    layers = [array for layer in network.hidden for array in layer]
-    outer = ("input_mean", "input_scale", "phase_weights", "phase_biases", "output_weights")
-    return layers + [getattr(network, name) for name in outer]
+    return list(network.arrays().values())
 
 
 def test_an_open_loop_policy_is_compressed_into_itself():
@@ -134,7 +130,10 @@ def test_the_cost_falls_and_what_was_learned_before_stays(uninterrupted, initial
     assert [state.iteration for state in states] == [0, 1, 2]
     assert norms[0] > norms[1] > norms[2]
     assert norms[2] < 0.6 * norms[0]
-    known, target = (demonstrations.deviation, demonstrations.modulation(KERNELS)), demonstrations.target
+    known, target = (
+        (demonstrations.deviation, demonstrations.phase, demonstrations.phase_velocity),
+        demonstrations.target,
+    )
     before, after = (np.abs(one.coupling(*known) - target).mean() for one in (initial, result.network))
     assert after < 2.0 * before + 0.05 * np.abs(target).max()
 
@@ -237,12 +236,12 @@ def test_the_cheapest_network_is_kept_and_gone_on_from(refined, monkeypatch):
     """The second training spoils the network: the first one's is returned, and the third begins from it."""
     states, calls = [], []
 
-    def spoil_the_second(data, parameters, initial):
-        network = train_final(data, parameters, initial=initial)
+    def spoil_the_second(model, data, parameters, initial):
+        network = train_final(model, data, parameters, initial=initial)
         calls.append(network)
         return replace(network, output_weights=-network.output_weights) if len(calls) == 2 else network
 
-    monkeypatch.setattr(supervised_training, "train_final", spoil_the_second)
+    monkeypatch.setattr(refinement, "train_final", spoil_the_second)
     refined(MadeUp(), PARAMETERS.model_copy(update={"iterations": 3}), report=states.append)
     assert [state.iteration for state in states] == [0, 1, 2, 3]
     assert [state.kept for state in states[:3]] == [0, 1, 1]
@@ -323,11 +322,11 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
 ):
     trained = []
 
-    def remember(data, parameters, initial):
+    def remember(model, data, parameters, initial):
         trained.append((data, initial))
-        return train_final(data, parameters, initial=initial)
+        return train_final(model, data, parameters, initial=initial)
 
-    monkeypatch.setattr(supervised_training, "train_final", remember)
+    monkeypatch.setattr(refinement, "train_final", remember)
     environment = MadeUp(lambda seed: seed == (1, 2, 1))
     result = refined(environment, PARAMETERS.model_copy(update={"added_runs": 3}))
     kept = len(demonstrations.target)
@@ -342,7 +341,7 @@ def test_the_network_is_trained_anew_on_demonstrations_and_improved_runs(
         assert (new.setting == NEW).all()
     improved = result.policies[PARAMETERS.search.samples]  # the first row after the samples
     first = trained[0][0].where(np.arange(kept, kept + TICKS))
-    np.testing.assert_array_equal(first.target, open_loop(improved).coupling(np.empty((TICKS, 0)), FEATURES))
+    np.testing.assert_array_equal(first.target, open_loop(improved).coupling(np.empty((TICKS, 0)), *PHASE))
 
 
 def test_what_was_felt_and_done_is_kept_of_every_rollout(uninterrupted):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from committed import committed
 
-from structlearn.feedback.pmnn import read_networks, write_networks
+from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.ground.errors import MissingInputError
 from structlearn.primitives import kernels
 from structlearn.primitives.position import fit_position

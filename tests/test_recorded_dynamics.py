@@ -14,11 +14,11 @@ from structlearn.recordings.panda import read_trajectories
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import link_inertias
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters
-from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.testbeds.recorded.protocol.panda_identification import TRACE_STRIDE, identify, panda_motion
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check

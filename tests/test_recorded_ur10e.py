@@ -19,7 +19,7 @@ from structlearn.recordings.ur10e import URDF, read_logs
 from structlearn.reporting.document import render, words_in_view
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, write_identified
 from structlearn.rigid_body.arm_identification import URDF as MAKER
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import SETS, UR10E

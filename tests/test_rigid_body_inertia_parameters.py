@@ -8,6 +8,7 @@ from rigid_body_robots import robot
 
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.friction import friction_coefficients
+from structlearn.rigid_body.inertia_learner import squared
 from structlearn.rigid_body.inertia_parameters import (
     STRUCTURES,
     draw,
@@ -16,7 +17,6 @@ from structlearn.rigid_body.inertia_parameters import (
     parameter_count,
 )
 from structlearn.rigid_body.regressor import link_parameters
-from structlearn.rigid_body.structured_learning import squared
 
 EXTREME = st.sampled_from([0.0, 1e-200, -1e-12, 1e-6, 1.0, -1.0, 37.0, 1e3, -1e8, 1e16, -1e30, 1e60])
 FREE = arrays(np.float64, (2, 10), elements=st.one_of(st.floats(-10.0, 10.0), EXTREME))

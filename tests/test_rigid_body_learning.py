@@ -8,7 +8,7 @@ from structlearn.ground.metrics import nmse
 from structlearn.networks.adam import AdamParameters
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
-from structlearn.rigid_body.model_learning import (
+from structlearn.rigid_body.learner import (
     KINDS,
     LearningParameters,
     Lesson,

@@ -3,9 +3,10 @@ import pytest
 import torch
 from rigid_body_robots import ROBOTS, pinocchio_torques, robot, states
 
+from structlearn.ground.metrics import nmse
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
 from structlearn.rigid_body.newton_euler import inverse_dynamics
-from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.regressor import link_parameters, torque_factors, torque_regressor
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -70,3 +71,30 @@ def test_order_and_type_of_the_arrays_do_not_matter():
     turned = [np.asfortranarray(values) for values in motion]
     np.testing.assert_array_equal(torque_regressor(arm.tree, *turned), torque_regressor(arm.tree, *motion))
     assert torque_regressor(arm.tree, *(values[:0] for values in motion)).shape == (0, 7, 70)
+
+
+def test_errors_are_those_of_the_data_set():
+    rng = np.random.default_rng(0)
+    regressor = rng.normal(size=(200, 3, 5))
+    regressor[:, 1, :2] = 0.0  # links before the joint
+    torque = rng.normal(size=(200, 3))
+    parameters = rng.normal(size=(4, 5))
+    factors = torque_factors(regressor, torque)
+    expected = [nmse(regressor @ values, torque) for values in parameters]
+    np.testing.assert_allclose(factors.nmse(parameters), expected, rtol=1e-12)
+
+
+def test_small_errors_beside_large_torques_keep_their_digits():
+    rng = np.random.default_rng(0)
+    regressor = rng.normal(size=(500, 1, 2)) * [1e3, 1e-3]
+    true = np.array([1.0, 1.0])
+    factors = torque_factors(regressor, regressor @ true)
+    wrong = np.array([1.0, 1.0 + 1e-4])  # a torque error of 1e-7 on 1e3
+    error = 1e-8 * (regressor[..., 1] ** 2).mean() / factors.variance[0]
+    np.testing.assert_allclose(factors.nmse(wrong), [error], rtol=1e-4)
+
+
+def test_fewer_samples_than_parameters():
+    regressor = np.arange(6.0).reshape(2, 1, 3)
+    factors = torque_factors(regressor, np.array([[1.0], [2.0]]))
+    np.testing.assert_allclose(factors.nmse(np.zeros(3)), [2.5 / 0.25])

@@ -7,9 +7,13 @@ from rigid_body_motions import arm, rubbing_motion
 from structlearn.ground.artefacts import write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
-from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models, write_dynamics_models
-from structlearn.rigid_body.model_learning import KINDS, LearningParameters, Lesson, learner
-from structlearn.rigid_body.prediction import predicted_torques
+from structlearn.rigid_body.dynamics_models import (
+    DynamicsModels,
+    predicted_torques,
+    read_dynamics_models,
+    write_dynamics_models,
+)
+from structlearn.rigid_body.learner import KINDS, LearningParameters, Lesson, learner
 
 FRICTION = ("viscous", "offset")
 PARAMETERS = committed(LearningParameters, "train_dynamics.learning", hidden=(8, 6))

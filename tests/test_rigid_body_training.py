@@ -6,8 +6,9 @@ from rigid_body_robots import carrying
 
 from structlearn.ground.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import (
     OnlineParameters,
@@ -16,8 +17,7 @@ from structlearn.rigid_body.online_learning import (
     identify_empty,
     learn_once_through,
 )
-from structlearn.rigid_body.prediction import rigid_body_torques
-from structlearn.rigid_body.seeded_training import (
+from structlearn.rigid_body.training_grid import (
     LOSSES,
     OURS,
     TEXT,

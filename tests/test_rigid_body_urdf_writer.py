@@ -11,9 +11,9 @@ from rigid_body_robots import FINGERS, ODD, pinocchio_torques, states
 from rigid_body_robots import robot as known_robot
 
 from structlearn.ground.errors import InputError
+from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.prediction import rigid_body_torques
 from structlearn.rigid_body.tree import Robot, read_urdf
 from structlearn.rigid_body.urdf_writer import write_urdf
 

@@ -11,10 +11,10 @@ from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
-from structlearn.feedback import supervised_training
-from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.coupling_model import train_final
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
+from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import open_loop_weights
 from structlearn.policy_search.rollouts import FEEDBACK, Rollout
@@ -59,7 +59,7 @@ class MadeUpBoard(Board):
         data = DATASETS[self.name]
         one = data.where((data.setting == 10.0) & (data.demonstration == seed[2] % 4))
         one = replace(one, time=np.arange(len(one.time)) / 100.0)
-        coupling = network.coupling(one.deviation[:, : len(network.input_mean)], one.modulation())
+        coupling = network.coupling(one.deviation[:, : network.inputs], one.phase, one.phase_velocity)
         return Rollout(np.abs(coupling - one.target), replace(one, target=coupling))
 
 
@@ -74,16 +74,8 @@ def refined(board, tmp_path_factory):
     return refine_on_board(board, DATASETS, PARAMETERS, tmp_path_factory.mktemp("unfinished"))
 
 
-def arrays(network):
-    return [
-        network.phase_weights,
-        network.output_weights,
-        *(array for pair in network.hidden for array in pair),
-    ]
-
-
 def same_network(one, other):
-    return all(map(np.array_equal, arrays(one), arrays(other)))
+    return all(map(np.array_equal, one.arrays().values(), other.arrays().values()))
 
 
 def assert_same(one, other):
@@ -109,11 +101,11 @@ def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(boar
     """People's mean correction in each setting they showed; none on the level board."""
     learned = []
 
-    def remember(data, *arguments, **others):
+    def remember(model, data, *arguments, **others):
         learned.append(data)
-        return train_final(data, *arguments, **others)
+        return train_final(model, data, *arguments, **others)
 
-    monkeypatch.setattr(supervised_training, "train_final", remember)
+    monkeypatch.setattr(refinement, "train_final", remember)
     ASKED.clear()
     refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"iterations": 1}), tmp_path)
     data = DATASETS[TURN]

@@ -9,8 +9,7 @@ from committed import committed
 from parallel_work import Deadly
 from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.skill import open_loop
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
 from structlearn.testbeds.scraping.protocol import board_rollouts
 from structlearn.testbeds.scraping.protocol.board_rollouts import REFINED
 from structlearn.testbeds.scraping.protocol.executions import (

@@ -9,7 +9,7 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import JointLog, read_joint_log
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.online_learning import (
     OnlineParameters,

@@ -8,7 +8,7 @@ from structlearn.reporting.studies import read_study
 from structlearn.rigid_body.agreement import agreement_with_pinocchio
 from structlearn.rigid_body.model_names import COULOMB
 from structlearn.rigid_body.online_learning import OnlineParameters
-from structlearn.rigid_body.seeded_training import TEXT, DynamicsTrainingParameters
+from structlearn.rigid_body.training_grid import TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files

@@ -2,7 +2,7 @@
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.rigid_body.seeded_training import DynamicsTrainingParameters
+from structlearn.rigid_body.training_grid import DynamicsTrainingParameters
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM

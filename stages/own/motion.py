@@ -11,7 +11,7 @@ from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParame
 
 
 def main(files: TaskFiles) -> None:
-    from structlearn.rigid_body.model_files import write_dynamics_models
+    from structlearn.rigid_body.dynamics_models import write_dynamics_models
     from structlearn.rigid_body.tree import read_urdf
     from structlearn.simulation.arm import urdf_path
     from structlearn.testbeds.own.protocol.own_motion import identify_own_arm

@@ -1,6 +1,6 @@
 """Coupling targets of the higher reaches, learned over phase and added to the nominal primitive (IV.6)."""
 
-from structlearn.feedback.pmnn import write_networks
+from structlearn.feedback.coupling_model import write_networks
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives

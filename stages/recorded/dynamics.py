@@ -8,8 +8,8 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.joint_log import read_joint_log
-from structlearn.rigid_body.model_files import DynamicsModels, write_dynamics_models
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.dynamics_models import DynamicsModels, write_dynamics_models
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.recorded.protocol.panda_identification import identify, panda_motion

@@ -7,8 +7,8 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings.drive_log import read_drive_log
 from structlearn.recordings.ur10e import URDF
 from structlearn.rigid_body.arm_identification import write_identified
-from structlearn.rigid_body.model_files import write_dynamics_models
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.dynamics_models import write_dynamics_models
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.testbeds.recorded.protocol.ur10e_identification import identify_ur10e
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters

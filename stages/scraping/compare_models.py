@@ -2,8 +2,7 @@
 
 import pandas as pd
 
-from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.representation_orderings import paired_orderings
+from structlearn.feedback.model_comparison import compare_representations, paired_orderings
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.artefacts import publish, write_table

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pandas as pd
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
+from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
@@ -37,8 +37,8 @@ def main() -> None:
 
 def searches(
     board: Board,
-    before: Mapping[str, PhaseModulatedNetwork],
-    after: Mapping[str, PhaseModulatedNetwork],
+    before: Mapping[str, CouplingModel],
+    after: Mapping[str, CouplingModel],
     refined: BoardRefinementParameters,
     parameters: ComparisonParameters,
 ) -> pd.DataFrame:

@@ -1,8 +1,8 @@
 """Execute the primitives on every setting, without and with each feedback model (IV.9.3.5)."""
 
 from structlearn.feedback.corrected_paths import path_errors
+from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.limits import Limits, largest_coupling
-from structlearn.feedback.pmnn import read_networks
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.feedback.training_parameters import MODELS

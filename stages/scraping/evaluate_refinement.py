@@ -1,6 +1,6 @@
 """Execute the primitives without feedback, and with it before and after refinement (IV.9.4.2)."""
 
-from structlearn.feedback.pmnn import read_networks
+from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_table

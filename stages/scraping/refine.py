@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from structlearn.feedback.pmnn import write_networks
+from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.publication import discard

@@ -2,13 +2,12 @@
 
 from pathlib import Path
 
+from structlearn.feedback.coupling_model import read_networks
 from structlearn.feedback.limits import demonstrated_limits
-from structlearn.feedback.pmnn import read_networks
-from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace, on_axis
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
 from structlearn.feedback.supervision import SupervisionParameters, sensor_channels
 from structlearn.feedback.training_parameters import POINTWISE, FeedbackParameters
-from structlearn.feedback.workspace import demonstrated_workspace
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import read_primitives

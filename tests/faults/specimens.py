@@ -14,7 +14,7 @@ from mcap.writer import CompressionType
 from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 from scraping_motions import constant_network, scraping_skill
 
-from structlearn.feedback.pmnn import read_networks, write_networks
+from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.params import read_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_primitives

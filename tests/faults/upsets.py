@@ -21,8 +21,7 @@ from primitives_movements import random_vectors
 from structlearn.feedback.axes import AXES, turns
 from structlearn.feedback.limits import Limits
 from structlearn.feedback.runtime import Controller, Status
-from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.workspace import Workspace
+from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map

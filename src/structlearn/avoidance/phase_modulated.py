@@ -4,16 +4,19 @@ One network per axis of the coupling term (eq. IV.27-IV.30), trained as one stac
 phase rests there is no coupling: such a model needs no post-processing to let a movement reach its goal.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from structlearn.avoidance.avoidance_dataset import AXES
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks, write_networks
+from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_model import read_networks, write_networks
+from structlearn.feedback.folds import FRACTIONS, without_generalization
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
-from structlearn.primitives import kernels
 
 
 @dataclass(frozen=True)
@@ -28,8 +31,41 @@ class PhaseModulatedAvoidance:
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
         """Coupling terms (B, 3) in m of features (B, 17), phase (B,) and phase velocity (B,)."""
-        modulation = kernels.features(phase, phase_velocity, len(self.networks[0].phase_biases))
-        return np.stack([network.coupling(features, modulation) for network in self.networks], axis=-1)
+        return np.stack(
+            [network.coupling(features, phase, phase_velocity) for network in self.networks], axis=-1
+        )
+
+
+def train_phase_modulated(
+    dataset: AvoidanceDataset, parameters: TrainingParameters, hidden: Sequence[int]
+) -> PhaseModulatedAvoidance:
+    """Train on all samples but those that say when to stop.
+
+    Args:
+        dataset: samples of any number of scenarios.
+        parameters: of the training; its chunks of consecutive samples are split together.
+        hidden: nodes of the regular hidden layers.
+
+    Raises:
+        InputError: too few samples, or the target of an axis is constant.
+    """
+    per_axis = [coupling_dataset(dataset, axis) for axis in range(len(AXES))]
+    fold = without_generalization(per_axis[0], FRACTIONS, parameters.chunk_samples, parameters.seed)
+    trained = PhaseModulatedNetwork.train([(one, fold) for one in per_axis], parameters, hidden)
+    return PhaseModulatedAvoidance(tuple(one.models["validation"] for one in trained))
+
+
+def coupling_dataset(dataset: AvoidanceDataset, axis: int) -> CouplingDataset:
+    """One axis of the coupling term as the feedback models know it; the scenario is the setting."""
+    return CouplingDataset(
+        deviation=dataset.features,
+        phase=dataset.phase,
+        phase_velocity=dataset.phase_velocity,
+        target=dataset.target[:, axis],
+        setting=dataset.scenario.astype(float),
+        demonstration=dataset.demonstration,
+        time=dataset.time,
+    )
 
 
 def write_phase_modulated(models: Mapping[str, PhaseModulatedAvoidance], path: str | Path) -> None:

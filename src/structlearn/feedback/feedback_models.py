@@ -14,10 +14,8 @@ import numpy as np
 
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.supervised_training import train_final
+from structlearn.feedback.coupling_model import CouplingModel, train_final
 from structlearn.feedback.training_parameters import LEVEL, MODELS, UNROLLED, FeedbackParameters
-from structlearn.feedback.unrolled_training import train_unrolled
 from structlearn.ground.parallel import parallel_map
 
 Key = TypeVar("Key", bound=Hashable)
@@ -28,7 +26,7 @@ def train_models(
     level: Mapping[Key, CouplingDataset],
     parameters: FeedbackParameters,
     models: Sequence[str] = MODELS,
-) -> dict[str, list[tuple[Key, PhaseModulatedNetwork]]]:
+) -> dict[str, list[tuple[Key, CouplingModel]]]:
     """Train models for every primitive; of several axes each has a network of its own (IV.6.2.3.2).
 
     Args:
@@ -52,17 +50,17 @@ def train_models(
     return {model: [(key, next(networks)) for key in datasets] for model in models}
 
 
-def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> PhaseModulatedNetwork:
+def _trained(work: tuple[str, CouplingDataset, FeedbackParameters]) -> CouplingModel:
     model, dataset, parameters = work
     if model == UNROLLED:
         return _train_inside(dataset, parameters)
-    return train_final(dataset, parameters.pointwise, parameters.hidden)
+    return train_final(parameters.model, dataset, parameters.pointwise, parameters.hidden)
 
 
-def _train_inside(dataset: CouplingDataset, parameters: FeedbackParameters) -> PhaseModulatedNetwork:
+def _train_inside(dataset: CouplingDataset, parameters: FeedbackParameters) -> CouplingModel:
     """Start from a pointwise model that has not seen the demonstrations which choose the step."""
     paths = corrected_paths(dataset, SAMPLES)
     training, validation = split(paths, parameters.validation_share, parameters.unrolled.seed)
     seen = np.isin(dataset.demonstration, np.unique(training.demonstration))
-    initial = train_final(dataset.where(seen), parameters.pointwise, parameters.hidden)
-    return train_unrolled(training, validation, initial, parameters.unrolled)
+    initial = train_final(parameters.model, dataset.where(seen), parameters.pointwise, parameters.hidden)
+    return initial.train_in_unroll(training, validation, parameters.unrolled)

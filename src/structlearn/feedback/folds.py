@@ -17,6 +17,9 @@ from structlearn.ground.errors import InputError
 
 PARTS = ("train", "validation", "test", "generalization")
 
+FRACTIONS = (0.075, 0.075)
+"""Of the samples that are not left out, for validation and test (IV.9.3)."""
+
 
 @dataclass(frozen=True)
 class Fold:

@@ -1,11 +1,11 @@
 """What a run of a skill needs that depends on time, start and goals only, worked out before it moves."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from structlearn.feedback.axes import AXES
-from structlearn.feedback.compiled_pmnn import packed_hidden, stacked_readouts
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.feedback.stepping import Plan
 from structlearn.ground import quaternion
@@ -14,6 +14,9 @@ from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, kernels, transformation
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count
+
+Place = tuple[int, int]
+"""Index of the primitive, index of the axis."""
 
 HELD_DURATIONS = 4.0
 """How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
@@ -56,10 +59,6 @@ def plan_in_time(
         for axis, network in by_axis.items()
         if feedback
     }
-    modulations = {
-        (index, place): kernels.sampled_features(counts[index], dt / taus[index], len(network.output_weights))
-        for (index, place), network in networks.items()
-    }
     for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
         part = slice(rows[index], rows[index + 1])
         if primitive.orientation is not None:
@@ -70,10 +69,10 @@ def plan_in_time(
             until = dt * (count - 1)
             expected[part] = traces.unroll(dt, duration=durations[index], until=until).position
     turning[-1] = 0.0
-    scales, offsets = stacked_readouts(networks, modulations, rows, len(axes))
-    scales[-1], offsets[-1] = 0.0, 0.0
-    table = (len(taus), len(axes))
-    packed = packed_hidden([networks.get(place) for place in np.ndindex(table)])
+    phases = [
+        canonical.phase(dt / tau * np.arange(count), 1.0) for tau, count in zip(taus, counts, strict=True)
+    ]
+    phases[-1][1][-1] = 0.0
     return Plan(
         rows=rows,
         matrix=np.stack([transformation.step_matrix(dt / tau) for tau in taus]),
@@ -83,16 +82,47 @@ def plan_in_time(
         position_forcing=np.zeros((rows[-1], 3)),
         orientation_forcing=turning,
         expected=expected,
-        readout=scales,
-        offset=offsets,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
-        values=packed.values,
-        first=packed.first.reshape(table),
-        layers=packed.layers.reshape(table),
-        sizes=packed.sizes.reshape(*table, packed.sizes.shape[1]),
         limits=limits,
         ages=ages,
+        **compiled_networks(networks, phases, len(axes)),
     )
+
+
+def compiled_networks(
+    networks: Mapping[Place, CouplingModel], phases: Sequence[tuple[np.ndarray, np.ndarray]], axes: int
+) -> dict[str, np.ndarray]:
+    """Networks as a tick evaluates them: the parts of a `Plan` that are theirs.
+
+    Args:
+        networks: by the index of the primitive and that of the axis.
+        phases: p and u (T_i,) of each primitive.
+        axes: their number D.
+    """
+    shape, rows = (len(phases), axes), np.cumsum([0, *(len(p) for p, _ in phases)])
+    compiled = {place: network.compiled() for place, network in networks.items()}
+    tables = {place: network.table(*phases[place[0]]) for place, network in networks.items()}
+    table = np.zeros((rows[-1], axes, max((one.shape[1] for one in tables.values()), default=0)))
+    for (index, place), own in tables.items():
+        table[rows[index] : rows[index + 1], place, : own.shape[1]] = own
+    return {
+        "table": table,
+        "kernels": _padded(shape, {place: [one.kernel.address] for place, one in networks.items()})[..., 0],
+        "inputs": _padded(shape, {place: [one.inputs] for place, one in networks.items()})[..., 0],
+        "memory": _padded(shape, {place: [one.memory] for place, one in compiled.items()})[..., 0],
+        "sizes": _padded(shape, {place: one.sizes for place, one in compiled.items()}),
+        "values": _padded(shape, {place: one.values for place, one in compiled.items()}, float),
+    }
+
+
+def _padded(
+    shape: tuple[int, int], found: Mapping[Place, Sequence[float]], kind: type = np.int64
+) -> np.ndarray:
+    """Numbers of any length by place as a table (*shape, longest), 0 where there are none."""
+    values = np.zeros((*shape, max([1, *map(len, found.values())])), dtype=kind)
+    for place, own in found.items():
+        values[place][: len(own)] = own
+    return values
 
 
 def forcing_in_base_frame(

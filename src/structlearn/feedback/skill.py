@@ -1,30 +1,65 @@
 """What a robot is given: primitives, expected sensor traces, feedback models, and the bounds of all of it.
 
-A coupling term of several dimensions is made by as many phase-modulated networks, each trained by itself, all
+A coupling term of several dimensions is made by as many networks, each trained by itself, all
 of the same sensors (IV.6.2.3.2): `networks["scrape"]["ry"]` corrects about the base frame's y axis while
 `scrape` runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from structlearn.feedback.axes import AXES, Axis, turns
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.limits import Limits
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.workspace import Workspace
 from structlearn.ground.errors import InputError
-from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 
-Networks = Mapping[str, Mapping[Axis, PhaseModulatedNetwork]]
+Networks = Mapping[str, Mapping[Axis, CouplingModel]]
 """Feedback models by the primitive's name, by axis; a primitive without them, or an axis, is left alone."""
 
 UNIT_TOLERANCE = 1e-6
 """How far the norm of an axis or a quaternion may be from 1."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A box along the axes of the base frame.
+
+    Attributes:
+        low: (3,) m.
+        high: (3,) m.
+
+    Raises:
+        InputError: the corners are no finite points, or the wrong way round.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+
+    def __post_init__(self) -> None:
+        corners = np.array([self.low, self.high], dtype=float)
+        if corners.shape != (2, 3) or not np.isfinite(corners).all() or not (corners[0] < corners[1]).all():
+            raise InputError(f"a workspace needs a low and a high corner, has {self.low} and {self.high}")
+
+    def require(self, point: np.ndarray, what: str) -> None:
+        """Refuse a point (3,) that is outside.
+
+        Raises:
+            InputError: it is; the message names every such axis, and by how much.
+        """
+        beyond = np.maximum(self.low - point, point - self.high)
+        faults = [
+            f"{axis} = {value:.4g} m is {excess:.3g} m {'below' if value < low else 'above'} "
+            f"[{low:.4g}, {high:.4g}]"
+            for axis, value, excess, low, high in zip("xyz", point, beyond, self.low, self.high, strict=True)
+            if excess > 0.0
+        ]
+        if faults:
+            raise InputError(f"{what} is outside the workspace of the skill: {'; '.join(faults)}")
 
 
 @dataclass(frozen=True)
@@ -34,7 +69,7 @@ class ReactiveSkill:
     Attributes:
         primitives: with orientations of the quaternion form, or without orientation and networks that turn.
         expected: expected sensor traces by the primitive's name, all of the same channels.
-        networks: each takes all channels, or none (`open_loop`).
+        networks: each takes all channels, or none (`pmnn.open_loop`).
         limits: bounds of the feedback.
         workspace: where runs may start and have their goals; None: anywhere.
         sensors: names and numbers of channels of the sensors that make up a sample, in this order; may be
@@ -103,26 +138,20 @@ class ReactiveSkill:
         return primitive
 
 
-def on_axis(networks: Mapping[str, PhaseModulatedNetwork], axis: Axis) -> Networks:
-    """Networks by the primitive's name as those of a skill that corrects on one axis."""
-    return {name: {axis: network} for name, network in networks.items()}
-
-
-def open_loop(weights: np.ndarray) -> PhaseModulatedNetwork:
-    """A policy that needs no sensor: c = G(p, u) . weights, as a network without inputs.
+def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
+    """The smallest box around demonstrated paths, and a margin.
 
     Args:
-        weights: (N,) one per phase feature.
+        paths: (T, 3) m each, from start to end.
+        margin_m: added on every side.
     """
-    weights = np.asarray(weights, dtype=float)
-    return PhaseModulatedNetwork(
-        input_mean=np.empty(0),
-        input_scale=np.empty(0),
-        hidden=(),
-        phase_weights=np.empty((len(weights), 0)),
-        phase_biases=weights,
-        output_weights=np.ones(len(weights)),
-    )
+    points = np.concatenate(list(paths))
+    return Workspace(points.min(axis=0) - margin_m, points.max(axis=0) + margin_m)
+
+
+def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:
+    """Networks by the primitive's name as those of a skill that corrects on one axis."""
+    return {name: {axis: network} for name, network in networks.items()}
 
 
 def require_unit(values: np.ndarray, size: int, what: str) -> np.ndarray:
@@ -159,26 +188,12 @@ def _check_orientation(primitive: PosePrimitive, feedback: bool) -> None:
         )
 
 
-def _check_network(what: str, network: PhaseModulatedNetwork, expected: VectorPrimitive | None) -> None:
-    inputs, *widths = network.sizes
-    if inputs and expected is None:
-        raise InputError(f"{what} takes {inputs} channels, but there are no expected traces")
-    if inputs and inputs != len(expected.start):
+def _check_network(what: str, network: CouplingModel, expected: VectorPrimitive | None) -> None:
+    if network.inputs and expected is None:
+        raise InputError(f"{what} takes {network.inputs} channels, but there are no expected traces")
+    if network.inputs and network.inputs != len(expected.start):
         raise InputError(
-            f"{what} takes {inputs} channels, but its expected traces have {len(expected.start)}"
+            f"{what} takes {network.inputs} channels, but its expected traces have {len(expected.start)}"
         )
-    kernels = len(network.output_weights)
-    if kernels < 2:
-        raise InputError(f"{what} has {kernels} phase kernels, needs about {KERNEL_COUNT}")
-    shapes = [(weights.shape, (width,)) for (weights, _), width in zip(network.hidden, widths, strict=True)]
-    shapes += [(network.phase_weights.shape, network.phase_biases.shape)]
-    wanted = [
-        ((width, before), (width,))
-        for before, width in zip([inputs, *widths], [*widths, kernels], strict=True)
-    ]
-    if network.input_scale.shape != (inputs,) or shapes != wanted:
-        raise InputError(f"the layers of {what} do not fit together: {shapes}")
-    arrays = [network.input_mean, network.input_scale, network.phase_weights, network.phase_biases]
-    arrays += [network.output_weights, *(array for layer in network.hidden for array in layer)]
-    if not all(np.isfinite(array).all() for array in arrays) or not (network.input_scale > 0).all():
-        raise InputError(f"{what} holds a value that is not finite or a scale of 0")
+    if fault := network.fault():
+        raise InputError(f"{what} {fault}")

@@ -1,7 +1,7 @@
 """A skill as one safetensors file: all that a robot needs, with its bounds, its units and its origin.
 
 Tensors are `primitives.<primitive>...` as in `primitives.primitive_files`, `expected.<primitive>.<array>`,
-`networks.<primitive>.<axis>.<array>` as in `pmnn`, and `workspace` (2, 3): its low and its high corner. The
+`networks.<primitive>.<axis>.<array>`, and `workspace` (2, 3): its low and its high corner. The
 rest stands in the description, with a digest of all (`ground.artefacts`).
 """
 
@@ -16,10 +16,9 @@ from pydantic import Field, ValidationError
 
 from structlearn import __version__
 from structlearn.feedback.axes import AXES, unit
+from structlearn.feedback.coupling_model import model_name, named_model
 from structlearn.feedback.limits import FadingParameters, Limits
-from structlearn.feedback.pmnn import named_network, network_tensors
-from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.workspace import Workspace
+from structlearn.feedback.skill import ReactiveSkill, Workspace
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import (
@@ -80,15 +79,15 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
     tensors["workspace"] = np.array([skill.workspace.low, skill.workspace.high])
     for name, traces in skill.expected.items():
         tensors |= prefixed(f"expected.{name}", vector_tensors(traces))
-    layers = {}
+    models = {}
     for name, by_axis in skill.networks.items():
-        layers[name] = {axis: len(network.hidden) for axis, network in by_axis.items()}
+        models[name] = {axis: model_name(network) for axis, network in by_axis.items()}
         for axis, network in by_axis.items():
-            tensors |= network_tensors(f"networks.{name}.{axis}", network)
+            tensors |= prefixed(f"networks.{name}.{axis}", network.arrays())
     description = {
         "primitives": kinds,
         "expected": list(skill.expected),
-        "networks": layers,
+        "networks": models,
         "sensors": skill.sensors,
         "limits": skill.limits.model_dump(),
         "units": UNITS,
@@ -113,8 +112,8 @@ def read_skill(path: str | Path) -> ReactiveSkill:
             },
             networks={
                 name: {
-                    axis: named_network(f"networks.{name}.{axis}", count, tensors)
-                    for axis, count in by_axis.items()
+                    axis: named_model(model).from_arrays(part(f"networks.{name}.{axis}", tensors))
+                    for axis, model in by_axis.items()
                 }
                 for name, by_axis in described["networks"].items()
             },

@@ -16,11 +16,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import Jobs, Trained
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.networks.stacked_layers import Dropout, RowLayers
-from structlearn.networks.torch_settings import as_tensor
+from structlearn.networks.torch_settings import as_tensor, seeded
 from structlearn.primitives import canonical
-from structlearn.primitives.kernels import features
+from structlearn.primitives.kernels import KERNEL_COUNT, features
 
 MOVEMENT_SAMPLES = 1000
 """Samples of one movement over which the mean phase velocity of a kernel is taken."""
@@ -118,6 +121,32 @@ class StackedPhaseModulatedNetworks:
             stack.layers.set_layers_of(index, [*network.hidden, phase])
             stack.output_weights.data[index, :, 0] = torch.tensor(network.output_weights / output_scale)
         return stack
+
+
+def train_networks(
+    jobs: Jobs,
+    parameters: TrainingParameters,
+    hidden: Sequence[int],
+    initial: PhaseModulatedNetwork | None,
+) -> list[Trained]:
+    """Train one network per job as a stack; see `CouplingModel.train`."""
+    generator, models = seeded(parameters.seed), len(jobs)
+    if initial is None:
+        units, inputs = standardised(jobs)
+        scales, data = scaled_targets(jobs, inputs, KERNEL_COUNT)
+        stack = StackedPhaseModulatedNetworks(
+            models, inputs.shape[2], hidden, KERNEL_COUNT, parameters.dropout, generator
+        )
+    else:
+        units = [(initial.input_mean, initial.input_scale)] * models
+        inputs = np.stack([(data.deviation - initial.input_mean) / initial.input_scale for data, _ in jobs])
+        scales, data = scaled_targets(jobs, as_tensor(inputs), len(initial.output_weights))
+        stack = StackedPhaseModulatedNetworks.from_networks(
+            [initial] * models, scales, parameters.dropout, generator
+        )
+    return train_stack(
+        stack, data, parameters, lambda index: stack.to_network(index, *units[index], scales[index])
+    )
 
 
 def kernel_scale(count: int) -> np.ndarray:

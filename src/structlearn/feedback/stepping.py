@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from structlearn.networks.compiled_layers import hidden_layers, layer_values
+from structlearn.feedback.coupling_model import evaluate
 from structlearn.primitives import orientation, transformation
 from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
 
@@ -36,13 +36,13 @@ class Plan(NamedTuple):
         position_forcing: (R, 3) in the base frame.
         orientation_forcing: (R, 3).
         expected: (R, E) expected sensor traces; NaN where a primitive has none.
-        readout: (R, D, H) r of `compiled_pmnn.readout`.
-        offset: (R, D) its s.
         axes: (D,) places of the axes of the coupling in `axes.AXES`.
-        values: packed networks, see `compiled_layers.PackedNetworks`.
-        first: (P, D).
-        layers: (P, D).
-        sizes: (P, D, L + 1).
+        kernels: (P, D) addresses of the networks' kernels, 0 where there is no network.
+        inputs: (P, D) how many channels they take.
+        sizes: (P, D, S), see `coupling_model.Compiled`.
+        values: (P, D, V), likewise.
+        memory: (P, D) how many numbers they remember.
+        table: (R, D, K) `CouplingModel.table`.
         limits: (2, D) largest coupling, and its largest change in one tick.
         ages: (2,) ticks until the offset must be known, and until a sample is stale.
     """
@@ -55,13 +55,13 @@ class Plan(NamedTuple):
     position_forcing: np.ndarray
     orientation_forcing: np.ndarray
     expected: np.ndarray
-    readout: np.ndarray
-    offset: np.ndarray
     axes: np.ndarray
-    values: np.ndarray
-    first: np.ndarray
-    layers: np.ndarray
+    kernels: np.ndarray
+    inputs: np.ndarray
     sizes: np.ndarray
+    values: np.ndarray
+    memory: np.ndarray
+    table: np.ndarray
     limits: np.ndarray
     ages: np.ndarray
 
@@ -85,7 +85,7 @@ class State(NamedTuple):
         turning: (2, 1, 1, 3) output: angular velocity, angular acceleration.
         held: (2, 1, 3) coupling vector of the position, and of the orientation; 0 but on the axes.
         window: (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation.
-        work: `compiled_layers.layer_values` of the networks.
+        memory: (D, M) of the networks.
     """
 
     clock: np.ndarray
@@ -103,7 +103,7 @@ class State(NamedTuple):
     turning: np.ndarray
     held: np.ndarray
     window: np.ndarray
-    work: np.ndarray
+    memory: np.ndarray
 
 
 def resting_state(plan: Plan) -> State:
@@ -126,13 +126,14 @@ def resting_state(plan: Plan) -> State:
         turning=np.zeros((2, 1, 1, 3)),
         held=np.zeros((2, 1, 3)),
         window=np.zeros((2, 1, 2, 3)),
-        work=layer_values(plan.sizes.reshape(-1, plan.sizes.shape[-1])),
+        memory=np.zeros((len(plan.axes), plan.memory.max(initial=0))),
     )
 
 
 def no_plan() -> tuple[tuple, tuple]:
     """Plan and state without a primitive as plain tuples, for compiled loops that can do without."""
     none, place = np.zeros(0), np.zeros(0, dtype=np.int64)
+    network = np.zeros((0, 0), dtype=np.int64)
     plan = Plan(
         rows=np.zeros(1, dtype=np.int64),
         matrix=np.zeros((0, 3, 5)),
@@ -142,13 +143,13 @@ def no_plan() -> tuple[tuple, tuple]:
         position_forcing=np.zeros((0, 3)),
         orientation_forcing=np.zeros((0, 3)),
         expected=np.zeros((0, 0)),
-        readout=np.zeros((0, 0, 0)),
-        offset=np.zeros((0, 0)),
         axes=place,
-        values=none,
-        first=place[None],
-        layers=place[None],
-        sizes=np.zeros((0, 0, 1), dtype=np.int64),
+        kernels=network,
+        inputs=network,
+        sizes=network[None],
+        values=np.zeros((0, 0, 0)),
+        memory=network,
+        table=np.zeros((0, 0, 0)),
         limits=np.zeros((2, 0)),
         ages=np.zeros(2, dtype=np.int64),
     )
@@ -161,6 +162,7 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
     plan, state = Plan(*plan_arrays), State(*state_arrays)
     row, tau = plan.rows[primitive], plan.tau[primitive]
     state.clock[ROW], state.clock[PRIMITIVE] = row, primitive
+    state.memory[:] = 0.0
     state.coupling[:] = 0.0  # the phase velocity is 0, and the goal absorbs what the predecessor's was
     state.turned[0] = state.orientation[0, 0]
     remaining = state.remaining[0]
@@ -259,15 +261,12 @@ def _sample(plan: Plan, state: State, sensor_flags: int) -> int:
 @_part_of_a_tick
 def _coupling(plan: Plan, state: State, row: int, primitive: int, place: int, sensor_flags: int) -> float:
     """What the network of an axis asks for; 0 without network or without a sensor that it needs."""
-    begin, layers = plan.first[primitive, place], plan.layers[primitive, place]
-    sizes = plan.sizes[primitive, place]
-    if begin < 0 or (sizes[0] > 0 and sensor_flags & (WAITING | NO_OFFSET | STALE)):
+    kernel = plan.kernels[primitive, place]
+    blind = sensor_flags & (WAITING | NO_OFFSET | STALE)
+    if kernel == 0 or (plan.inputs[primitive, place] > 0 and blind):
         return 0.0
-    hidden_layers(plan.values, begin, layers, sizes, state.deviation, state.work)
-    features, c = state.work[layers], plan.offset[row, place]
-    for j in range(sizes[layers]):
-        c += plan.readout[row, place, j] * features[j]
-    return c
+    sizes, values = plan.sizes[primitive, place], plan.values[primitive, place]
+    return evaluate(kernel, sizes, values, plan.table[row, place], state.deviation, state.memory[place])
 
 
 @_part_of_a_tick

@@ -7,23 +7,19 @@ Two steps can be named in the end: the one that validation chooses, which is hon
 lowest error on the left-out demonstration itself, which is what the dissertation reports and is optimistic.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
-from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.folds import PARTS, Fold, without_generalization
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
+from structlearn.feedback.coupling_model import CouplingModel, Jobs, Trained
+from structlearn.feedback.folds import PARTS, Fold
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
-from structlearn.networks.rmsprop import RootMeanSquarePropagation
-from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
 EVALUATED_AT_ONCE = 128
 """Samples per model; a stack's activations then stay in a core's cache."""
@@ -33,9 +29,6 @@ CHOOSING = ("validation", "generalization")
 
 DECAY = 0.9
 """Of RMSProp's running mean of squared gradients, per step: the value with which it was published."""
-
-FRACTIONS = (0.075, 0.075)
-"""Of the samples that are not left out, for validation and test (IV.9.3)."""
 
 
 class Stack(Protocol):
@@ -86,9 +79,7 @@ class LearningCurves:
         return np.where(np.isnan(errors), np.inf, errors).argmin(axis=0)
 
 
-def train(
-    network: Stack, data: StackedData, parameters: TrainingParameters, description: str | None = None
-) -> LearningCurves:
+def train(network: Stack, data: StackedData, parameters: TrainingParameters) -> LearningCurves:
     """Train a stack in place; every model ends with the weights that did best on its validation part.
 
     It runs on one thread: parallel work is a matter of processes, and a sum whose order depends on the number
@@ -98,7 +89,6 @@ def train(
         network: the stack.
         data: samples of all models.
         parameters: of the training.
-        description: what the progress bar says; no bar without one.
     """
     optimiser = RootMeanSquarePropagation(network.parameters(), parameters.learning_rate, DECAY)
     draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
@@ -108,9 +98,8 @@ def train(
         {part: _copy(network) for part in CHOOSING},
     )
     done, errors = [], []
-    silent = None if description else True  # None: no bar where nobody watches
     with one_thread():
-        for start in tqdm(starts, desc=description, leave=False, disable=silent):
+        for start in starts:
             count = min(parameters.evaluate_every, parameters.steps - start)
             shape = (count, parameters.batch_size)
             for rows in _batches(data.folds, draws, shape):
@@ -132,45 +121,67 @@ def restore(network: Stack, weights: Sequence[Tensor]) -> None:
         values.copy_(found)
 
 
-def train_final(
-    dataset: CouplingDataset,
-    parameters: TrainingParameters,
-    hidden: Sequence[int] = (100,),
-    initial: PhaseModulatedNetwork | None = None,
-) -> PhaseModulatedNetwork:
-    """Train the phase-modulated network that is used in the end on all demonstrations.
+def train_stack(
+    network: Stack, data: StackedData, parameters: TrainingParameters, model: Callable[[int], CouplingModel]
+) -> list[Trained]:
+    """Train a stack, and take each of its networks out at the step that each part chooses.
 
     Args:
-        dataset: samples of one primitive and one dimension of the coupling term.
-        parameters: of the training; it stops where the validation part says.
-        hidden: nodes of the regular hidden layers.
-        initial: network to start from, as in reinforcement learning; it keeps its shape and the
-            standardisation of its inputs.
+        network: the stack.
+        data: samples of all models.
+        parameters: of the training.
+        model: network of an index with the weights that the stack has now.
+    """
+    curves = train(network, data, parameters)
+    parts = [part for part in CHOOSING if all(len(getattr(fold, part)) for fold in data.folds)]
+    found: dict[str, list[CouplingModel]] = {}
+    for part in parts:
+        restore(network, curves.weights[part])
+        found[part] = [model(index) for index in range(len(data.folds))]
+    steps = {part: curves.steps[curves.best(part)] for part in parts}
+    return [
+        Trained(
+            {part: found[part][index] for part in parts}, {part: int(steps[part][index]) for part in parts}
+        )
+        for index in range(len(data.folds))
+    ]
+
+
+def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np.ndarray]], Tensor]:
+    """Inputs of all jobs (M, S, D), and what was taken off each one's columns and divided them, twice (D,).
+
+    Args:
+        jobs: see there.
+        phases: 2 to append phase and phase velocity, each with a scale of its own; 0 not to.
+    """
+    units, inputs = [], []
+    for dataset, fold in jobs:
+        mean, spread = standardisation(dataset.deviation, fold, dataset.groups)
+        values = [dataset.deviation]
+        for column in (dataset.phase[:, None], dataset.phase_velocity[:, None])[:phases]:
+            own = standardisation(column, fold)
+            mean, spread = np.append(mean, own[0]), np.append(spread, own[1])
+            values.append(column)
+        units.append((mean, spread))
+        inputs.append((np.hstack(values) - mean) / spread)
+    return units, as_tensor(np.stack(inputs))
+
+
+def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
+    """Scales of the jobs' targets (M,), and all that a stack trains on.
+
+    Args:
+        jobs: see there.
+        inputs: (M, S, D) standardised.
+        kernel_count: number of phase features; None for networks without.
 
     Raises:
-        InputError: too few samples, or the target is constant.
+        InputError: a target is constant.
     """
-    fold = without_generalization(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
-    generator = seeded(parameters.seed)
-    scale = target_scale(dataset.target, fold)
-    if initial is None:
-        mean, spread = standardisation(dataset.deviation, fold, dataset.groups)
-        network = StackedPhaseModulatedNetworks(
-            1, len(mean), hidden, dataset.modulation().shape[1], parameters.dropout, generator
-        )
-    else:
-        mean, spread = initial.input_mean, initial.input_scale
-        network = StackedPhaseModulatedNetworks.from_networks(
-            [initial], [scale], parameters.dropout, generator
-        )
-    data = StackedData(
-        inputs=as_tensor((dataset.deviation - mean) / spread)[None],
-        modulation=as_tensor(dataset.modulation(len(network.kernel_scale))),
-        target=as_tensor(dataset.target / scale)[None],
-        folds=[fold],
-    )
-    train(network, data, parameters, "training the feedback model")
-    return network.to_network(0, mean, spread, scale)
+    scales = [target_scale(dataset.target, fold) for dataset, fold in jobs]
+    modulation = None if kernel_count is None else as_tensor(jobs[0][0].modulation(kernel_count))
+    targets = [dataset.target / scale for (dataset, _), scale in zip(jobs, scales, strict=True)]
+    return scales, StackedData(inputs, modulation, as_tensor(np.stack(targets)), [fold for _, fold in jobs])
 
 
 def evaluate(network: Stack, data: StackedData, parts: Sequence[str] = PARTS) -> np.ndarray:

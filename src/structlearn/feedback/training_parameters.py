@@ -1,8 +1,13 @@
 """What is chosen for the training of feedback models, and the names of those that are used in the end."""
 
+from typing import TYPE_CHECKING
+
 from pydantic import Field, PositiveInt
 
-from structlearn.ground.params import Parameters
+from structlearn.ground.params import Name, Parameters
+
+if TYPE_CHECKING:
+    from structlearn.feedback.coupling_model import CouplingModel
 
 POINTWISE, LEVEL, UNROLLED = "pointwise", "level", "unrolled"
 MODELS = (POINTWISE, LEVEL, UNROLLED)
@@ -48,17 +53,34 @@ class UnrolledTrainingParameters(Parameters):
     seed: int = Field(ge=0)
 
 
-class FeedbackParameters(Parameters):
+class NetworkParameters(Parameters):
+    """Which feedback network is trained.
+
+    Attributes:
+        network: module of `feedback.models`.
+        hidden: nodes of its regular hidden layers.
+    """
+
+    network: Name
+    hidden: tuple[int, ...]
+
+    @property
+    def model(self) -> "type[CouplingModel]":
+        """The network; InputError where there is none of this name."""
+        from structlearn.feedback.coupling_model import named_model
+
+        return named_model(self.network)
+
+
+class FeedbackParameters(NetworkParameters):
     """Training of the final models.
 
     Attributes:
-        hidden: nodes of the regular hidden layers.
         pointwise: training sample by sample.
         unrolled: training inside the unroll.
         validation_share: of the demonstration numbers, on which training inside the unroll is stopped.
     """
 
-    hidden: tuple[int, ...]
     pointwise: TrainingParameters
     unrolled: UnrolledTrainingParameters
     validation_share: float = Field(gt=0, lt=1)

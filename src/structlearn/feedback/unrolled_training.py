@@ -21,12 +21,13 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from structlearn.feedback.corrected_paths import CorrectedPaths, phase_features, unrolled_error
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.corrected_paths import CorrectedPaths, unrolled_error
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.training_parameters import UnrolledTrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import as_tensor, one_thread
+from structlearn.primitives import kernels
 
 DEMONSTRATIONS_PER_BATCH = 15
 """Whole demonstrations in a step: as many as there are of one setting."""
@@ -100,7 +101,7 @@ def _scaled(paths: CorrectedPaths, network: PhaseModulatedNetwork, target_scale:
     path_scale = float(np.sqrt(np.mean(paths.correction**2)))
     return _Scaled(
         inputs=as_tensor((paths.deviation - network.input_mean) / network.input_scale),
-        modulation=as_tensor(phase_features(network, paths)),
+        modulation=as_tensor(kernels.unit_features(paths.target.shape[1], len(network.output_weights))),
         target=as_tensor(paths.target / target_scale),
         correction=as_tensor(paths.correction / path_scale),
         response=as_tensor(paths.response * (target_scale / path_scale)),

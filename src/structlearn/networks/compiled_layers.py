@@ -19,38 +19,26 @@ class PackedNetworks(NamedTuple):
 
     Attributes:
         values: all numbers; of each network mean (D,), scale (D,), then per layer W^T and b.
-        first: (P,) where each network begins in `values`; -1 for none.
-        layers: (P,) number of layers.
+        first: (P,) where each network begins in `values`.
         sizes: (P, L + 1) inputs, then width of each layer.
     """
 
     values: np.ndarray
     first: np.ndarray
-    layers: np.ndarray
     sizes: np.ndarray
 
 
-def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers] | None]) -> PackedNetworks:
-    """Pack networks.
-
-    Args:
-        networks: of each, what is taken off its inputs (D,), what they are divided by (D,), and its layers;
-            None for none.
-    """
-    depth = max((len(network[2]) for network in networks if network is not None), default=0)
-    values, first = [np.empty(0)], np.full(len(networks), -1)
-    layers = np.zeros(len(networks), dtype=np.int64)
-    sizes = np.zeros((len(networks), depth + 1), dtype=np.int64)
-    for index, network in enumerate(networks):
-        if network is None:
-            continue
-        mean, scale, pairs = network
-        first[index], layers[index] = sum(map(len, values)), len(pairs)
+def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers]]) -> PackedNetworks:
+    """Pack networks: of each, what is taken off its inputs (D,), what divides them (D,), and its layers."""
+    sizes = np.zeros((len(networks), 1 + max(len(pairs) for *_, pairs in networks)), dtype=np.int64)
+    values, first = [], np.zeros(len(networks), dtype=np.int64)
+    for index, (mean, scale, pairs) in enumerate(networks):
+        first[index] = sum(map(len, values))
         sizes[index, : len(pairs) + 1] = [len(mean), *(len(biases) for _, biases in pairs)]
         values += [mean, scale]
         for weights, biases in pairs:
             values += [np.ravel(weights.T), biases]  # an input's weights side by side: the loop vectorises
-    return PackedNetworks(np.concatenate(values).astype(float), first, layers, sizes)
+    return PackedNetworks(np.concatenate(values).astype(float), first, sizes)
 
 
 def layer_values(sizes: np.ndarray) -> np.ndarray:

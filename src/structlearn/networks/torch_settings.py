@@ -1,6 +1,6 @@
-"""What all trainings with torch share: precision, seeds and threads."""
+"""What all trainings with torch share: precision, seeds, threads, and RMSProp."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -27,3 +27,37 @@ def one_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(threads)
+
+
+SMALLEST_ROOT = 1e-8
+"""Added to the root mean square of a gradient: a weight without gradient stays where it is."""
+
+
+class RootMeanSquarePropagation:
+    """RMSProp: a step of the learning rate, divided by the running root mean square of each gradient.
+
+    The rule is torch's, on all weights as one vector: for many small tensors, torch's own optimiser spends a
+    fifth of a training step in calls.
+
+    Args:
+        parameters: leaves that gradients are taken for; they become views of the vector.
+        rate: step of a weight whose gradient keeps its size; it may be changed between steps.
+        decay: of the running mean of squared gradients, per step.
+    """
+
+    def __init__(self, parameters: Sequence[Tensor], rate: float, decay: float):
+        self.parameters = list(parameters)
+        self.weights = torch.cat([values.detach().flatten() for values in self.parameters])
+        sizes = [values.numel() for values in self.parameters]
+        for values, view in zip(self.parameters, self.weights.split(sizes), strict=True):
+            values.data = view.view_as(values)
+        self.mean_square = torch.zeros_like(self.weights)
+        self.rate, self.decay = rate, decay
+
+    @torch.no_grad()
+    def step(self, loss: Tensor) -> None:
+        """One step down the gradient of a loss."""
+        gradients = torch.autograd.grad(loss, self.parameters)
+        gradient = torch.cat([values.flatten() for values in gradients])
+        self.mean_square.mul_(self.decay).addcmul_(gradient, gradient, value=1.0 - self.decay)
+        self.weights.addcdiv_(gradient, self.mean_square.sqrt().add_(SMALLEST_ROOT), value=-self.rate)

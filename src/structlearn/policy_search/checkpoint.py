@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from structlearn.feedback.pmnn import read_networks, write_networks
+from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.ground.artefacts import publish, read_table, read_tensors, write_table, write_tensors
 from structlearn.ground.params import Parameters
 from structlearn.ground.publication import discard

@@ -23,8 +23,8 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.skill import open_loop
+from structlearn.feedback.coupling_model import CouplingModel, train_final
+from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
@@ -93,7 +93,7 @@ class Progress:
     """
 
     iteration: int
-    network: PhaseModulatedNetwork
+    network: CouplingModel
     covariance: np.ndarray
     history: pd.DataFrame
     policies: np.ndarray
@@ -109,7 +109,7 @@ class Progress:
 
 def start(
     environment: Environment,
-    initial: PhaseModulatedNetwork,
+    initial: CouplingModel,
     parameters: RefinementParameters,
     exploration: float,
 ) -> Progress:
@@ -124,7 +124,7 @@ def start(
     Raises:
         InputError: no execution succeeded.
     """
-    count = len(initial.output_weights)
+    count = initial.kernel_count
     runs = _execute(environment, [initial] * parameters.evaluation_runs, 0, FEEDBACK)
     compressed = compress(runs, count)
     return Progress(
@@ -141,7 +141,7 @@ def start(
 def improve(
     environment: Environment,
     progress: Progress,
-    initial: PhaseModulatedNetwork,
+    initial: CouplingModel,
     demonstrations: CouplingDataset,
     parameters: RefinementParameters,
     seed: int,
@@ -162,8 +162,6 @@ def improve(
     Raises:
         InputError: fewer than two policies could be executed, or the improved policy or the network not once.
     """
-    from structlearn.feedback.supervised_training import train_final
-
     iteration = progress.iteration + 1
     rng = np.random.default_rng([seed, iteration])
     distribution = SearchDistribution(progress.compressed, progress.covariance)
@@ -176,7 +174,9 @@ def improve(
     mean = update.distribution.mean
     improved = _execute(environment, [open_loop(mean)] * parameters.added_runs, iteration, IMPROVED)
     added = learnable(improved, f"executions of the improved policy of iteration {iteration}")
-    network = train_final(concatenated([demonstrations, added]), parameters.retraining, initial=initial)
+    network = train_final(
+        type(initial), concatenated([demonstrations, added]), parameters.retraining, initial=initial
+    )
     runs = _execute(environment, [network] * parameters.evaluation_runs, iteration, FEEDBACK)
     groups = ((tried, SAMPLE), (improved, IMPROVED), (runs, FEEDBACK))
     rows = [history_rows(group, iteration, kind) for group, kind in groups]
@@ -196,7 +196,7 @@ def improve(
 
 def refine(
     environment: Environment,
-    initial: PhaseModulatedNetwork,
+    initial: CouplingModel,
     demonstrations: CouplingDataset,
     parameters: RefinementParameters,
     exploration: float,
@@ -291,7 +291,7 @@ def _standing(runs: pd.DataFrame) -> tuple[int, float]:
 
 
 def _execute(
-    environment: Environment, networks: Sequence[PhaseModulatedNetwork], iteration: int, kind: str
+    environment: Environment, networks: Sequence[CouplingModel], iteration: int, kind: str
 ) -> list[Rollout]:
     """Executions; networks meet equal conditions in all iterations, so that these are compared in pairs."""
     place = (FEEDBACK, SAMPLE, IMPROVED).index(kind)

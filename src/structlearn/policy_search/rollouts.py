@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, to_table
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 from structlearn.primitives.kernels import KERNEL_COUNT, features
@@ -44,9 +44,7 @@ class Environment(Protocol):
     def rate_hz(self) -> float:
         """Ticks per second of the costs."""
 
-    def rollouts(
-        self, networks: Sequence[PhaseModulatedNetwork], seeds: Sequence[tuple[int, ...]]
-    ) -> list[Rollout]:
+    def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
         """Execute once per network, each with its seed, and report failures instead of raising them."""
 
 

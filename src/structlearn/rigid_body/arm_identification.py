@@ -12,16 +12,15 @@ from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.agreement import torque_differences
+from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
+from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.inertia_tables import link_table
-from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import Kind, LearningParameters, Lesson, learner, shuffled_epochs
+from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.prediction import predicted_torques, rigid_body_torques
-from structlearn.rigid_body.seeded_training import FRICTIONS
-from structlearn.rigid_body.structured_learning import MotionRegressor
+from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
 from structlearn.rigid_body.urdf_writer import write_urdf
 

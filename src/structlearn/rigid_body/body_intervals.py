@@ -7,10 +7,10 @@ import numpy as np
 
 from structlearn.ground.block_bootstrap import blocks, drawn_counts
 from structlearn.ground.parallel import parallel_map
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.identification import fit_structure, normalised_triangle
-from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.structured_learning import MotionRegressor
-from structlearn.rigid_body.torque_factors import torque_factors
+from structlearn.rigid_body.inertia_learner import MotionRegressor
+from structlearn.rigid_body.regressor import torque_factors
 from structlearn.rigid_body.tree import LinkInertias
 
 

@@ -15,8 +15,8 @@ from structlearn.rigid_body.any_model import (
 )
 from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
 from structlearn.rigid_body.compiled_networks import Networks
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.lagrangian import SMALLEST_INERTIA, StackedLagrangianNetworks
-from structlearn.rigid_body.model_files import DynamicsModels
 from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 

@@ -2,7 +2,7 @@
 
 Torques are linear in theta, so the unconstrained optimum is one least-squares problem. A physically
 consistent structure (tri, cov) is fitted to the same data and loss by L-BFGS on its free parameters; the loss
-is a quadratic form of theta (`torque_factors`), so that an iteration does not touch the data.
+is a quadratic form of theta (`regressor.torque_factors`), so that an iteration does not touch the data.
 """
 
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ import numpy as np
 
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.inertia_learner import initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, free_parameters
-from structlearn.rigid_body.structured_learning import initial_friction, squared
-from structlearn.rigid_body.torque_factors import TorqueFactors
+from structlearn.rigid_body.regressor import TorqueFactors
 from structlearn.rigid_body.tree import LinkInertias
 
 SINGULAR = 1e-8

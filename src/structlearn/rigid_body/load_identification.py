@@ -15,9 +15,9 @@ import numpy as np
 from structlearn.ground.block_bootstrap import blocks, drawn_counts
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.identification import SINGULAR
+from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS
-from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.rigid_body.tree import KinematicTree
 
 UNKNOWN = 1e-6

@@ -14,8 +14,9 @@ from structlearn.ground.params import Parameters
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.identification import fit_structure, normalised_triangle
+from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, link_inertias
-from structlearn.rigid_body.model_learning import (
+from structlearn.rigid_body.learner import (
     Kind,
     LearningParameters,
     Lesson,
@@ -26,7 +27,6 @@ from structlearn.rigid_body.model_learning import (
 )
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
-from structlearn.rigid_body.structured_learning import MotionRegressor
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")

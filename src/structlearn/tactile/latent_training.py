@@ -17,8 +17,7 @@ from torch import Tensor
 from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
-from structlearn.networks.rmsprop import RootMeanSquarePropagation
-from structlearn.networks.torch_settings import as_tensor
+from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
 from structlearn.tactile.autoencoder import latent_losses
 from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.geodesics import Geodesics

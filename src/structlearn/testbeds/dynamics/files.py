@@ -11,9 +11,9 @@ import pandas as pd
 
 from structlearn.ground.artefacts import read_table
 from structlearn.recordings.joint_log import JointLog, read_joint_log
-from structlearn.rigid_body.model_files import DynamicsModels, read_dynamics_models
+from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.rigid_body.seeded_training import Form
+from structlearn.rigid_body.training_grid import Form
 from structlearn.testbeds.dynamics.names import ROBOT
 
 RAW, DATA = Path("data/raw/dynamics"), Path("data/dynamics")
@@ -31,7 +31,7 @@ TABLES = {
     "online": DATA / "online/errors.parquet",
     "payload": DATA / "online/payload.parquet",
 }
-"""By name; `rigid_body.seeded_training`, `protocol.tracking` and `rigid_body.online_learning` say what is in
+"""By name; `rigid_body.training_grid`, `protocol.tracking` and `rigid_body.online_learning` say what is in
 them."""
 
 

@@ -6,7 +6,7 @@ page's white ground and on the viewer's dark one.
 
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
-from structlearn.rigid_body.seeded_training import OURS, TEXT
+from structlearn.rigid_body.training_grid import OURS, TEXT
 
 SINE, REACH = "sine", "reach"
 """Tasks."""

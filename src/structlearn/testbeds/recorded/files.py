@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
+from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.ground.artefacts import read_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
@@ -153,7 +153,7 @@ class RecordedFiles:
         """Primitives in their order that were learned from a set."""
         return read_primitives(self.data / f"recorded/{name}/{LEARNED[name]}.safetensors")
 
-    def coupling_networks(self) -> dict[str, PhaseModulatedNetwork]:
+    def coupling_networks(self) -> dict[str, CouplingModel]:
         """Per local axis, learned from higher reaches."""
         return read_networks(self.data / f"recorded/{HIGHER_REACHES}/{LEARNED[HIGHER_REACHES]}.safetensors")
 

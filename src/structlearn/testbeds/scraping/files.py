@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_table
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks
+from structlearn.feedback.coupling_model import CouplingModel, read_networks
 from structlearn.ground.artefacts import read_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
@@ -110,7 +110,7 @@ class ScrapingFiles:
         """Checks of a primitive's supervised data, of `supervision.coupling_dataset`."""
         return read_table(self.data / f"feedback/scraping/dataset/{CHECKS}{primitive}.parquet")
 
-    def networks(self, model: str) -> dict[str, PhaseModulatedNetwork]:
+    def networks(self, model: str) -> dict[str, CouplingModel]:
         """Networks of a trained model by primitive."""
         return read_networks(self.data / f"feedback/scraping/models/{model}.safetensors")
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from structlearn.reporting.claims import Evidence, Found, by_case, exact, geometric_mean, mean, share, unknown
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, model_name
-from structlearn.rigid_body.seeded_training import OURS, TEXT, Form
+from structlearn.rigid_body.training_grid import OURS, TEXT, Form
 from structlearn.testbeds.dynamics.names import IDEAL, REACH, ROBOT
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, legend_above, styled
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
-from structlearn.rigid_body.seeded_training import OURS, TEXT
+from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics import names
 from structlearn.testbeds.dynamics.names import (
     FORM_TITLES,

@@ -8,7 +8,7 @@ from typing import Any
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import read_values
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, STRICT, in_order
-from structlearn.rigid_body.seeded_training import OURS, TEXT
+from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 

@@ -8,7 +8,7 @@ import pandas as pd
 
 from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT, STRICT, in_order
 from structlearn.rigid_body.online_learning import OnlineParameters
-from structlearn.rigid_body.seeded_training import LOSSES, TEXT, DynamicsTrainingParameters, Form
+from structlearn.rigid_body.training_grid import LOSSES, TEXT, DynamicsTrainingParameters, Form
 from structlearn.testbeds.dynamics.names import REACH, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
@@ -29,7 +29,7 @@ class DynamicsResults:
     Of robots a seed is that of the robot; in simulation it is that of a model's start and of its goals.
 
     Attributes:
-        errors, outcomes: of trainings, see `rigid_body.seeded_training.train`.
+        errors, outcomes: of trainings, see `rigid_body.training_grid.train`.
         links, base: learned inertias and base parameters beside the truth, see `rigid_body.inertia_tables`,
             with `model` and `form`.
         scores, paths: see `protocol.tracking.track`.

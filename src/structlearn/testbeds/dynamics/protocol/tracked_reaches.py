@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.rigid_body.model_names import model_name
-from structlearn.rigid_body.seeded_training import Form
+from structlearn.rigid_body.training_grid import Form
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN
 
 

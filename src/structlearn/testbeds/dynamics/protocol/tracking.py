@@ -14,7 +14,7 @@ from structlearn.ground.params import Parameters
 from structlearn.rigid_body.any_model import InverseDynamics, bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
 from structlearn.rigid_body.compiled_models import compiled_model
-from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.testbeds.dynamics.world.arm_motion import (
     Feedback,
@@ -119,7 +119,7 @@ def learned(
 
     Args:
         testbed: the arm.
-        outcomes: of `seeded_training.train`, those of this arm.
+        outcomes: of `training_grid.train`, those of this arm.
         read: models of a form and name, in the order of the outcomes.
     """
     return [

@@ -9,11 +9,10 @@ from pydantic import Field
 
 from structlearn.ground.params import Parameters
 from structlearn.recordings.joint_log import JointLog
-from structlearn.rigid_body.model_files import DynamicsModels
+from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.model_names import DEFAULT
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.operational_space_velocity import tool_motion
-from structlearn.rigid_body.prediction import predicted_torques, rigid_body_torques
 from structlearn.rigid_body.tree import KinematicTree, Robot
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.rrd import thinning

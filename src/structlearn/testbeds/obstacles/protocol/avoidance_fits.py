@@ -22,8 +22,7 @@ from structlearn.avoidance.network_training import (
     fit_networks,
     held_out_rows,
 )
-from structlearn.avoidance.phase_modulated import PhaseModulatedAvoidance
-from structlearn.avoidance.phase_modulated_training import train_phase_modulated
+from structlearn.avoidance.phase_modulated import PhaseModulatedAvoidance, train_phase_modulated
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters

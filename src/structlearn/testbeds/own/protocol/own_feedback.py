@@ -9,7 +9,7 @@ import pandas as pd
 
 from structlearn.feedback.axes import Axis
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_axes_table, to_axes_table
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, read_networks, write_networks
+from structlearn.feedback.coupling_model import CouplingModel, read_networks, train_final, write_networks
 from structlearn.feedback.supervision import coupling_dataset, learn_expected, require_parts
 from structlearn.ground.artefacts import publish, read_table, write_table
 from structlearn.ground.errors import InputError
@@ -42,7 +42,7 @@ class OwnFeedback:
 
     expected: Mapping[str, VectorPrimitive]
     datasets: Mapping[str, Mapping[Axis, CouplingDataset]]
-    networks: Mapping[str, Mapping[Axis, PhaseModulatedNetwork]]
+    networks: Mapping[str, Mapping[Axis, CouplingModel]]
     checks: pd.DataFrame
     scores: pd.DataFrame
 
@@ -84,7 +84,7 @@ def learn_own_feedback(
 
 def _learned(
     datasets: Mapping[str, Mapping[Axis, CouplingDataset]], parameters: OwnFeedbackParameters
-) -> tuple[dict[str, dict[Axis, PhaseModulatedNetwork]], pd.DataFrame]:
+) -> tuple[dict[str, dict[Axis, CouplingModel]], pd.DataFrame]:
     """Final networks, and scores of those that were learned without a part."""
     work = []
     for name, by_axis in datasets.items():
@@ -97,7 +97,7 @@ def _learned(
                 for label in dict.fromkeys(group)
             ]
     trained = parallel_map(_trained, work, "training feedback")
-    networks: dict[str, dict[Axis, PhaseModulatedNetwork]] = {name: {} for name in datasets}
+    networks: dict[str, dict[Axis, CouplingModel]] = {name: {} for name in datasets}
     rows = []
     for (name, axis, label, _, _), network in zip(work, trained, strict=True):
         dataset = datasets[name][axis]
@@ -123,15 +123,15 @@ def _groups(dataset: CouplingDataset, parameters: OwnFeedbackParameters) -> np.n
     return np.array([f"part {part + 1}" for part in parts])
 
 
-def _trained(work: tuple[str, Axis, str, CouplingDataset, OwnFeedbackParameters]) -> PhaseModulatedNetwork:
-    from structlearn.feedback.supervised_training import train_final
-
+def _trained(work: tuple[str, Axis, str, CouplingDataset, OwnFeedbackParameters]) -> CouplingModel:
     *_, dataset, parameters = work
-    return train_final(dataset, parameters.training, parameters.hidden)
+    return train_final(parameters.model, dataset, parameters.training, parameters.hidden)
 
 
-def _nmse(network: PhaseModulatedNetwork, dataset: CouplingDataset) -> float:
-    return float(nmse(network.coupling(dataset.deviation, dataset.modulation()), dataset.target))
+def _nmse(network: CouplingModel, dataset: CouplingDataset) -> float:
+    return float(
+        nmse(network.coupling(dataset.deviation, dataset.phase, dataset.phase_velocity), dataset.target)
+    )
 
 
 def write_own_feedback(feedback: OwnFeedback, target: str | Path) -> None:
@@ -162,7 +162,7 @@ def read_own_feedback(source: str | Path) -> OwnFeedback | None:
     folder = Path(source)
     if (folder / ABSENT).exists():
         return None
-    networks: dict[str, dict[Axis, PhaseModulatedNetwork]] = {}
+    networks: dict[str, dict[Axis, CouplingModel]] = {}
     for key, network in read_networks(folder / NETWORKS).items():
         name, _, axis = key.rpartition(".")
         networks.setdefault(name, {})[axis] = network

@@ -3,11 +3,11 @@
 from pydantic import Field
 
 from structlearn.feedback.supervision import CorrectionParameters
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.training_parameters import NetworkParameters, TrainingParameters
 from structlearn.recordings.settings import Setting
 
 
-class OwnFeedbackParameters(CorrectionParameters):
+class OwnFeedbackParameters(CorrectionParameters, NetworkParameters):
     """Executions and corrected ones, and the feedback that is learned from them.
 
     Attributes:
@@ -15,7 +15,6 @@ class OwnFeedbackParameters(CorrectionParameters):
         corrections: folder with a sub-folder of corrected demonstrations per setting, named by its label.
         settings: those that are learned from; others that are there only test.
         expected_hz: low-pass of the expected traces; about 12 / duration is what 25 kernels resolve.
-        hidden: nodes of the networks' regular hidden layers.
         training: of the networks.
         parts: into which the demonstrations are put where a lone setting cannot be left out.
     """
@@ -24,6 +23,5 @@ class OwnFeedbackParameters(CorrectionParameters):
     corrections: str = Field(min_length=1)
     settings: tuple[Setting, ...] = Field(min_length=1)
     expected_hz: float = Field(gt=0)
-    hidden: tuple[int, ...]
     training: TrainingParameters
     parts: int = Field(ge=2)

@@ -21,12 +21,12 @@ from structlearn.rigid_body.arm_identification import (
     write_identified,
 )
 from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.excitation import fit_base
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion, excited, measured_motion
-from structlearn.rigid_body.prediction import rigid_body_torques
-from structlearn.rigid_body.seeded_training import FRICTIONS
 from structlearn.rigid_body.torque_blocks import block_table, drawn_nmse
+from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, joint_order
 from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 

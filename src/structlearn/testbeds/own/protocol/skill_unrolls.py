@@ -11,8 +11,9 @@ from itertools import product
 
 import numpy as np
 
+from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill, open_loop
+from structlearn.feedback.skill import ReactiveSkill
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.sequence import PoseGoal, default_goals, default_start
 from structlearn.primitives.vector import sample_count

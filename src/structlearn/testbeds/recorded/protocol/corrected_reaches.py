@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling import position_target
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
-from structlearn.primitives import kernels, regression
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
+from structlearn.primitives import canonical, kernels, regression
 from structlearn.primitives.position import PositionPrimitive, in_local_frame
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.primitives.vector import VectorPrimitive, sample_count
@@ -120,32 +120,14 @@ def phase_networks(
         One network per local axis; its input has dimension 0.
     """
     weights = regression.forcing_weights(targets, count=kernel_count)  # (N, 3)
-    none = np.zeros(0)
-    return [
-        (
-            axis,
-            PhaseModulatedNetwork(
-                input_mean=none,
-                input_scale=none,
-                hidden=(),
-                phase_weights=np.zeros((kernel_count, 0)),
-                phase_biases=biases,
-                output_weights=np.ones(kernel_count),
-            ),
-        )
-        for axis, biases in zip(AXES, weights.T, strict=True)
-    ]
+    return [(axis, open_loop(biases)) for axis, biases in zip(AXES, weights.T, strict=True)]
 
 
 def phase_coupling(networks: Networks, samples: int) -> np.ndarray:
     """Coupling term (samples, 3) of phase-only networks from start to end; it does not depend on duration."""
+    phases = canonical.phase(np.linspace(0.0, 1.0, samples), canonical.TAU_PER_DURATION)
     nothing = np.zeros((samples, 0))
-    return np.column_stack(
-        [
-            network.coupling(nothing, kernels.unit_features(samples, len(network.phase_biases)))
-            for _, network in networks
-        ]
-    )
+    return np.column_stack([network.coupling(nothing, *phases) for _, network in networks])
 
 
 def adapted_path(nominal: VectorPrimitive, reach: Trajectory, networks: Networks | None = None) -> Trajectory:

@@ -10,11 +10,10 @@ from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
 from structlearn.rigid_body.arm_identification import NETWORKS, NetworkTraining
-from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import Kind, LearningParameters, Lesson, learner, shuffled_epochs
+from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques
+from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.prediction import predicted_torques
-from structlearn.rigid_body.seeded_training import FRICTIONS
+from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree
 from structlearn.testbeds.recorded.protocol.ur10e_parameters import NetworkChoiceParameters
 

@@ -15,8 +15,8 @@ from structlearn.rigid_body.arm_identification import (
     identify_arm,
     trace_table,
 )
-from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.tree import Robot
 from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.primitives import sequence
 from structlearn.primitives.sensor_traces import deviation, without_offset
 from structlearn.primitives.sequence import PosePrimitive
@@ -42,7 +42,7 @@ def write_higher_reaches(
     path: Path,
     higher: Sequence[Demonstration],
     nominal: Sequence[PosePrimitive],
-    networks: Mapping[str, PhaseModulatedNetwork],
+    networks: Mapping[str, CouplingModel],
 ) -> None:
     """The complete higher reaches, and the nominal primitive with and without the coupling learned."""
     looks = dict(zip(("nominal", "adapted"), (PATHS["nominal"], PATHS["coupling"]), strict=True))

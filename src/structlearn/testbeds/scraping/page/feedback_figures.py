@@ -136,7 +136,7 @@ def models_figure(results: FeedbackResults, people: People | None) -> list[Figur
 def weights_figure(results: FeedbackResults) -> list[Figure]:
     """Figure IV.16, bottom: the hidden nodes that weigh most for each phase kernel."""
     figures, colours = [], ListedColormap([BLUE, "#f5d76e"])
-    for name in results.adapted:
+    for name in filter(results.dominant, results.adapted):
         figure, axes = panel(f"{name}: largest weights of every kernel", 2.6)
         axes.imshow(results.dominant(name)[0], cmap=colours, aspect="auto", interpolation="nearest")
         axes.set(xlabel="node of the hidden layer", ylabel="phase kernel")

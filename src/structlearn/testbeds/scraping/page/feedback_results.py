@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.folds import PARTS
-from structlearn.feedback.pmnn import PhaseModulatedNetwork, dominant_features
-from structlearn.feedback.representation_orderings import REPRESENTATIONS, STOPPINGS
+from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS
 from structlearn.feedback.supervision import Cuts
 from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
 from structlearn.ground import signals
@@ -170,7 +170,7 @@ class FeedbackResults:
         checks: of `supervision.coupling_dataset`, by primitive.
         networks: the pointwise models by primitive.
         comparison: of `model_comparison.compare_representations`, with `primitive`.
-        orderings: of `representation_orderings.paired_orderings`, with `primitive`.
+        orderings: of `model_comparison.paired_orderings`, with `primitive`.
         seen_deg: settings that are learned from.
         board: what was executed with the models.
     """
@@ -181,7 +181,7 @@ class FeedbackResults:
     expected: Mapping[str, VectorPrimitive]
     datasets: Mapping[str, CouplingDataset]
     checks: Mapping[str, pd.DataFrame]
-    networks: Mapping[str, PhaseModulatedNetwork]
+    networks: Mapping[str, CouplingModel]
     comparison: pd.DataFrame
     orderings: pd.DataFrame
     seen_deg: Sequence[float]
@@ -265,14 +265,17 @@ class FeedbackResults:
         scored = {name: cuts[name] for name in board.primitives}
         return execution_scores(board.corrected, scored, nominal_orientation(self.unrolls), board.axis)
 
-    def dominant(self, primitive: str) -> tuple[np.ndarray, float, float]:
-        """Figure IV.16 bottom.
+    def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
+        """Figure IV.16 bottom; None of a network that has no phase kernels.
 
         Returns:
             (N, H) whether a node is among those that weigh most for a phase kernel, and how many of them
             neighbouring kernels and any two kernels share on average.
         """
-        dominant = dominant_features(self.networks[primitive])
+        weights = self.networks[primitive].arrays().get("phase_weights")
+        if weights is None:
+            return None
+        dominant = dominant_features(weights)
         common = dominant.astype(int) @ dominant.T.astype(int)
         any_two = common[np.triu_indices(len(common), 1)]
         return dominant, float(np.diag(common, 1).mean()), float(any_two.mean())
@@ -310,8 +313,9 @@ class FeedbackResults:
             key = f"{REPRESENTATION_KEYS[row.representation]}_prim{number(row.primitive)}"
             values[f"{key}_generalization_nmse{STEP_KEYS[row.stopping]}"] = float(row.generalization_mean)
         for name in self.networks:
-            values[f"shared_nodes_prim{number(name)}"] = self.dominant(name)[2]
-            values[f"shared_nodes_over_phase_prim{number(name)}"] = self.sharing_over_phase(name)
+            if dominant := self.dominant(name):
+                values[f"shared_nodes_prim{number(name)}"] = dominant[2]
+                values[f"shared_nodes_over_phase_prim{number(name)}"] = self.sharing_over_phase(name)
         return values | self.board.metrics(number)
 
 
@@ -348,3 +352,19 @@ def unroll_traces(results: FeedbackResults, primitive: str) -> tuple[np.ndarray,
         runs.append(signals.time_normalised(part, SAMPLES))
     learned = results.expected[primitive]
     return np.stack(runs), sensor_traces.expected(learned, SAMPLES, learned.duration / (SAMPLES - 1))
+
+
+def dominant_features(phase_weights: np.ndarray, count: int = 10) -> np.ndarray:
+    """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
+
+    Args:
+        phase_weights: (N, H) from hidden nodes into kernels.
+        count: nodes per kernel.
+
+    Returns:
+        (N, H) True for the nodes with the largest |weight| into a kernel.
+    """
+    order = np.argsort(-np.abs(phase_weights), axis=1, kind="stable")
+    dominant = np.zeros(phase_weights.shape, dtype=bool)
+    np.put_along_axis(dominant, order[:, :count], True, axis=1)
+    return dominant

@@ -11,7 +11,8 @@ from pydantic import Field
 
 import structlearn
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import CouplingModel, train_final
+from structlearn.feedback.training_parameters import NetworkParameters
 from structlearn.ground.compilation import sources_digest
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
@@ -31,7 +32,7 @@ EVERY_SOURCE = b""
 """Mark that stands in all files."""
 
 
-class BoardRefinementParameters(RefinementParameters):
+class BoardRefinementParameters(RefinementParameters, NetworkParameters):
     """Refinement on the board.
 
     Attributes:
@@ -42,7 +43,6 @@ class BoardRefinementParameters(RefinementParameters):
         shown_runs: executions of the mean demonstration of each setting learned from that are added to the
             data, see `refinement.executed`; the text has none.
         level_runs: executions without correction on the level board, likewise.
-        hidden: nodes of the regular hidden layers.
         seed: of the exploration.
     """
 
@@ -51,7 +51,6 @@ class BoardRefinementParameters(RefinementParameters):
     exploration: dict[str, Annotated[float, Field(gt=0)]] = Field(min_length=1)
     shown_runs: int = Field(ge=0)
     level_runs: int = Field(ge=0)
-    hidden: tuple[int, ...]
     seed: int = Field(ge=0)
 
 
@@ -67,8 +66,8 @@ class Refined:
         policies: `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
     """
 
-    before: Mapping[str, PhaseModulatedNetwork]
-    after: Mapping[str, PhaseModulatedNetwork]
+    before: Mapping[str, CouplingModel]
+    after: Mapping[str, CouplingModel]
     history: pd.DataFrame
     samples: pd.DataFrame
     policies: pd.DataFrame
@@ -131,11 +130,9 @@ def refine_on_board(
     return Refined(before, after, **{name: _joined(parts) for name, parts in tables.items()})
 
 
-def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> PhaseModulatedNetwork:
-    from structlearn.feedback.supervised_training import train_final
-
+def _learned(work: tuple[CouplingDataset, BoardRefinementParameters]) -> CouplingModel:
     dataset, parameters = work
-    return train_final(dataset, parameters.training, parameters.hidden)
+    return train_final(parameters.model, dataset, parameters.training, parameters.hidden)
 
 
 def _with_executions(

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.limits import Limits
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import (
     SupervisionParameters,
@@ -61,7 +61,7 @@ class Board:
 
     primitives: Sequence[PosePrimitive]
     expected: Mapping[str, VectorPrimitive]
-    preceding: Mapping[str, PhaseModulatedNetwork]
+    preceding: Mapping[str, CouplingModel]
     name: str
     setting_deg: float
     nominal: np.ndarray
@@ -81,14 +81,12 @@ class Board:
         """Of the primitive in the task."""
         return [primitive.name for primitive in self.primitives].index(self.name)
 
-    def rollouts(
-        self, networks: Sequence[PhaseModulatedNetwork], seeds: Sequence[tuple[int, ...]]
-    ) -> list[Rollout]:
+    def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
         """Execute once per network, in processes; a run that fails is reported in its rollout."""
         work = [(self, network, seed) for network, seed in zip(networks, seeds, strict=True)]
         return parallel_map(_rollout, work, f"rollouts of {self.name}", lost=_lost)
 
-    def execution(self, network: PhaseModulatedNetwork, seed: tuple[int, ...]) -> Recording:
+    def execution(self, network: CouplingModel, seed: tuple[int, ...]) -> Recording:
         """Execute the primitives up to this one, with a network for it."""
         executed = self.primitives[: self.place + 1]
         expected = {one.name: self.expected[one.name] for one in executed if one.name in self.expected}
@@ -98,7 +96,7 @@ class Board:
         return execute_run(run, 0, skill, self.testbed)
 
 
-Work = tuple[Board, PhaseModulatedNetwork, tuple[int, ...]]
+Work = tuple[Board, CouplingModel, tuple[int, ...]]
 
 
 def _rollout(work: Work) -> Rollout:
@@ -117,7 +115,7 @@ def _failed(fault: str) -> Rollout:
     return Rollout(np.array([np.nan]), None, fault)
 
 
-def _judged(board: Board, network: PhaseModulatedNetwork, seed: tuple[int, ...]) -> Rollout:
+def _judged(board: Board, network: CouplingModel, seed: tuple[int, ...]) -> Rollout:
     """One execution with its cost per tick and what it says as supervised data.
 
     Raises:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.supervision import Cuts, SupervisionParameters
 from structlearn.ground.params import Parameters
 from structlearn.primitives.vector import VectorPrimitive
@@ -45,7 +45,7 @@ class ExecutedSet:
     """
 
     model: str
-    networks: Mapping[str, PhaseModulatedNetwork]
+    networks: Mapping[str, CouplingModel]
     runs: Mapping[float, Sequence[Demonstration]]
     cuts: Mapping[float, Cuts]
 

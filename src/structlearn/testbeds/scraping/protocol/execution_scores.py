@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from structlearn.feedback.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.supervision import Cuts, SupervisionParameters, executed_primitive
 from structlearn.ground import quaternion
 from structlearn.ground.metrics import mean_interval
-from structlearn.primitives import canonical, kernels
+from structlearn.primitives import canonical
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.scraping.protocol.orientation_cost import accumulated, orientation_cost
@@ -92,7 +92,7 @@ def feedback_traces(
     runs: Mapping[float, Sequence[Demonstration]],
     cuts: Mapping[float, pd.DataFrame],
     expected: VectorPrimitive,
-    network: PhaseModulatedNetwork | None,
+    network: CouplingModel | None,
     parameters: SupervisionParameters,
 ) -> pd.DataFrame:
     """Sensor deviations of one primitive in executions, and the coupling term that a model makes of them.
@@ -118,8 +118,7 @@ def feedback_traces(
             coupling = np.zeros(len(time))
             if network is not None:
                 p, u = canonical.phase(time, canonical.time_constant(duration))
-                features = kernels.features(p, u, len(network.output_weights))
-                coupling = network.coupling(deviation, features)
+                coupling = network.coupling(deviation, p, u)
             channels = {f"channel_{index:02d}": values for index, values in enumerate(deviation.T)}
             keys = {"setting_deg": setting, "run": run.name, "time_s": time, "coupling": coupling}
             tables.append(pd.DataFrame(keys | channels))

@@ -16,8 +16,7 @@ from structlearn.rigid_body.compiled_structures import structure_gradient, struc
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, draw
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.regressor import torque_regressor
-from structlearn.rigid_body.torque_factors import TorqueFactors, torque_factors
+from structlearn.rigid_body.regressor import TorqueFactors, torque_factors, torque_regressor
 from structlearn.rigid_body.tree import KinematicTree
 
 INITIAL_FRICTION = 0.01
@@ -55,7 +54,7 @@ class MotionRegressor:
         self.friction = tuple(friction)
 
 
-class StructuredLearner:
+class InertiaLearner:
     """M models of one structure that learn from the same samples.
 
     Args:

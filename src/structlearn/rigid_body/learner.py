@@ -19,10 +19,10 @@ from structlearn.ground.params import Parameters
 from structlearn.networks.adam import AdamParameters
 from structlearn.networks.torch_settings import seeded
 from structlearn.rigid_body.friction import FrictionTerm
+from structlearn.rigid_body.inertia_learner import InertiaLearner, MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.network_learning import NetworkKind, NetworkLearner
-from structlearn.rigid_body.structured_learning import MotionRegressor, StructuredLearner
+from structlearn.rigid_body.network_learner import NetworkKind, NetworkLearner
 from structlearn.rigid_body.tree import KinematicTree
 
 Kind = Literal[NetworkKind, Structure]
@@ -128,7 +128,7 @@ def learner(
     weights, generators = loss_weights(loss, lesson.motion), [seeded(seed) for seed in seeds]
     if kind in STRUCTURES:
         regressor = lesson.full if kind == "nostr" else lesson.symmetric
-        return StructuredLearner(kind, regressor, weights, parameters.structures, generators)
+        return InertiaLearner(kind, regressor, weights, parameters.structures, generators)
     return NetworkLearner(
         kind, lesson.motion, lesson.friction, weights, parameters.networks, parameters.hidden, generators
     )

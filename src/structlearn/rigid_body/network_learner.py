@@ -10,11 +10,11 @@ from torch import Tensor
 from structlearn.networks.adam import AdamParameters, adam_step
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
+from structlearn.rigid_body.inertia_learner import initial_friction, squared
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
 from structlearn.rigid_body.network_gradients import LagrangianGradients, PerceptronGradients
-from structlearn.rigid_body.structured_learning import initial_friction, squared
 
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
 

@@ -1,4 +1,4 @@
-"""Learned dynamics models in files, and back as what they are: inertias with friction, or networks."""
+"""Learned dynamics models: in files, back as inertias with friction or as networks, and their torques."""
 
 import json
 from collections.abc import Mapping
@@ -10,12 +10,14 @@ import torch
 
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
-from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients
+from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
-from structlearn.rigid_body.model_learning import KINDS, Kind
+from structlearn.rigid_body.learner import KINDS, Kind
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
-from structlearn.rigid_body.tree import LinkInertias
+from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 HEADING = "dynamics_models"
 
@@ -89,3 +91,33 @@ def read_dynamics_models(path: str | Path) -> DynamicsModels:
         return models
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: holds no dynamics models (missing {error})") from error
+
+
+def rigid_body_torques(tree: KinematicTree, inertias: LinkInertias, motion: Motion) -> np.ndarray:
+    """Torques (M, N, n) of inertias with mass (M, n), or (N, n) of mass (n,), without friction."""
+    columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd, symmetric=False)
+    theta = link_parameters(inertias.tensors(), symmetric=False).numpy()
+    return np.moveaxis(columns @ theta.T, -1, 0) if theta.ndim == 2 else columns @ theta
+
+
+def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> np.ndarray:
+    """Torques (M, N, n) in N m of M learned models on a motion, friction included.
+
+    Args:
+        models: of the robot.
+        tree: the robot.
+        motion: whose torques are not looked at.
+    """
+    if models.structured:
+        torques = rigid_body_torques(tree, models.inertias(), motion)
+    else:
+        states = (
+            torch.tensor(np.ascontiguousarray(values.T), dtype=torch.float32)
+            for values in (motion.q, motion.qd, motion.qdd)
+        )
+        with torch.no_grad():
+            torques = np.swapaxes(models.networks().torques(*states).double().numpy(), 1, 2)
+    if models.friction:
+        columns = friction_columns(motion.qd, models.friction)
+        torques = torques + np.einsum("njt,mjt->mnj", columns, models.friction_coefficients())
+    return torques

@@ -20,10 +20,10 @@ from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.networks.adam import AdamParameters
 from structlearn.networks.torch_settings import one_thread
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
-from structlearn.rigid_body.model_files import DynamicsModels
-from structlearn.rigid_body.model_learning import (
+from structlearn.rigid_body.learner import (
     Kind,
     Learned,
     LearningParameters,

@@ -1,0 +1,323 @@
+"""What a feedback network is: how it is trained, saved, and evaluated, by tick and by batch.
+
+A network is one module of `feedback.models` with one subclass of `CouplingModel`, and is picked in
+`params.yaml` by the module's name. It is trained on a `CouplingDataset`, saved as its arrays, and evaluated
+by one compiled kernel, which the controller calls in its tick, simulators in their loops, and `coupling` for
+batches:
+
+    c = kernel(sizes, values, row, deviations, memory)
+
+What depends on time alone, and so is known before a robot moves, stands in `row`, one row of `table(p, u)`.
+"""
+
+import importlib
+import json
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from structlearn.feedback import models
+from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.folds import FRACTIONS, Fold, without_generalization
+from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
+from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
+from structlearn.ground.errors import InputError
+from structlearn.networks.compiled_layers import Layers
+from structlearn.primitives.kernels import KERNEL_COUNT
+from structlearn.primitives.primitive_files import part, prefixed
+
+if TYPE_CHECKING:
+    from structlearn.feedback.corrected_paths import CorrectedPaths
+
+Jobs = Sequence[tuple[CouplingDataset, Fold]]
+"""Samples, and which of them train a model, choose its step and test it; one model per job."""
+
+Nodes = Sequence[int]
+"""Of each hidden layer."""
+
+_NUMBERS = types.CPointer(types.float64)
+
+kernel = numba.cfunc(
+    types.float64(types.CPointer(types.int64), _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS), cache=True
+)
+"""Compiles the forward pass of a network at one sample: (sizes, values, row, deviations, memory) -> c.
+
+All arguments are pointers; `numba.carray(values, count)` makes arrays of them. The memory is 0 when a
+movement begins, and is kept from sample to sample.
+"""
+
+
+class Compiled(NamedTuple):
+    """A network's own numbers, as its kernel takes them.
+
+    Attributes:
+        sizes: (S,) whole numbers.
+        values: (V,) numbers.
+        memory: how many numbers it remembers.
+    """
+
+    sizes: np.ndarray
+    values: np.ndarray
+    memory: int
+
+
+class CouplingModel:
+    """Coupling term of one axis from sensor deviations and phase; a frozen dataclass of arrays and `Layers`.
+
+    Where the phase velocity u is 0, c should be 0: then a movement starts smoothly and ends at its goal.
+
+    Attributes:
+        kernel: compiled forward pass, see `kernel`.
+    """
+
+    kernel: ClassVar[Callable]
+
+    @classmethod
+    def train(
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
+    ) -> "list[Trained]":
+        """Train one model per job.
+
+        Args:
+            jobs: of equal sizes; they differ in fold, in target, or in what a deviation is.
+            parameters: of the training, as far as the network has use for them.
+            hidden: nodes of the hidden layers, likewise.
+            initial: model to start from, which keeps its shape and the standardisation of its inputs.
+
+        Raises:
+            InputError: too few samples, or the target is constant.
+        """
+        raise NotImplementedError
+
+    def train_in_unroll(
+        self,
+        training: "CorrectedPaths",
+        validation: "CorrectedPaths",
+        parameters: UnrolledTrainingParameters,
+    ) -> Self:
+        """This model, trained on in the unroll (`unrolled_training`); one that cannot be stays as it is."""
+        return self
+
+    @property
+    def inputs(self) -> int:
+        """Number of channels; 0 for a model that needs no sensor."""
+        raise NotImplementedError
+
+    @property
+    def kernel_count(self) -> int:
+        """Number of phase kernels of the open-loop policy that its executions are compressed to."""
+        return KERNEL_COUNT
+
+    def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """What the kernel needs to know of phases (T,) and phase velocities (T,): (T, K) rows."""
+        raise NotImplementedError
+
+    def compiled(self) -> Compiled:
+        """What the kernel needs to know beside."""
+        raise NotImplementedError
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Fields of the model, for its file; of layers `<field>.<number>.weights` and `.biases`."""
+        found = {}
+        for field in fields(self):
+            if field.type is np.ndarray:
+                found[field.name] = getattr(self, field.name)
+            else:
+                for place, (weights, biases) in enumerate(getattr(self, field.name)):
+                    name = f"{field.name}.{place}"
+                    found |= {f"{name}.weights": weights, f"{name}.biases": biases}
+        return found
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
+        """The inverse of `arrays`; KeyError where one is missing."""
+
+        def layers(name: str) -> Layers:
+            places = range(sum(key.startswith(f"{name}.") for key in arrays) // 2)
+            return tuple((arrays[f"{name}.{at}.weights"], arrays[f"{name}.{at}.biases"]) for at in places)
+
+        read = {np.ndarray: arrays.__getitem__, Layers: layers}
+        return cls(**{field.name: read[field.type](field.name) for field in fields(cls)})
+
+    def fault(self) -> str:
+        """What is wrong with the model, after "the network of ..."; empty where nothing is."""
+        finite = all(np.isfinite(array).all() for array in self.arrays().values())
+        return "" if finite else "holds a value that is not finite"
+
+    def coupling(self, deviation: np.ndarray, p: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Coupling terms of a batch, by the compiled kernel.
+
+        Args:
+            deviation: (..., D) sensor deviations; samples of a movement follow each other in time.
+            p: phase, of the batch's shape (...) or of its last axes.
+            u: phase velocity, likewise.
+
+        Returns:
+            (...) coupling terms c.
+
+        Raises:
+            ValueError: there are fewer channels than the network takes.
+        """
+        *batch, channels = np.shape(deviation)
+        if channels < self.inputs:
+            raise ValueError(f"the network takes {self.inputs} channels, got {channels}")
+        p, u = np.asarray(p, dtype=float), np.asarray(u, dtype=float)
+        table = self.table(p.ravel(), u.ravel())
+        table = np.broadcast_to(table.reshape(*p.shape, -1), (*batch, table.shape[-1]))
+        return _batch(
+            self.kernel.address,
+            *self.compiled()[:2],
+            np.ascontiguousarray(table, dtype=float).reshape(-1, table.shape[-1]),
+            np.ascontiguousarray(deviation, dtype=float).reshape(table[..., 0].size, -1),
+            np.zeros(self.compiled().memory),
+            np.broadcast_to(p, batch).ravel(),
+        ).reshape(batch)
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What came of a job.
+
+    Attributes:
+        models: by the part whose error chose the step: `validation`, which is honest, and where a
+            demonstration is left out `generalization`, which the dissertation reports and is optimistic.
+        steps: gradient steps done, likewise; 0 where there are none.
+        code: to how many dimensions the deviations are compressed first; NaN where they are not.
+    """
+
+    models: Mapping[str, CouplingModel]
+    steps: Mapping[str, int]
+    code: float = np.nan
+
+    @classmethod
+    def at_once(cls, model: CouplingModel) -> Self:
+        """Of a model that is trained without steps."""
+        parts = ("validation", "generalization")
+        return cls(dict.fromkeys(parts, model), dict.fromkeys(parts, 0))
+
+
+def train_final(
+    model: type[CouplingModel],
+    dataset: CouplingDataset,
+    parameters: TrainingParameters,
+    hidden: Sequence[int] = (),
+    initial: CouplingModel | None = None,
+) -> CouplingModel:
+    """Train the model that is used in the end on all demonstrations; validation says where it stops.
+
+    Arguments and errors as `CouplingModel.train`; with an initial model as in reinforcement learning.
+    """
+    fold = without_generalization(dataset, FRACTIONS, parameters.chunk_samples, parameters.seed)
+    (trained,) = model.train([(dataset, fold)], parameters, hidden, initial)
+    return trained.models["validation"]
+
+
+def named_model(name: str) -> type[CouplingModel]:
+    """The network that a module of `feedback.models` defines.
+
+    Raises:
+        InputError: there is no such module, or it does not define one network.
+    """
+    known = sorted(module.name for module in pkgutil.iter_modules(models.__path__))
+    if name not in known:
+        raise InputError(f"there is no feedback network '{name}' among {', '.join(known)}")
+    module = importlib.import_module(f"{models.__name__}.{name}")
+    found = [
+        one
+        for one in vars(module).values()
+        if isinstance(one, type) and issubclass(one, CouplingModel) and one.__module__ == module.__name__
+    ]
+    if len(found) != 1:
+        raise InputError(f"{module.__file__}: defines {len(found)} feedback networks, one is needed")
+    return found[0]
+
+
+def model_name(model: CouplingModel) -> str:
+    """The name of the module that a network is of; the inverse of `named_model`."""
+    return type(model).__module__.rpartition(".")[2]
+
+
+def write_networks(networks: Sequence[tuple[str, CouplingModel]], path: str | Path) -> None:
+    """Publish named networks, e.g. one per primitive, as one safetensors file of `<name>.<array>`."""
+    tensors: dict[str, np.ndarray] = {}
+    for name, network in networks:
+        tensors |= prefixed(name, network.arrays())
+    names = {name: model_name(network) for name, network in networks}
+    write_tensors(tensors, path, json.dumps({"coupling_models": names}, sort_keys=True))
+
+
+def read_networks(path: str | Path) -> dict[str, CouplingModel]:
+    """Read the networks of a file by name.
+
+    Raises:
+        InputError: the file is missing, no safetensors, or holds something else; or a weight is not finite.
+    """
+    tensors = read_tensors(path)
+    try:
+        names = json.loads(read_description(path))["coupling_models"]
+        found = {name: named_model(model).from_arrays(part(name, tensors)) for name, model in names.items()}
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except (KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: holds no feedback networks (missing {error})") from error
+    for name, network in found.items():
+        if fault := network.fault():
+            raise InputError(f"{path}: the network of '{name}' {fault}")
+    return found
+
+
+@intrinsic
+def _call(context, address, sizes, values, row, deviations, memory):
+    """Call a kernel by its address: any network in code that was compiled before it was written."""
+    arrays = (sizes, values, row, deviations, memory)
+
+    def generate(context, builder, signature, arguments):
+        byte = ir.IntType(8).as_pointer()
+        function = ir.FunctionType(ir.DoubleType(), [byte] * len(arrays)).as_pointer()
+        pointers = [
+            builder.bitcast(context.make_array(kind)(context, builder, value).data, byte)
+            for kind, value in zip(signature.args[1:], arguments[1:], strict=True)
+        ]
+        return builder.call(builder.inttoptr(arguments[0], function), pointers)
+
+    return types.float64(types.int64, *arrays), generate
+
+
+@numba.njit(cache=True, forceinline=True)
+def evaluate(
+    address: int,
+    sizes: np.ndarray,
+    values: np.ndarray,
+    row: np.ndarray,
+    deviations: np.ndarray,
+    memory: np.ndarray,
+) -> float:
+    """Coupling term at one sample, in compiled code; see `Compiled` and `kernel`."""
+    return _call(address, sizes, values, row, deviations, memory)
+
+
+@numba.njit(cache=True)
+def _batch(
+    address: int,
+    sizes: np.ndarray,
+    values: np.ndarray,
+    table: np.ndarray,
+    deviations: np.ndarray,
+    memory: np.ndarray,
+    p: np.ndarray,
+) -> np.ndarray:
+    """Coupling terms (B,) of samples (B, D); where the phase p (B,) jumps up, a movement begins."""
+    found = np.empty(len(p))
+    for k in range(len(p)):
+        if k > 0 and p[k] > p[k - 1]:
+            memory[:] = 0.0
+        found[k] = _call(address, sizes, values, table[k], deviations[k], memory)
+    return found

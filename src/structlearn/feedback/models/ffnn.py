@@ -1,0 +1,92 @@
+"""Ordinary network of the deviations: the phase-modulated one with its modulation taken away (IV.9.3.3).
+
+Its coupling term does not vanish with the phase velocity: a rival in table IV.5, not for a robot.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from structlearn.feedback.coupling_model import Compiled, CouplingModel, Jobs, Nodes, Trained
+from structlearn.feedback.models.pmnn import layered, layered_fault, layered_numbers
+from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.networks.compiled_layers import Layers
+
+if TYPE_CHECKING:
+    from torch import Generator, Tensor
+
+
+@dataclass(frozen=True)
+class FeedForwardNetwork(CouplingModel):
+    """A trained network with tanh in every hidden layer.
+
+    Attributes:
+        input_mean: (D,) taken off the inputs, which are the deviations and, in `ffnn_phase`, p and u.
+        input_scale: (D,) by which they are divided then.
+        layers: weights and biases of each hidden layer, and of the output.
+    """
+
+    input_mean: np.ndarray
+    input_scale: np.ndarray
+    layers: Layers
+
+    kernel = layered
+    phases = 0
+
+    @classmethod
+    def train(
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
+    ) -> list[Trained]:
+        """All jobs as one stack, by RMSProp, from the start; see `CouplingModel.train`."""
+        from structlearn.feedback.supervised_training import scaled_targets, standardised, train_stack
+        from structlearn.networks.torch_settings import seeded
+
+        units, inputs = standardised(jobs, cls.phases)
+        scales, data = scaled_targets(jobs, inputs, None)
+        generator = seeded(parameters.seed)
+        stack = StackedFeedForwardNetworks(len(jobs), inputs.shape[2], hidden, parameters.dropout, generator)
+
+        def network(index: int) -> Self:
+            *before, (weights, biases) = stack.layers.layers_of(index)
+            last = (weights * scales[index], biases * scales[index])
+            return cls(*units[index], (*before, last))
+
+        return train_stack(stack, data, parameters, network)
+
+    @property
+    def inputs(self) -> int:
+        """Number of deviations."""
+        return len(self.input_mean) - self.phases
+
+    def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The output layer, bias first, and what the network sees of the phase."""
+        weights, biases = self.layers[-1]
+        readout = np.broadcast_to([*biases, *weights[0]], (len(p), 1 + weights.shape[1]))
+        return np.column_stack([readout, *(p, u)[: self.phases]])
+
+    def fault(self) -> str:
+        """See `pmnn.layered_fault`."""
+        return layered_fault(self.input_mean, self.input_scale, self.layers, 1) or super().fault()
+
+    def compiled(self) -> Compiled:
+        """See `pmnn.layered`."""
+        return layered_numbers(self.input_mean, self.input_scale, self.layers[:-1], self.phases)
+
+
+class StackedFeedForwardNetworks:
+    """M networks as they are trained, see `supervised_training.Stack`."""
+
+    def __init__(self, models: int, inputs: int, hidden: Nodes, dropout: float, generator: "Generator"):
+        from structlearn.networks.stacked_layers import Dropout, RowLayers
+
+        self.layers = RowLayers.initial(models, (inputs, *hidden, 1), generator)
+        self.dropout = Dropout(dropout, generator)
+
+    def parameters(self) -> "list[Tensor]":
+        """What is trained."""
+        return self.layers.parameters()
+
+    def forward(self, inputs: "Tensor", modulation: None = None, training: bool = False) -> "Tensor":
+        """Coupling terms (M, B) of standardised inputs (M, B, D); there is no modulation to use."""
+        return self.layers.forward(inputs, training, self.dropout).squeeze(-1)

@@ -1,0 +1,95 @@
+"""Principal components of the deviations, then phase kernels (IV.9.3.3): features learnt before their use.
+
+Components and autoencoder compress without knowing what the code is for, and both count an error in every
+channel alike (in counts, not in each channel's own std), so the share of variance that the components keep
+means what it says and the two codes have the same aim. Phase kernels on the code are a phase-modulated
+network without hidden layer, and so is the whole: the encoder is folded into it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from structlearn.feedback.coupling_model import Jobs, Nodes, Trained
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
+from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.networks.compiled_layers import Layers
+
+VARIANCE_KEPT = 0.99
+"""Share of the variance that the principal components keep (IV.9.3.3)."""
+
+
+class PrincipalComponents(PhaseModulatedNetwork):
+    """How a phase-modulated network of principal components is trained."""
+
+    @classmethod
+    def train(
+        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
+    ) -> list[Trained]:
+        """See `CouplingModel.train`; from an initial network it goes on as a phase-modulated one."""
+        if initial is not None:
+            return PhaseModulatedNetwork.train(jobs, parameters, hidden, initial)
+        return train_coded(jobs, principal_components(jobs), parameters, hidden)
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """What compresses the deviations of a job.
+
+    Attributes:
+        mean: (D,) taken off the deviations.
+        scale: by which they are divided then.
+        layers: weights and biases, all tanh but the last, which gives the code.
+        code: (S, C) of all samples; a job that keeps fewer than C dimensions has zeros in the last ones.
+        dimensions: how many it keeps.
+    """
+
+    mean: np.ndarray
+    scale: float
+    layers: Layers
+    code: np.ndarray
+    dimensions: int
+
+
+def principal_components(jobs: Jobs, variance: float = VARIANCE_KEPT) -> list[Encoder]:
+    """Principal components of each job's training samples.
+
+    Args:
+        jobs: see there.
+        variance: share of the training variance that is kept, below 1.
+    """
+    from sklearn.decomposition import PCA
+
+    found = [PCA(variance, svd_solver="full").fit(data.deviation[fold.train]) for data, fold in jobs]
+    width = max(model.n_components_ for model in found)
+    encoders = []
+    for (dataset, _), model in zip(jobs, found, strict=True):
+        missing = width - model.n_components_
+        code = np.pad(model.transform(dataset.deviation), ((0, 0), (0, missing)))
+        weights = np.pad(model.components_, ((0, missing), (0, 0)))
+        encoders.append(Encoder(model.mean_, 1.0, ((weights, np.zeros(width)),), code, model.n_components_))
+    return encoders
+
+
+def train_coded(
+    jobs: Jobs, encoders: Sequence[Encoder], parameters: TrainingParameters, hidden: Nodes
+) -> list[Trained]:
+    """Train a phase-modulated network on each job's code, and put it behind its encoder."""
+    coded = [
+        (replace(dataset, deviation=encoder.code, groups=()), fold)
+        for (dataset, fold), encoder in zip(jobs, encoders, strict=True)
+    ]
+    found = PhaseModulatedNetwork.train(coded, parameters, hidden)
+    return [
+        Trained(
+            {
+                part: model.behind(encoder.mean, np.full(len(encoder.mean), encoder.scale), encoder.layers)
+                for part, model in trained.models.items()
+            },
+            trained.steps,
+            encoder.dimensions,
+        )
+        for trained, encoder in zip(found, encoders, strict=True)
+    ]
