@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from importlib.resources import files
-from itertools import product
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
@@ -352,12 +352,15 @@ def never_no(page: Page, get: Callable[[str], Any]) -> dict[str, tuple[set[str],
             if not any(left.values()):
                 break
             one = {place: table}
-            tried = [found(with_other(how, one, columns)) for how in HOW if columns[place]]
-            tried = [its for its in tried if its] or [found({place: table[:0]})]
+            tried = [found(with_other(how, one, columns)) for how in (noise, raised) if columns[place]]
+            tried = [its for its in tried if its]
             rest_on_it = {
-                name for name in left if any(repr(its.get(name)) != repr(begun[name]) for its in tried)
+                name
+                for name in left
+                if not tried or any(repr(its[name]) != repr(begun[name]) for its in tried)
             }
-            for changed in changes(place, table, columns[place]):
+            whole = (with_other(how, one, columns) for how in HOW if how not in (noise, raised))
+            for changed in chain(whole, changes(place, table, columns[place])):
                 if not any(left[name] for name in rest_on_it):
                     break
                 found(changed)
