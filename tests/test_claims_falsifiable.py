@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from importlib.resources import files
-from itertools import product
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
@@ -245,7 +245,7 @@ def permuted(values: pd.Series) -> pd.Series:
 def falling(values: pd.Series) -> pd.Series:
     """The later the row, the smaller; success at first alone."""
     place = np.linspace(0.0, 1.0, len(values))
-    return values & (place < 0.5) if values.dtype == bool else values * np.exp(-10.0 * place)
+    return values & (place < 0.5) if values.dtype == bool else values * np.exp(-2.0 * place)
 
 
 def noise(values: pd.Series) -> pd.Series:
@@ -294,7 +294,7 @@ Change = dict[str, pd.DataFrame]
 
 
 def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[Change]:
-    """A table with other measurements, the coarse changes first; `names`: columns that are measured."""
+    """A table with methods exchanged, or with one of them or one of the measured columns `names` changed."""
 
     def change(how: Callable, names: Sequence[str], rows: pd.Series | None = None) -> Change:
         new = {name: how(table[name]) for name in names}
@@ -302,7 +302,6 @@ def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[C
             new = {name: table[name].where(~rows, values) for name, values in new.items()}
         return {place: table.assign(**new)}
 
-    yield from (change(how, names) for how in HOW)
     for label, values in labels(table).items():
         for shift in range(1, len(values)):
             other = dict(zip(values, values[shift:] + values[:shift], strict=True))
@@ -312,6 +311,14 @@ def changes(place: str, table: pd.DataFrame, names: Sequence[str]) -> Iterator[C
             change(how, names, table[label] == value) for value, how in product(values, (raised, lowered))
         )
     yield from (change(how, [name]) for name, how in product(names, HOW))
+
+
+def with_other(how: Callable, every: Tables, columns: Mapping[str, Sequence[str]]) -> Change:
+    """Tables with all that is measured changed in one way; `columns` by table."""
+    return {
+        place: table.assign(**{name: how(table[name]) for name in columns[place]})
+        for place, table in every.items()
+    }
 
 
 def never_no(page: Page, get: Callable[[str], Any]) -> dict[str, tuple[set[str], set[str]]]:
@@ -330,13 +337,8 @@ def never_no(page: Page, get: Callable[[str], Any]) -> dict[str, tuple[set[str],
             try:
                 with np.errstate(all="ignore"):
                     its = page.evidence(with_tables(results, changed))
-            except (
-                KeyError,
-                ValueError,
-                IndexError,
-                ZeroDivisionError,
-            ):  # nobody can have measured such tables
-                return {}
+            except (KeyError, ValueError, IndexError, ZeroDivisionError):
+                return {}  # nobody can have measured such tables
             for claim in claims:
                 for case, one in cases(its.get(claim.evidence, {})).items():
                     if claim.verdict(one, case) == NO:
@@ -345,20 +347,20 @@ def never_no(page: Page, get: Callable[[str], Any]) -> dict[str, tuple[set[str],
 
         found({})
         for how in HOW:
+            found(with_other(how, every, columns))
+        for place, table in reversed(every.items()):
             if not any(left.values()):
                 break
-            found(
-                {
-                    place: table.assign(**{name: how(table[name]) for name in columns[place]})
-                    for place, table in every.items()
-                }
-            )
-        for place, table in every.items():
-            noisy = found({place: table.assign(**{name: noise(table[name]) for name in columns[place]})})
+            one = {place: table}
+            tried = [found(with_other(how, one, columns)) for how in (noise, raised) if columns[place]]
+            tried = [its for its in tried if its]
             rest_on_it = {
-                name for name in left if not columns[place] or repr(noisy.get(name)) != repr(begun[name])
+                name
+                for name in left
+                if not tried or any(repr(its[name]) != repr(begun[name]) for its in tried)
             }
-            for changed in changes(place, table, columns[place]):
+            whole = (with_other(how, one, columns) for how in HOW if how not in (noise, raised))
+            for changed in chain(whole, changes(place, table, columns[place])):
                 if not any(left[name] for name in rest_on_it):
                     break
                 found(changed)
