@@ -33,7 +33,7 @@ from test_servoing_page import results as servoing_results  # noqa: F401 a fixtu
 from structlearn.reporting.claims import NO, Evidence, Found, read_claims
 from structlearn.reporting.studies import Study
 from structlearn.rigid_body.inertia_parameters import link_inertias, parameter_count
-from structlearn.rigid_body.seeded_training import OURS, TEXT
+from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.testbeds.dynamics.page.evidence import evidence as dynamics_evidence
 from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence

@@ -71,7 +71,7 @@ from structlearn.recordings.drive_log import DriveLog
 from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.seeded_training import (
+from structlearn.rigid_body.training_grid import (
     DynamicsTrainingParameters,
     EpochLimits,
     train,
