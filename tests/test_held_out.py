@@ -545,7 +545,7 @@ def pushed(motion: Motion, rows: slice) -> Motion:
     return with_wobbling(motion, rows, "torque")
 
 
-@of_stage("dynamics/train_dynamics")
+@of_stage("dynamics/train")
 def dynamics(monkeypatch, tmp_path):
     """Models of the arm and of one robot, beside the log of another robot."""
     parameters = committed(
