@@ -26,7 +26,11 @@ ones at every step, and the next step overwrites them."""
 
 
 def initial_goal(
-    x: np.ndarray, xd: np.ndarray, xdd: np.ndarray, tau: float, forcing: np.ndarray | float = 0.0
+    x: np.ndarray,
+    xd: np.ndarray,
+    xdd: np.ndarray | float,
+    tau: float,
+    forcing: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Evolving goal at which the system starts with the given acceleration (eq. IV.12).
 
@@ -75,8 +79,9 @@ def forcing_target(trajectory: Trajectory, tau: float) -> np.ndarray:
         (T, D) f_target.
     """
     path = (trajectory.time, trajectory.position, trajectory.velocity, trajectory.acceleration)
-    target = np.empty(trajectory.position.shape)
-    _write_forcing_target(*(np.ascontiguousarray(signal, dtype=float) for signal in path), float(tau), target)
+    time, position, velocity, acceleration = (np.ascontiguousarray(signal, dtype=float) for signal in path)
+    target = np.empty(position.shape)
+    _write_forcing_target(time, position, velocity, acceleration, float(tau), target)
     return target
 
 
