@@ -9,6 +9,7 @@ any length are stable and the unrolled path does not depend on the sampling rate
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numba
 import numpy as np
@@ -47,7 +48,7 @@ def initial_goal(
     return x + ((tau**2 * xdd - forcing) / ALPHA + tau * xd) / BETA
 
 
-compiled_initial_goal = numba.njit(cache=True)(initial_goal)
+compiled_initial_goal: Callable[..., Any] = numba.njit(cache=True)(initial_goal)
 
 
 def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
