@@ -18,7 +18,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from itertools import islice
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
@@ -124,7 +124,7 @@ def _timed(function: Callable[[Item], Result], item: Item) -> tuple[Result, floa
     return function(item), time.process_time() - started_s
 
 
-def _backend(local: bool) -> Callable[[Callable, Mapping[int, Item]], Iterator[tuple[int, Result]]]:
+def _backend(local: bool) -> Callable[[Callable, Mapping[int, Any]], Iterator[tuple[int, Any]]]:
     """What runs a function on items by place, and gives places and results as they come."""
     if _works_for_another:
         return _in_a_loop  # the cores have their processes already

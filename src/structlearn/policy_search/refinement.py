@@ -256,9 +256,10 @@ def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
 
     Numbered down from -1: numbers of demonstrations are not negative.
     """
+    samples = [run.samples for run in succeeded(runs, what) if run.samples is not None]
     parts = [
-        replace(run.samples, demonstration=np.full(len(run.samples.target), -1 - number))
-        for number, run in enumerate(succeeded(runs, what))
+        replace(part, demonstration=np.full(len(part.target), -1 - number))
+        for number, part in enumerate(samples)
     ]
     return concatenated(parts)
 

@@ -190,7 +190,7 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
             "end_mm": distance[-1],
             "nmse": _overall_nmse(path.position, position.position),
         }
-        if orientation is not None:
+        if orientation is not None and primitive.orientation is not None:
             turn = primitive.orientation.unroll(
                 orientation.dt,
                 orientation.orientation[0],
