@@ -20,10 +20,10 @@ from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE,
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/raw/dynamics/stand_in", "record_motion"),
-    "models": Source("data/dynamics/models", "train_dynamics"),
-    "scores": Source("data/dynamics/tracking", "track"),
-    "online": Source("data/dynamics/online", "online"),
+    "log": Source("data/raw/dynamics/stand_in", "dynamics_record_motion"),
+    "models": Source("data/dynamics/models", "dynamics_train"),
+    "scores": Source("data/dynamics/tracking", "dynamics_track"),
+    "online": Source("data/dynamics/online", "dynamics_online"),
 }
 
 
@@ -42,7 +42,7 @@ def dynamics_page(
     return Document(
         template="dynamics.html.jinja",
         package=__package__,
-        stage="report_dynamics",
+        stage="dynamics_report",
         facts=named,
         tables=shown,
         judged=judge(claims, evidence(results), environment(__package__), named),

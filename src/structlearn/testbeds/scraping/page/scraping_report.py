@@ -35,7 +35,7 @@ from structlearn.testbeds.scraping.world.scene_still import scraping_still
 
 Drawings = dict[str, Drawing | Sequence[Drawing]]
 PACKAGE = "structlearn.testbeds.scraping.page"
-STAGE = "report_scraping"
+STAGE = "scraping_report"
 PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
 """Title by file name."""
 
@@ -50,20 +50,20 @@ PARAMETERS = {
 """By page, keys of `params.yaml` that its results were made with."""
 
 SOURCES = {
-    "demonstrations": Source("data/raw/scraping/nominal", "record_nominal"),
-    "segments": Source("data/segments/scraping", "segment"),
-    "sweep": Source("data/segments/scraping_sweep", "segment_sweep"),
-    "primitives": Source("data/primitives/scraping", "fit_primitives"),
-    "expected": Source("data/feedback/scraping/expected", "expected_traces"),
-    "dataset": Source("data/feedback/scraping/dataset", "coupling_dataset"),
-    "models": Source("data/feedback/scraping/models", "train_feedback"),
-    "comparison": Source("data/feedback/scraping/comparison", "compare_models"),
-    "closed_loop": Source("data/raw/scraping/closed_loop", "evaluate_feedback"),
-    "corrections": Source("data/raw/scraping/corrections", "record_corrections"),
-    "evaluation": Source("data/feedback/scraping/evaluation", "evaluate_feedback"),
-    "refinement": Source("data/feedback/scraping/refinement", "refine"),
-    "refined": Source("data/feedback/scraping/refined", "evaluate_refinement"),
-    "search": Source("data/feedback/scraping/search", "compare_search"),
+    "demonstrations": Source("data/raw/scraping/nominal", "scraping_record_nominal"),
+    "segments": Source("data/segments/scraping", "scraping_segment"),
+    "sweep": Source("data/segments/scraping_sweep", "scraping_sweep"),
+    "primitives": Source("data/primitives/scraping", "scraping_fit_primitives"),
+    "expected": Source("data/feedback/scraping/expected", "scraping_expected_traces"),
+    "dataset": Source("data/feedback/scraping/dataset", "scraping_coupling_dataset"),
+    "models": Source("data/feedback/scraping/models", "scraping_train_feedback"),
+    "comparison": Source("data/feedback/scraping/comparison", "scraping_compare_models"),
+    "closed_loop": Source("data/raw/scraping/closed_loop", "scraping_evaluate_feedback"),
+    "corrections": Source("data/raw/scraping/corrections", "scraping_record_corrections"),
+    "evaluation": Source("data/feedback/scraping/evaluation", "scraping_evaluate_feedback"),
+    "refinement": Source("data/feedback/scraping/refinement", "scraping_refine"),
+    "refined": Source("data/feedback/scraping/refined", "scraping_evaluate_refinement"),
+    "search": Source("data/feedback/scraping/search", "scraping_compare_search"),
 }
 """Files that figures and tables come from, with the stages that make them."""
 
