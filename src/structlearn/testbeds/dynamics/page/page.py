@@ -1,6 +1,6 @@
 """The page of the dynamics testbed: what its sentences name, and where that comes from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from structlearn.ground.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
@@ -65,7 +66,7 @@ def publish_dynamics(
     """
     shown, numbers = tables(results), metrics(results)
     page = dynamics_page(results, shown, parameters)
-    drawn = {"still": still} | drawings(results)
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {"still": still, **drawings(results)}
     publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers))
 
 
