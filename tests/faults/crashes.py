@@ -173,7 +173,7 @@ def _file(root: Path, text: str) -> None:
 
 def _times(root: Path, seconds: float) -> None:
     for command in ("stages/a.py", "stages/b.py"):
-        record(command, StageTime(*[seconds] * 7), root / "reports/times/stages.json")
+        record(command, StageTime(seconds, seconds), root / "reports/times/stages.json")
 
 
 def _tables(root: Path, factor: float) -> None:

@@ -25,7 +25,6 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
-from structlearn.ground.wall_clock import SharedWork, shared_works
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -79,16 +78,12 @@ def parallel_map(
     work = list(items)
     run = _backend(local)
     results: dict[int, Result] = {}
-    started_s, taken_s = time.perf_counter(), [0.0]
     # `disable=None`: no bar where nobody watches.
     with tqdm(total=len(work), desc=description, leave=False, disable=None) as bar:
 
         def take(places: Iterable[int]) -> None:
-            for place, (result, item_s) in run(
-                partial(_timed, function), {place: work[place] for place in places}
-            ):
+            for place, result in run(function, {place: work[place] for place in places}):
                 results[place] = result
-                taken_s.append(item_s)
                 bar.update()
 
         while len(results) < len(work):
@@ -106,7 +101,6 @@ def parallel_map(
                     except _ProcessDied:
                         results[place] = lost(work[place])
                         bar.update()
-    shared_works.append(SharedWork(time.perf_counter() - started_s, sum(taken_s), max(taken_s)))
     return [results[place] for place in range(len(work))]
 
 
@@ -116,12 +110,6 @@ class _ProcessDied(Exception):  # noqa: N818 - it says what happened, and no cal
     def __init__(self, places: Iterable[int]):
         super().__init__()
         self.places = sorted(places)
-
-
-def _timed(function: Callable[[Item], Result], item: Item) -> tuple[Result, float]:
-    """Result, and what it took of the processor in s."""
-    started_s = time.process_time()
-    return function(item), time.process_time() - started_s
 
 
 def _backend(local: bool) -> Callable[[Callable, Mapping[int, Item]], Iterator[tuple[int, Result]]]:
