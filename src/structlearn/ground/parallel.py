@@ -13,11 +13,11 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from functools import partial
-from itertools import islice
 from typing import TYPE_CHECKING, TypeVar
 from urllib.parse import urlsplit
 
@@ -35,7 +35,6 @@ Result = TypeVar("Result")
 BACKEND = "STRUCTLEARN_BACKEND"
 PROCESSES = "STRUCTLEARN_PROCESSES"
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
-
 UNENCRYPTED = "STRUCTLEARN_UNENCRYPTED_DASK"
 
 ANSWER_S = 10.0
@@ -56,10 +55,9 @@ def parallel_map(
 ) -> list[Result]:
     """Apply a function to every item, in processes, and keep the order.
 
-    A process may die: killed for want of memory, or by a crash in compiled code. With `lost` the results so
-    far are kept, the items that may be to blame run once more, one at a time, and the rest goes on in
-    parallel. So only an item that ends its process also when it runs alone is lost, whatever the number of
-    processes.
+    A process may die: killed for want of memory, or by a crash in compiled code. With `lost`, items without a
+    result then run once more, one at a time. So only an item that ends its process also when it runs alone is
+    lost, whatever the number of processes.
 
     Args:
         function: a picklable function of one item; randomness must come from a seed in the item.
@@ -81,39 +79,29 @@ def parallel_map(
     # `disable=None`: no bar where nobody watches.
     with tqdm(total=len(work), desc=description, leave=False, disable=None) as bar:
 
-        def take(places: Iterable[int]) -> None:
-            for place, result in run(function, {place: work[place] for place in places}):
-                results[place] = result
+        def take(places: Sequence[int]) -> None:
+            for index, result in run(function, [work[place] for place in places]):
+                results[places[index]] = result
                 bar.update()
+            if any(place not in results for place in places):
+                _end_processes()  # a pool is of no use when one of its processes has died
 
-        while len(results) < len(work):
-            try:
-                take(place for place in range(len(work)) if place not in results)
-            except _ProcessDied as death:
-                if lost is None:
-                    numbers = ", ".join(str(place + 1) for place in death.places)
-                    raise RuntimeError(
-                        f"{description}: a process died; of {len(work)} items it worked on one of {numbers}"
-                    ) from death
-                for place in death.places:
-                    try:
-                        take([place])
-                    except _ProcessDied:
-                        results[place] = lost(work[place])
-                        bar.update()
+        take(range(len(work)))
+        for place in [place for place in range(len(work)) if place not in results]:
+            if lost is None:
+                raise RuntimeError(
+                    f"{description}: a process died; of {len(work)} items, number {place + 1} is the first "
+                    "without a result"
+                )
+            take([place])
+            if place not in results:
+                results[place] = lost(work[place])
+                bar.update()
     return [results[place] for place in range(len(work))]
 
 
-class _ProcessDied(Exception):  # noqa: N818 - it says what happened, and no caller sees it
-    """Some process ended while it worked; `places` are those of the items that may be to blame."""
-
-    def __init__(self, places: Iterable[int]):
-        super().__init__()
-        self.places = sorted(places)
-
-
-def _backend(local: bool) -> Callable[[Callable, Mapping[int, Item]], Iterator[tuple[int, Result]]]:
-    """What runs a function on items by place, and gives places and results as they come."""
+def _backend(local: bool) -> Callable[[Callable, Sequence[Item]], Iterator[tuple[int, Result]]]:
+    """What runs a function on items, and gives their index and result as they come."""
     if _works_for_another:
         return _in_a_loop  # the cores have their processes already
     name = os.environ.get(BACKEND, "fork")
@@ -127,43 +115,46 @@ def _backend(local: bool) -> Callable[[Callable, Mapping[int, Item]], Iterator[t
     return backends[name]
 
 
-def _in_a_loop(function: Callable[[Item], Result], work: Mapping[int, Item]) -> Iterator[tuple[int, Result]]:
-    return ((place, function(item)) for place, item in work.items())
+def _in_a_loop(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
+    return enumerate(map(function, items))
 
 
-def _in_processes(
-    function: Callable[[Item], Result], work: Mapping[int, Item]
+def _in_processes(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
+    return _by_pool(_processes(_process_count()), BrokenProcessPool, function, items)
+
+
+def _on_cluster(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
+    """By Dask, which tries four times where a worker's process dies."""
+    pool = _connected().get_executor(pure=False)
+    from distributed import KilledWorker
+
+    return _by_pool(pool, KilledWorker, function, items)
+
+
+def _by_pool(
+    pool: Executor, death: type[Exception], function: Callable[[Item], Result], items: Sequence[Item]
 ) -> Iterator[tuple[int, Result]]:
-    """By processes of this machine; no more items are handed out than keep them busy, so few are to blame."""
-    count = _process_count()
-    pool = _processes(count)
-    waiting = iter(work.items())
-    running: dict[Future, int] = {}
+    """Index and result of every item whose process did not die, the first to be done first."""
+    indices: dict[Future, int] = {}
     try:
-        while True:
-            for place, item in islice(waiting, 2 * count - len(running)):
-                running[pool.submit(function, item)] = place
-            if not running:
-                return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                result = future.result()
-                yield running.pop(future), result
-    except BrokenProcessPool as error:
-        _end_processes()
-        raise _ProcessDied(running.values()) from error
+        with suppress(death):  # a pool that has broken takes no more
+            for index, item in enumerate(items):
+                indices[pool.submit(partial(function, item))] = index
+        for future in as_completed(indices):
+            with suppress(death):
+                yield indices[future], future.result()
     finally:
-        for future in running:
+        for future in indices:
             future.cancel()
 
 
 def _process_count() -> int:
     """Processes at a time."""
-    given = os.environ.get(PROCESSES, "")
-    if given and not (given.isdecimal() and int(given)):
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    given = os.environ.get(PROCESSES) or str(cores)
+    if not (given.isdecimal() and int(given)):
         raise InputError(f"{PROCESSES}={given}: is no number of processes")
-    if given:
-        return int(given)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return int(given)
 
 
 _pools: dict[int, ProcessPoolExecutor] = {}
@@ -177,16 +168,13 @@ def _processes(count: int) -> ProcessPoolExecutor:
     if count not in _pools:
         _end_processes()
         context = multiprocessing.get_context("fork")
-        _pools[count] = ProcessPoolExecutor(
-            count, mp_context=context, initializer=_begin_to_work, initargs=(os.getpid(),)
-        )
+        _pools[count] = ProcessPoolExecutor(count, context, _begin_to_work, (os.getpid(),))
     return _pools[count]
 
 
 def _end_processes() -> None:
     while _pools:
-        _, pool = _pools.popitem()
-        pool.shutdown(cancel_futures=True)
+        _pools.popitem()[1].shutdown(cancel_futures=True)
 
 
 def _begin_to_work(parent: int) -> None:
@@ -208,32 +196,6 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def _on_cluster(function: Callable[[Item], Result], work: Mapping[int, Item]) -> Iterator[tuple[int, Result]]:
-    """Places and results as they come, by Dask, which tries four times where a worker's process dies."""
-    client = _connected()
-    from distributed import KilledWorker, as_completed
-
-    places = {client.submit(partial(function, item), pure=False): place for place, item in work.items()}
-    killed = {}
-    for future in as_completed(places):
-        place = places.pop(future)
-        try:
-            result = future.result()
-        except KilledWorker as error:
-            killed[place] = error
-        else:
-            yield place, result
-    if killed:
-        raise _ProcessDied(killed) from next(iter(killed.values()))
-
-
-def _private(address: str) -> bool:
-    """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
-    given = urlsplit(address if "://" in address else f"tcp://{address}")
-    local = given.hostname == "localhost" or str(given.hostname).startswith("127.")
-    return local or given.scheme not in ("tcp", "ws")
-
-
 def _connected() -> "Client":
     """The client of this process, connected at the first call.
 
@@ -245,10 +207,9 @@ def _connected() -> "Client":
         from distributed import Client
     except ImportError as error:
         raise InputError(f"{BACKEND}=dask needs the package `distributed`, of the extra `cluster`") from error
-    try:
+    with suppress(ValueError):
         return Client.current()
-    except ValueError:
-        address = dask.config.get("scheduler-address", None)
+    address = dask.config.get("scheduler-address", None)
     if not address:
         raise InputError(f"{BACKEND}=dask needs the scheduler's address in {SCHEDULER}, e.g. tcp://host:8786")
     if not (_private(address) or os.environ.get(UNENCRYPTED) == "yes"):
@@ -269,3 +230,10 @@ def _connected() -> "Client":
         client.close()
         raise InputError(f"{SCHEDULER}={address}: no worker has joined within {WORKERS_S:.0f} s") from error
     return client
+
+
+def _private(address: str) -> bool:
+    """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
+    given = urlsplit(address if "://" in address else f"tcp://{address}")
+    local = given.hostname == "localhost" or str(given.hostname).startswith("127.")
+    return local or given.scheme not in ("tcp", "ws")
