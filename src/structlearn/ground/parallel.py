@@ -13,21 +13,18 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -74,97 +71,57 @@ def parallel_map(
         RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
-    run = _backend(local)
+    backend = os.environ.get(BACKEND, "fork")
+    if backend not in ("fork", "dask", "sequential"):
+        raise InputError(f"{BACKEND}={backend}: is not one of fork, dask, sequential")
+    bar = partial(tqdm, desc=description, leave=False, disable=None)  # none where nobody watches
+    if backend == "sequential":
+        return [function(item) for item in bar(work)]
     results: dict[int, Result] = {}
-    # `disable=None`: no bar where nobody watches.
-    with tqdm(total=len(work), desc=description, leave=False, disable=None) as bar:
+    with bar(total=len(work)) as progress:
 
-        def take(places: Sequence[int]) -> None:
-            for index, result in run(function, [work[place] for place in places]):
-                results[places[index]] = result
-                bar.update()
+        def take(places: Iterable[int]) -> None:
+            """Enter the results of items; those whose process died have none."""
+            pool, death = _cluster() if backend == "dask" and not local else (_processes(), BrokenProcessPool)
+            running: dict[Future, int] = {}
+            try:
+                with suppress(death):  # a pool that has broken takes no more
+                    for place in places:
+                        running[pool.submit(partial(function, work[place]))] = place
+                for future in as_completed(running):
+                    with suppress(death):
+                        results[running[future]] = future.result()
+                        progress.update()
+            finally:
+                for future in running:
+                    future.cancel()
             if any(place not in results for place in places):
-                _end_processes()  # a pool is of no use when one of its processes has died
+                _end_processes()
 
         take(range(len(work)))
         for place in [place for place in range(len(work)) if place not in results]:
             if lost is None:
                 raise RuntimeError(
-                    f"{description}: a process died; of {len(work)} items, number {place + 1} is the first "
-                    "without a result"
+                    f"{description}: a process died; of {len(work)} items number {place + 1} has no result"
                 )
             take([place])
             if place not in results:
                 results[place] = lost(work[place])
-                bar.update()
+                progress.update()
     return [results[place] for place in range(len(work))]
-
-
-def _backend(local: bool) -> Callable[[Callable, Sequence[Item]], Iterator[tuple[int, Result]]]:
-    """What runs a function on items, and gives their index and result as they come."""
-    if _works_for_another:
-        return _in_a_loop  # the cores have their processes already
-    name = os.environ.get(BACKEND, "fork")
-    backends = {
-        "fork": _in_processes,
-        "dask": _in_processes if local else _on_cluster,
-        "sequential": _in_a_loop,
-    }
-    if name not in backends:
-        raise InputError(f"{BACKEND}={name}: is not one of {', '.join(backends)}")
-    return backends[name]
-
-
-def _in_a_loop(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
-    return enumerate(map(function, items))
-
-
-def _in_processes(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
-    return _by_pool(_processes(_process_count()), BrokenProcessPool, function, items)
-
-
-def _on_cluster(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
-    """By Dask, which tries four times where a worker's process dies."""
-    pool = _connected().get_executor(pure=False)
-    from distributed import KilledWorker
-
-    return _by_pool(pool, KilledWorker, function, items)
-
-
-def _by_pool(
-    pool: Executor, death: type[Exception], function: Callable[[Item], Result], items: Sequence[Item]
-) -> Iterator[tuple[int, Result]]:
-    """Index and result of every item whose process did not die, the first to be done first."""
-    indices: dict[Future, int] = {}
-    try:
-        with suppress(death):  # a pool that has broken takes no more
-            for index, item in enumerate(items):
-                indices[pool.submit(partial(function, item))] = index
-        for future in as_completed(indices):
-            with suppress(death):
-                yield indices[future], future.result()
-    finally:
-        for future in indices:
-            future.cancel()
-
-
-def _process_count() -> int:
-    """Processes at a time."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    given = os.environ.get(PROCESSES) or str(cores)
-    if not (given.isdecimal() and int(given)):
-        raise InputError(f"{PROCESSES}={given}: is no number of processes")
-    return int(given)
 
 
 _pools: dict[int, ProcessPoolExecutor] = {}
 """By its number of processes; there is one at a time."""
 
-_works_for_another = False
-"""Whether this process is one of a pool."""
 
-
-def _processes(count: int) -> ProcessPoolExecutor:
+def _processes() -> ProcessPoolExecutor:
+    """Processes of this machine, those of the work before where they are as many."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    given = os.environ.get(PROCESSES) or str(cores or 1)
+    if not (given.isdecimal() and int(given)):
+        raise InputError(f"{PROCESSES}={given}: is no number of processes")
+    count = int(given)
     if count not in _pools:
         _end_processes()
         context = multiprocessing.get_context("fork")
@@ -182,11 +139,10 @@ def _begin_to_work(parent: int) -> None:
 
     BLAS and OpenMP, so torch too, whose threads did not survive the fork, take one thread.
     """
-    global _works_for_another
-    _works_for_another = True
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     threadpool_limits(1)
     os.environ["OMP_NUM_THREADS"] = "1"  # of libraries that are loaded later
+    os.environ[BACKEND] = "sequential"  # the cores have their processes already
 
 
 def _end_with(parent: int) -> None:
@@ -196,19 +152,19 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def _connected() -> "Client":
-    """The client of this process, connected at the first call.
+def _cluster() -> tuple[Executor, type[Exception]]:
+    """The cluster, connected at the first call, and its error where a worker's process has died four times.
 
     Raises:
         InputError: Dask is not installed, the scheduler has no address or does not answer, or has no workers.
     """
     try:
         import dask
-        from distributed import Client
+        from distributed import Client, KilledWorker
     except ImportError as error:
         raise InputError(f"{BACKEND}=dask needs the package `distributed`, of the extra `cluster`") from error
     with suppress(ValueError):
-        return Client.current()
+        return Client.current().get_executor(pure=False), KilledWorker
     address = dask.config.get("scheduler-address", None)
     if not address:
         raise InputError(f"{BACKEND}=dask needs the scheduler's address in {SCHEDULER}, e.g. tcp://host:8786")
@@ -229,7 +185,7 @@ def _connected() -> "Client":
     except TimeoutError as error:
         client.close()
         raise InputError(f"{SCHEDULER}={address}: no worker has joined within {WORKERS_S:.0f} s") from error
-    return client
+    return client.get_executor(pure=False), KilledWorker
 
 
 def _private(address: str) -> bool:
