@@ -160,22 +160,6 @@ def test_a_killed_stage_leaves_nothing_half_written(reduced_project, copied):
     assert not list(copied.rglob(".publish-*"))
 
 
-def test_a_killed_refinement_keeps_its_iterations(reduced_project, copied):
-    """Killed after the first iteration of the first primitive; the next run does only what is missing."""
-    script = "stages/scraping/refine.py"
-    assert killed(copied, KILLED_AFTER_AN_ITERATION, script) == -signal.SIGKILL
-    unfinished = copied / "data/unfinished"
-    (kept,) = unfinished.iterdir()
-    assert [path.name for path in sorted(kept.iterdir())] == ["000", "001"]
-    done = subprocess.run(
-        [sys.executable, script], cwd=copied, env=environment(), capture_output=True, text=True, check=True
-    )
-    told = [line.split(":")[0] for line in done.stdout.splitlines() if "iteration" in line]
-    assert told == ["scrape, iteration 0", "scrape, iteration 1"]
-    assert not unfinished.exists()
-    assert artefacts(copied) == artefacts(reduced_project)
-
-
 def killed(project: Path, code: str, script: str) -> int:
     """Exit code of a stage that kills itself on the way."""
     command = [sys.executable, "-c", code, script]
@@ -192,18 +176,5 @@ def write_and_die(*arguments):
     if len(calls) == 2:
         os.kill(os.getpid(), signal.SIGKILL)
 artefacts.write_table = write_and_die
-runpy.run_path(sys.argv[1], run_name="__main__")
-"""
-
-
-KILLED_AFTER_AN_ITERATION = """
-import os, runpy, signal, sys
-from structlearn.policy_search import checkpoint
-save = checkpoint.Checkpoint.save
-def save_and_die(self, progress):
-    save(self, progress)
-    if progress.iteration == 1:
-        os.kill(os.getpid(), signal.SIGKILL)
-checkpoint.Checkpoint.save = save_and_die
 runpy.run_path(sys.argv[1], run_name="__main__")
 """

@@ -201,7 +201,6 @@ def refine(
     parameters: RefinementParameters,
     exploration: float,
     seed: int,
-    resume: Progress | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
     """Refine a feedback model.
@@ -213,16 +212,13 @@ def refine(
         parameters: see there.
         exploration: standard deviation of the policy's weights at first.
         seed: of the exploration.
-        resume: state to go on from, of a run that was cut off.
         report: called with the state after every iteration, the 0th included.
 
     Returns:
         The last state.
     """
-    progress = resume
-    if progress is None:
-        progress = start(environment, initial, parameters, exploration)
-        report(progress)
+    progress = start(environment, initial, parameters, exploration)
+    report(progress)
     while progress.iteration < parameters.iterations:
         progress = improve(environment, progress, initial, demonstrations, parameters, seed)
         report(progress)
