@@ -23,14 +23,7 @@ from structlearn.recordings.demonstration import Demonstration
 
 
 class FitParameters(Parameters):
-    """Parameters of the primitives.
-
-    Attributes:
-        smoothing_hz: low-pass of positions and orientations before they are differentiated twice.
-        kernel_count: N, number of phase kernels.
-        regression: `joint` least squares over all kernels, as in the text, or `local`, each kernel alone.
-        scaled_axes: local axes (x along the reach) whose forcing term scales with the reach.
-    """
+    """Parameters of the primitives."""
 
     smoothing_hz: float = Field(gt=0)
     kernel_count: int = Field(ge=2, le=200)

@@ -26,20 +26,7 @@ MOTIONS: Mapping[str | None, int] = {"rotation": ROTATION, "translation": TRANSL
 
 
 class TouchDataParameters(Parameters):
-    """From recorded counts and poses to samples.
-
-    Attributes:
-        rate_hz: samples per second, the electrodes' own rate.
-        cutoff_hz: low-pass of counts and velocities.
-        air_s: at the start of each recording, in the air; the mean of the counts there is their offset.
-        touched_counts: pressure p from which on something touches; in the air a skin that still creeps back
-            keeps up to 8 counts after a contact, so contact points below are of the last contact.
-        pressed_counts: pressure from which on a sample counts in the dynamics.
-        contact_s: shorter contacts are left out.
-        validation_share: of the contacts.
-        test_share: of the contacts.
-        seed: of the splits.
-    """
+    """From recorded counts and poses to samples."""
 
     rate_hz: float = Field(ge=10, le=1000)
     cutoff_hz: float = Field(gt=0)

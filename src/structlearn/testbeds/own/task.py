@@ -46,23 +46,7 @@ OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise", "skill")
 
 
 class TaskParameters(Parameters):
-    """One task, its defaults merged in.
-
-    Attributes:
-        source: file or folder of the demonstrations; None: there are none.
-        topics: which topic of the bags carries which signal.
-        stamps: which clock stamps a message, and what becomes of stamps that do not increase.
-        clock: on which everything is read.
-        segment: how demonstrations are cut into primitives.
-        fit: how primitives are learned.
-        generalise: a new situation in which they are unrolled.
-        skill: bounds that go into the skill's file.
-        feedback: what is learned from corrections.
-        robot: that the skill is checked on.
-        motion: logs of an arm that is identified.
-        touch: touches of a skin.
-        obstacles: reaches past obstacles.
-    """
+    """One task, its defaults merged in. Fields: `stages/own/params.yaml`, `defaults`."""
 
     source: str | None = Field(min_length=1)
     topics: TopicMap | None

@@ -40,14 +40,7 @@ KNOWN = ""
 
 
 class TrackingParameters(Parameters):
-    """Models and tasks.
-
-    Attributes:
-        models: those that are tracked with on all arms, in each form.
-        robot_models: tracked with on robots only: those with Coulomb friction.
-        sine_s: first part of the sines that is tracked.
-        reaching: the reaches.
-    """
+    """Models and tasks."""
 
     models: tuple[str, ...]
     robot_models: tuple[str, ...]

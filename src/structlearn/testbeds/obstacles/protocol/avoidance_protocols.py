@@ -46,18 +46,7 @@ PAIR_SPACING_M = 0.2
 
 
 class AvoidanceEvaluationParameters(Parameters):
-    """How the models are put to the test.
-
-    Attributes:
-        rate_hz: of the unrolls; hits are looked for at every sample.
-        kept_every: of these samples, those whose path is written.
-        speeds_m_s: of moving spheres, half of them to either side.
-        pairs: of spheres.
-        pair_seed: which pairs.
-        goal_change_s: when the goal moves, after the start.
-        goal_shift_m: by how much, in the local frame of the reach.
-        postprocessing: what acts of a model's coupling term.
-    """
+    """How the models are put to the test."""
 
     rate_hz: float = Field(ge=25, le=1000)
     kept_every: PositiveInt

@@ -38,16 +38,7 @@ phase-modulated network can say."""
 
 
 class CorrectionParameters(Parameters):
-    """Parameters of the corrected reaches.
-
-    Attributes:
-        smoothing_hz: low-pass of the positions before they are differentiated twice.
-        kernel_count: N, phase features of the network.
-        incomplete_m: a reach that starts or ends farther than this from the nominal one is left aside.
-        learned_share: of the complete reaches, which the network learns from; all others are left out.
-        splits: random choices of these reaches.
-        seed: of the choices.
-    """
+    """Parameters of the corrected reaches."""
 
     smoothing_hz: float = Field(gt=0)
     kernel_count: int = Field(ge=2, le=200)

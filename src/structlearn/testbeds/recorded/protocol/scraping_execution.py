@@ -17,12 +17,7 @@ from structlearn.recordings.demonstration import Demonstration
 
 
 class ExecutionParameters(Parameters):
-    """Parameters of the recorded execution.
-
-    Attributes:
-        fit: of the pose primitives.
-        tactile_smoothing_hz: low-pass of the electrodes before they are differentiated.
-    """
+    """Learning from the recorded execution."""
 
     fit: FitParameters
     tactile_smoothing_hz: float = Field(gt=0)

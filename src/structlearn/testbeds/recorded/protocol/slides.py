@@ -29,17 +29,7 @@ PLACES = {
 
 
 class SlideParameters(Parameters):
-    """Parameters of the slides.
-
-    Attributes:
-        rate_hz: of the clock on which all streams are put.
-        max_gap_s: longest hole that is bridged.
-        material: the expected traces are those of this one; where there is no trial of it, of the material
-            with most trials.
-        left_out: names of trials that are never learned from.
-        strong_counts: an electrode whose median range over the trials of a material is larger is strong.
-        smoothing_hz: low-pass of the electrodes before they are differentiated.
-    """
+    """Parameters of the slides."""
 
     rate_hz: float = Field(gt=0)
     max_gap_s: float = Field(gt=0)

@@ -31,12 +31,7 @@ HOLD_S = 0.3
 
 
 class CorrectedRunsParameters(Parameters):
-    """Executions that a person corrects.
-
-    Attributes:
-        settings_deg: degrees, rolls of the board.
-        runs: executions per setting.
-    """
+    """Executions that a person corrects."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     runs: int = Field(ge=1, le=1000)

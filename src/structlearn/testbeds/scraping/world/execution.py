@@ -43,19 +43,7 @@ FINGER_TICKS = 3
 
 
 class ControlParameters(Parameters):
-    """The robot's controller; the gains gave a steady 1.00 N at every tilt.
-
-    Attributes:
-        stiffness: of operational-space control in 1/s^2, the squared natural frequency.
-        force_n: downward force held in contact.
-        force_p_m_n: proportional gain of force control.
-        force_i_m_n_s: its integral gain.
-        roll_p_rad_n_m: proportional gain of compliance about roll.
-        roll_i_rad_n_m_s: its integral gain.
-        wrench_cutoff_hz: one-pole filter of the wrist sensor.
-        force_noise_n: std of a reading of the wrist sensor.
-        torque_noise_n_m: the same of its torques.
-    """
+    """The robot's controller. Fields: `params.yaml`, `testbed.control`."""
 
     stiffness: float = Field(gt=0)
     force_n: float = Field(gt=0)

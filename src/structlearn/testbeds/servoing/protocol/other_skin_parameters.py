@@ -10,13 +10,7 @@ from structlearn.simulation.touch_demonstrator import ToucherParameters
 
 
 class OtherSkin(Parameters):
-    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`.
-
-    Attributes:
-        along_mm: range along the finger.
-        across_deg: half the range of the turns about the core.
-        handle_half_mm: half the length of the handle.
-    """
+    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
 
     along_mm: tuple[float, float]
     across_deg: float = Field(ge=0, le=80)
@@ -24,12 +18,7 @@ class OtherSkin(Parameters):
 
 
 class OtherSkinsParameters(Parameters):
-    """Other skins; all else is as for the first one.
-
-    Attributes:
-        skins: by name.
-        seeds: of latent spaces and dynamics.
-    """
+    """Other skins; all else is as for the first one."""
 
     skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
     seeds: PositiveInt

@@ -16,14 +16,7 @@ from structlearn.testbeds.servoing.recordings.servoing_scene import Contact, Fin
 
 
 class ServoingViewParameters(Parameters):
-    """What recordings of the servoing testbed show.
-
-    Attributes:
-        demonstrations: names of those that are shown; of recordings none of which is named so, as many from
-            the first on.
-        map_points: samples on the latent map.
-        trials: closed loops, as far as their paths are kept.
-    """
+    """What recordings of the servoing testbed show."""
 
     demonstrations: tuple[str, ...]
     map_points: int = Field(ge=1)

@@ -55,12 +55,7 @@ class Controller(Protocol[StateT]):
 
 
 class LoopParameters(Parameters):
-    """Timing of the loop.
-
-    Attributes:
-        cutoff_hz: of the low-pass on the electrodes.
-        samples_per_action: an action is held for so many samples of the electrodes.
-    """
+    """Timing of the loop. Fields: `params.yaml`, `servo.loop`."""
 
     cutoff_hz: float = Field(gt=0)
     samples_per_action: PositiveInt
