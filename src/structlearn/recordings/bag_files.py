@@ -150,7 +150,7 @@ def _suffix(path: Path) -> str:
     return "".join(path.suffixes[-2:]) if path.suffix == COMPRESSED else path.suffix
 
 
-def _files(folder: Path, formats: Collection[Format]) -> list[Path]:
+def _files(folder: Path, formats: Collection[str]) -> list[Path]:
     """Files of some formats in natural order; tables of shapes are no recordings."""
     paths = [
         path

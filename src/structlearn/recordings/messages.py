@@ -291,7 +291,7 @@ def _of_wrench(message: Any) -> Sequence:
     return (f.x, f.y, f.z, m.x, m.y, m.z)
 
 
-def _of_array(message: Any) -> Sequence:
+def _of_array(message: Any) -> Sequence | np.ndarray:
     return sequence(message.data)
 
 

@@ -158,7 +158,7 @@ class TactileServo:
     def _unbounded(self, step: LatentStep, target: Tensor) -> Tensor:
         chosen = self.parameters
         if chosen.horizon > 1:
-            dynamics = affine_dynamics(chosen.inverse, self._dynamics, step)
+            dynamics = affine_dynamics(self._dynamics, step)
             return receding_horizon_action(
                 dynamics, step.latent, target, self._time_step, chosen.action_penalty, chosen.horizon
             )
