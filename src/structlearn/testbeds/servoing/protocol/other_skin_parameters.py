@@ -8,6 +8,8 @@ from pydantic import Field, PositiveInt
 from structlearn.ground.params import Parameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 
+SkinName = Literal["biotac", "flat_pad", "sphere"]
+
 
 class OtherSkin(Parameters):
     """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`.
@@ -31,9 +33,9 @@ class OtherSkinsParameters(Parameters):
         seeds: of latent spaces and dynamics.
     """
 
-    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
+    skins: Mapping[SkinName, OtherSkin]
     seeds: PositiveInt
 
-    def person_with(self, skin: str, person: ToucherParameters) -> ToucherParameters:
+    def person_with(self, skin: SkinName, person: ToucherParameters) -> ToucherParameters:
         """A person who demonstrates on another skin."""
         return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())
