@@ -25,6 +25,7 @@ test: lint
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 
 # The pipeline on recorded data; DATA holds some of the folders that the README names.
 recorded: $(INSTALLED)
@@ -132,7 +133,7 @@ plot-page: $(INSTALLED)
 	$(BIN)/python .dvc/plots/make_page.py
 
 clean:
-	rm -rf .venv .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # pip would compile thousands of files one by one, for most of a minute; here on all cores, and not others' tests.
 $(INSTALLED): pyproject.toml constraints.txt

@@ -104,7 +104,9 @@ def sample_stamps(log_times: np.ndarray, header: np.ndarray | None, policy: Stam
     return header
 
 
-def table(where: str, stamps: np.ndarray, parts: Sequence[tuple[np.ndarray, Sequence]]) -> np.ndarray:
+def table(
+    where: str, stamps: np.ndarray, parts: Sequence[tuple[np.ndarray, Sequence | np.ndarray]]
+) -> np.ndarray:
     """(T, D) float64 of what was read from groups of messages: their rows, and D columns or numbers.
 
     Raises:

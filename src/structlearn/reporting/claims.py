@@ -373,6 +373,7 @@ def in_words(found: Evidence, number_format: str, unit: str = "") -> str:
     if number_format == "count":
         return f"{found.count} of {found.n}"
     if number_format == "share":
+        assert found.count is not None  # a share is counted
         text = f"{percent(found.count, found.n, 1)} {interval(100 * found.low, 100 * found.high)}"
         if found.people is None:
             return text

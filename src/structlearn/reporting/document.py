@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -106,7 +107,7 @@ class Scribe:
     def __init__(self, document: Document, figures: Mapping[str, Sequence[Panel]]) -> None:
         self._document = document
         self._figures = figures
-        self._parts = environment(document.package).get_template("parts.html.jinja").module
+        self._parts: Any = environment(document.package).get_template("parts.html.jinja").module
         self.contents: list[tuple[str, str]] = []
 
     def section(self, heading: str, caller: Callable[[], Markup]) -> Markup:

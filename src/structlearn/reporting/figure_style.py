@@ -11,8 +11,9 @@ there is room, and below each other on a phone, where their letters stay readabl
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -20,6 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
 from PIL import Image
 
 from structlearn.palette import BLACK, LIGHT_GREY
@@ -74,7 +76,8 @@ STYLE: dict[str, Any] = {
     "figure.constrained_layout.w_pad": 0.06,
 }
 
-Plot = TypeVar("Plot", bound=Callable[..., Figure])
+Arguments = ParamSpec("Arguments")
+Drawn = TypeVar("Drawn")
 
 
 @contextmanager
@@ -86,14 +89,14 @@ def style():
         yield
 
 
-def styled(plot: Plot) -> Plot:
-    """Decorator of functions that make a figure: they run in the project's style."""
+def styled(plot: Callable[Arguments, Drawn]) -> Callable[Arguments, Drawn]:
+    """Decorator of functions that make figures: they run in the project's style."""
 
-    def in_style(*arguments: Any, **options: Any) -> Figure:
+    @wraps(plot)
+    def in_style(*arguments: Arguments.args, **options: Arguments.kwargs) -> Drawn:
         with style():
             return plot(*arguments, **options)
 
-    in_style.__doc__, in_style.__name__ = plot.__doc__, plot.__name__
     return in_style
 
 
@@ -149,7 +152,7 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
     figure.legend(handles, labels, loc="outside upper left", ncols=columns, columnspacing=1.6)
 
 
-def finish_space(space: Axes, above: Axes, points: np.ndarray) -> None:
+def finish_space(space: Axes3D, above: Axes, points: np.ndarray) -> None:
     """Labels, views and limits of both panels for points (N, 3) in mm.
 
     In the 3-D panel a millimetre is the same on all axes; a flat axis is widened so that its labels fit.

@@ -1,11 +1,13 @@
 """Figures of movements that several pages share: signals with cuts, primitives over segments, sequences."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
 
 from structlearn.ground import signals
 from structlearn.palette import AXIS_COLOURS, BLACK, DEMONSTRATION_COLOUR, primitive_colour
@@ -28,7 +30,7 @@ def shade_primitives(panel: Axes, segments: Sequence[tuple[float, float]], names
     for place, (start, end) in enumerate(segments):
         panel.axvspan(start, end, color=primitive_colour(place), alpha=0.13, linewidth=0)
         if names:
-            where = {"transform": panel.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+            where: dict[str, Any] = {"transform": panel.get_xaxis_transform(), "ha": "center", "va": "bottom"}
             panel.text(0.5 * (start + end), 1.02, names[place], **where, fontsize=8.0)
 
 
@@ -74,11 +76,12 @@ def fit_panel(
     return figure
 
 
-def space_panels(paths: Sequence[tuple[np.ndarray, Mapping[str, object]]]) -> list[Figure]:
+def space_panels(paths: Sequence[tuple[np.ndarray, Mapping[str, Any]]]) -> list[Figure]:
     """Paths (T, 3) in m: a panel in 3-D, and one from above."""
     figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
     figures[0].set_layout_engine("none")
     space = figures[0].add_axes((0.1, 0.14, 0.8, 0.84), projection="3d")  # with room for its labels
+    assert isinstance(space, Axes3D)
     above = figures[1].add_subplot()
     for path, look in paths:
         space.plot(*(1e3 * path.T), **look)

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics, publish, read_csv, write_csv, write_metrics
@@ -94,8 +93,9 @@ def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) 
 
 def _numbered(drawing: Drawing | Sequence[Drawing]) -> list[tuple[int, Drawing]]:
     """The panels of a figure from 1; the only one has number 0."""
-    several = isinstance(drawing, Sequence) and not isinstance(drawing, np.ndarray)
-    return list(enumerate(drawing, 1)) if several else [(0, drawing)]
+    if isinstance(drawing, Drawing):
+        return [(0, drawing)]
+    return list(enumerate(drawing, 1))
 
 
 def _saved(part: tuple[str, Drawing], folder: Path) -> Panel:

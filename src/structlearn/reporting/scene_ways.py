@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -58,13 +59,13 @@ class SceneWays:
     def draw_paths(self, axes: Axes, reach: str, recorded: Look) -> None:
         """One reach from above in mm, with those of ways that had never seen its person; walls are pale."""
         for row in self["shapes"].query("reach == @reach").itertuples():
-            corner = 1e3 * np.array([row.x_m - 0.5 * row.width_m, row.y_m - 0.5 * row.depth_m])
+            corner = (1e3 * (row.x_m - 0.5 * row.width_m), 1e3 * (row.y_m - 0.5 * row.depth_m))
             size, colour = (1e3 * row.width_m, 1e3 * row.depth_m), GREY if row.box else LIGHT_GREY
             axes.add_patch(Rectangle(corner, *size, color=colour, linewidth=0))
         paths = self["paths"].query("reach == @reach")
         for way, width in WIDTHS.items():
             its, look = paths[paths["way"] == way], recorded if way == RECORDED else SCENE_WAYS[way]
-            style = {"color": look.colour, "linewidth": width, "label": look.name}
+            style: dict[str, Any] = {"color": look.colour, "linewidth": width, "label": look.name}
             axes.plot(1e3 * its["x_m"], 1e3 * its["y_m"], "--" if way == NONE else "-", **style)
 
     def draw_distances(self, axes: Axes) -> None:

@@ -71,7 +71,7 @@ def correspondence_figure(
     curves = {}
     for method in ("ls", "wls_text", "wls"):
         segments, names = aligned_segments(
-            [reference, guess], segmentation, primitive.name, method, primitive.axis
+            [reference, guess], segmentation, primitive.name, method, primitive.shown_by
         )
         curves["reference"] = segments[names.index(reference.name)]
         curves[method] = segments[names.index(guess.name)]
@@ -136,7 +136,7 @@ def alignment_figure(
         figures.append(canvas(4.6, PANEL_WIDTH))
         grid = figures[-1].subplots(2, 2, sharex=True, sharey=True)
         for panel, method in zip(grid.ravel(), ("zvc", "ls", "wls_text", "wls"), strict=True):
-            arguments = (demonstrations, segmentation, primitive.name, method, primitive.axis)
+            arguments = (demonstrations, segmentation, primitive.name, method, primitive.shown_by)
             curves, names = aligned_segments(*arguments)
             curves = 1e3 * (curves - curves.mean(axis=1, keepdims=True))
             time = np.linspace(0.0, 1.0, curves.shape[1])

@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -38,6 +39,7 @@ def run_part(name: str, description: Description, root: Path = Path(".")) -> Met
     """
     root = root.resolve()
     cell = description.rerun
+    assert cell is not None
     changes = description.variants[cell.variant] | repeats(description, root / "params.yaml")[cell.repeat]
     path = os.pathsep.join(filter(None, [str(root / "src"), os.environ.get("PYTHONPATH")]))
     with tempfile.TemporaryDirectory() as folder:
@@ -62,7 +64,7 @@ def changed(values: Mapping[str, object], changes: Changes) -> dict[str, object]
     result = copy.deepcopy(dict(values))
     for key, value in changes.items():
         *parents, last = key.split(".")
-        place = result
+        place: Any = result
         for part in parents:
             place = place[part]
         place[last] = value
@@ -74,11 +76,13 @@ def compare(found: Metrics, study: Study, description: Description, root: Path =
 
     Args:
         found: of `run_part`.
-        study: with its table.
+        study: with its table, and how it was made.
         description: of it, with `rerun`.
         root: of the project, whose code found them.
     """
     cell, made, here = description.rerun, study.made, processor()
+    assert cell is not None
+    assert made is not None
     table = study.table
     row = table[(table["variant"] == cell.variant) & (table["repeat"] == cell.repeat)].iloc[0]
     known_on = {made.processor} | ({made.rerun.processor} if made.rerun and made.rerun.exact else set())
@@ -105,7 +109,7 @@ def processor() -> str:
     return os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
 
 
-def _alike(first: float, second: float, exact: bool) -> bool:
+def _alike(first: Any, second: Any, exact: bool) -> bool:
     if exact:  # six digits are kept
         return f"{float(first):.6g}" == f"{float(second):.6g}"
     return abs(first - second) <= TOLERANCE * max(abs(first), abs(second))

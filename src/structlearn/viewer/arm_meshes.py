@@ -98,7 +98,7 @@ def _send_joints(
     # entities without a frame of their own live below the root; the arm's base is put there
     base = rr.Transform3D(parent_frame="tf#/", child_frame=f"{arm.frame_prefix}{arm.root_link().name}")
     stream.log(entity(name, "frames", "base"), base, static=True)
-    columns = {joint: positions[:, number] for number, joint in enumerate(joints)}
+    columns = {joint: positions[:, number].tolist() for number, joint in enumerate(joints)}
     for joint in arm.joints():
         path = entity(name, "frames", joint.name)
         if joint.name in columns:

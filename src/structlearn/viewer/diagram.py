@@ -36,7 +36,7 @@ class Diagram:
     width: float
     height: float
 
-    def points(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def points(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
         """Places in the drawing, (..., 2), of values x and y (...)."""
         (left, right), (bottom, top) = self.x_range, self.y_range
         across = self.width * (np.asarray(x, float) - left) / (right - left)

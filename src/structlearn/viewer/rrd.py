@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -138,8 +139,8 @@ def send_series(
         colours: D colours.
         width: of the lines in points.
     """
-    style = {"names": list(names), "colors": rgba(colours[: len(names)])}
-    stream.log(path, rr.SeriesLines(**style, widths=[width] * len(names)), static=True)
+    style = rr.SeriesLines(names=list(names), colors=rgba(colours[: len(names)]), widths=[width] * len(names))
+    stream.log(path, style, static=True)
     columns = rr.Scalars.columns(scalars=values.ravel())
     stream.send_columns(path, indexes, columns.partition([values.shape[1]] * len(values)))
 
@@ -185,7 +186,7 @@ def send_moving_frame(
         colour: of the point.
         axis_length: m.
     """
-    pose = {"translation": position}
+    pose: dict[str, Any] = {"translation": position}
     if orientation is not None:
         pose["quaternion"] = quaternion.to_xyzw(orientation)
         stream.log(path, rr.TransformAxes3D(axis_length), static=True)
