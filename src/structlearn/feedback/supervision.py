@@ -7,7 +7,7 @@ samples in between would be interpolations that count twice.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -33,6 +33,8 @@ from structlearn.primitives.trajectory import (
 )
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
+
+Setting = TypeVar("Setting", float, str)
 
 Cuts = Mapping[str, pd.DataFrame]
 """Segments by the primitive's name: index demonstration, columns `start_s` and `end_s`."""
@@ -258,8 +260,8 @@ def require_parts(
 
 
 def coupling_dataset(
-    demonstrations: Mapping[float | str, Sequence[Demonstration]],
-    cuts: Mapping[float | str, pd.DataFrame],
+    demonstrations: Mapping[Setting, Sequence[Demonstration]],
+    cuts: Mapping[Setting, pd.DataFrame],
     primitive: PosePrimitive,
     expected: VectorPrimitive,
     parameters: CorrectionParameters,

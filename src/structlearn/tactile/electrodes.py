@@ -97,7 +97,7 @@ class Skin:
         """Outward unit normals at points of the surface. Shape (..., 3) -> (..., 3)."""
         return (points - self.core(points)) / self.radius
 
-    def surface(self, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+    def surface(self, along: np.ndarray | float, across: np.ndarray | float) -> np.ndarray:
         """Points of the surface at two surface coordinates.
 
         Args:

@@ -48,11 +48,25 @@ class TouchDataParameters(Parameters):
 class GuidedTouch(Protocol):
     """A recording on one uniform clock, as `recordings.Demonstration` is; the finger's pose and counts."""
 
-    name: str
-    position: np.ndarray  # (T, 3) m
-    orientation: np.ndarray | None  # (T, 4)
-    tactile: np.ndarray | None  # (T, E) counts
-    provenance: Mapping[str, str]
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """(T, 3) m."""
+
+    @property
+    def orientation(self) -> np.ndarray | None:
+        """(T, 4)."""
+
+    @property
+    def tactile(self) -> np.ndarray | None:
+        """(T, E) counts."""
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """What is known of the origin."""
 
     @property
     def dt(self) -> float:
