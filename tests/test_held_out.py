@@ -50,9 +50,8 @@ from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
 from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.folds import leave_one_out, without_generalization
+from structlearn.feedback.folds import FRACTIONS, leave_one_out, without_generalization
 from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.supervised_training import FRACTIONS
 from structlearn.feedback.training_parameters import (
     LEVEL,
     POINTWISE,
@@ -68,7 +67,7 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.drive_log import DriveLog
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.training_grid import (
@@ -546,7 +545,7 @@ def pushed(motion: Motion, rows: slice) -> Motion:
     return with_wobbling(motion, rows, "torque")
 
 
-@of_stage("dynamics/train_dynamics")
+@of_stage("dynamics/train")
 def dynamics(monkeypatch, tmp_path):
     """Models of the arm and of one robot, beside the log of another robot."""
     parameters = committed(

@@ -10,7 +10,7 @@ import argparse
 import hashlib
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from structlearn.ground.artefacts import read_description, read_metrics, read_table, read_tensors
@@ -94,7 +94,7 @@ def _read_arrays(path: Path) -> object:
     return read_skill(path)
 
 
-READERS = {
+READERS: dict[str, Callable[[Path], object]] = {
     ".safetensors": _read_arrays,
     ".parquet": read_table,
     ".json": read_metrics,

@@ -8,15 +8,7 @@ from structlearn.ground.params import Parameters
 
 
 class SceneReachParameters(Parameters):
-    """From recordings to reaches.
-
-    Attributes:
-        smoothing_hz: low-pass of the hand's positions.
-        onset_share: of the peak speed, below which the hand has not begun.
-        fastest_m_s: between two samples; more is a jump of the tracking, and the recording is left out.
-        longest_s: duration; beyond it the recording is left out.
-        samples: of a reach, in equal steps.
-    """
+    """From recordings to reaches. Fields: `params.yaml`, `recorded_boxes.reaches`."""
 
     smoothing_hz: float = Field(gt=0, le=45)
     onset_share: float = Field(gt=0, lt=1)
@@ -26,24 +18,7 @@ class SceneReachParameters(Parameters):
 
 
 class SceneLearningParameters(Parameters):
-    """Reaches through scenes.
-
-    Attributes:
-        reaches: from recordings to reaches.
-        folds: parts of those who are judged on, left out in turn.
-        hand_radius_m: of the sphere that must not touch an obstacle.
-        straight_share: of its length, by which a reach may leave the straight line at most if the baseline is
-            to learn from it.
-        keep_every: of the samples of a reach, those that coupling is learned from.
-        cloud_count: points of an obstacle's surface.
-        look_ahead: of the scene's features.
-        network: of the scene's features: an ensemble whose members see samples from elsewhere.
-        return_stiffness: by how much, per m off the demonstrated path, what members see leads back to it.
-        end_limit_m: how far from where the baseline ends the coupling may leave the hand.
-        return_coupling: m, may be needed to keep this limit.
-        text_network: of the text's 17 features.
-        text_decay_per_m2: k of the text's post-processing.
-    """
+    """Learning to reach through scenes. Fields: `params.yaml`, `recorded_boxes`."""
 
     reaches: SceneReachParameters
     folds: int = Field(ge=2)

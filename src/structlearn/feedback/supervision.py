@@ -39,14 +39,7 @@ Cuts = Mapping[str, pd.DataFrame]
 
 
 class ExpectedTracesParameters(Parameters):
-    """Nominal executions in the default setting, and the expected traces learned from them.
-
-    Attributes:
-        runs: number of executions.
-        level_runs: further ones; nothing is expected from them, but feedback may learn from them that on the
-            level board nothing is to be corrected.
-        smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
-    """
+    """Nominal executions in the default setting, and the expected traces learned from them."""
 
     runs: int = Field(ge=1, le=1000)
     level_runs: int = Field(ge=0, le=1000)
@@ -62,18 +55,7 @@ WRENCH_CHANNELS = 6
 
 
 class CorrectionParameters(Parameters):
-    """How corrections become supervised data.
-
-    Attributes:
-        primitives: which primitives get a feedback model.
-        axes: along and about which they correct, of the base frame.
-        sensors: what the model feels; a sample has their channels in this order.
-        smoothing_hz: low-pass of poses before they are differentiated twice, about that with which the
-            nominal primitive was fitted: what is smoothed more differs from it by a ripple.
-        target_hz: low-pass of the coupling target itself, from which the nominal movement has cancelled;
-            people correct in submovements of half a second and more, the rest is tremor times tau^2.
-        rate_hz: samples per second that are kept.
-    """
+    """How corrections become supervised data. Fields: `params.yaml`, `coupling_dataset`."""
 
     primitives: tuple[str, ...] = Field(min_length=1)
     axes: tuple[Axis, ...] = Field(min_length=1)
@@ -91,11 +73,7 @@ class CorrectionParameters(Parameters):
 
 
 class SupervisionParameters(CorrectionParameters):
-    """The same on a board that tilts.
-
-    Attributes:
-        settings_deg: settings whose corrections are learned from; the others test generalisation.
-    """
+    """The same on a board that tilts; settings that are not learned from test generalisation."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
 
@@ -315,9 +293,13 @@ def coupling_dataset(
             parts.append(coupling_samples(corrected, setting, number, parameters))
             key = "setting" if isinstance(setting, str) else "setting_deg"
             checks.append(
-                {key: setting, "demonstration": number, "name": run.name}
-                | _turn_checks(corrected, run, cut, primitive, parameters.axes)
-                | _shift_checks(corrected, run, cut, primitive, parameters.axes)
+                {
+                    key: setting,
+                    "demonstration": number,
+                    "name": run.name,
+                    **_turn_checks(corrected, run, cut, primitive, parameters.axes),
+                    **_shift_checks(corrected, run, cut, primitive, parameters.axes),
+                }
             )
     if not parts:
         raise InputError(f"'{primitive.name}' was cut in none of the corrected demonstrations")
@@ -409,7 +391,7 @@ def _turn_checks(
     axes: Sequence[Axis],
 ) -> dict[str, float]:
     path = corrected.turn
-    if path is None:
+    if path is None or primitive.orientation is None or run.orientation is None:
         return {}
     chosen = np.isin(AXES[3:], axes)
     along = np.where(chosen, corrected.target[:, 3:], 0.0)

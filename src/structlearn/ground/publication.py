@@ -64,7 +64,7 @@ def _writable(target: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in OF_THE_DISK:
+        if error.errno is None or error.errno not in OF_THE_DISK:
             raise
         raise InputError(f"{target}: cannot be written: {os.strerror(error.errno)}") from error
 

@@ -51,19 +51,7 @@ KNOWN = 5
 
 
 class RefinementParameters(Parameters):
-    """Parameters of the refinement.
-
-    Attributes:
-        iterations: so many.
-        search: of PI2-CMA.
-        evaluation_runs: executions with the network per iteration.
-        added_runs: executions of the improved policy that are added to the data; the text adds one, the
-            author's public code eight. No two executions feel the same: the more there are, the less the
-            network mistakes how the tool happened to be held for the setting.
-        training: of the network before.
-        retraining_dropout: dropout when it is trained anew; the text has one for both. Without, the network
-            tells the settings better apart that it has felt executed.
-    """
+    """Refinement of a feedback model by trial. Fields: `params.yaml`, `refine`."""
 
     iterations: int = Field(ge=1, le=100)
     search: PI2Parameters
@@ -252,9 +240,10 @@ def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
 
     Numbered down from -1: numbers of demonstrations are not negative.
     """
+    samples = [run.samples for run in succeeded(runs, what) if run.samples is not None]
     parts = [
-        replace(run.samples, demonstration=np.full(len(run.samples.target), -1 - number))
-        for number, run in enumerate(succeeded(runs, what))
+        replace(part, demonstration=np.full(len(part.target), -1 - number))
+        for number, part in enumerate(samples)
     ]
     return concatenated(parts)
 

@@ -26,7 +26,12 @@ from structlearn.rigid_body.learner import (
     learner,
 )
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
+from structlearn.rigid_body.regressor import (
+    SYMMETRIC_COLUMNS,
+    link_parameters,
+    torque_regressor,
+    triangular_factor,
+)
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")
@@ -34,15 +39,7 @@ EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")
 
 
 class PayloadLearningParameters(Parameters):
-    """Parameters of following a payload.
-
-    Attributes:
-        structure: of the links.
-        empty_s: from the start of a log, in which the empty arm is identified.
-        batch: samples between two fits.
-        memory_s: after this time a sample's weight has fallen to a half.
-        iterations: of L-BFGS per fit.
-    """
+    """How a payload is followed. Fields: `params.yaml`, `online.payload`."""
 
     structure: Structure
     empty_s: float = Field(gt=0)
@@ -52,15 +49,7 @@ class PayloadLearningParameters(Parameters):
 
 
 class OnlineParameters(Parameters):
-    """Parameters of online learning.
-
-    Attributes:
-        models: kinds that go through the motion.
-        seeds: models of each kind.
-        losses: each with all of them.
-        stride: errors of networks are taken on every so manieth sample.
-        payload: how a payload is followed.
-    """
+    """Parameters of online learning: each kind of model learns with each of the losses."""
 
     models: tuple[Kind, ...]
     seeds: tuple[NonNegativeInt, ...]
@@ -176,7 +165,7 @@ def follow_payload(
             float((share * (last[batch] @ values - left[batch]) ** 2).mean()) for values in (own, learned)
         ]
         fresh = np.concatenate([last[batch], left[batch, :, None]], axis=-1).reshape(-1, triangle.shape[1])
-        triangle = np.linalg.qr(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]), mode="r")
+        triangle = triangular_factor(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]))
         free, _ = fit_structure(parameters.structure, triangle, (), now, parameters.iterations, empty)
         fitted = link_inertias(parameters.structure, torch.from_numpy(free[0]))
         now, learned = fitted.arrays(), link_parameters(fitted).numpy()

@@ -1,7 +1,7 @@
 """What a user says about the primitives in the demonstrations, and how they are to be cut."""
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -13,7 +13,7 @@ Axis = Literal["x", "y", "z", "xyz", "rot"]
 AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
 """Columns of the position that show a primitive."""
 
-BETWEEN = "between"
+BETWEEN: Final = "between"
 
 
 class BoundParameters(Parameters):
@@ -63,6 +63,13 @@ class PrimitiveParameters(Parameters):
             raise ValueError("what lies between its neighbours ends where the next begins, not `until`")
         return self
 
+    @property
+    def shown_by(self) -> Axis:
+        """The axis that shows it; what lies between its neighbours has none."""
+        if self.axis == BETWEEN:
+            raise ValueError(f"'{self.name}' lies between its neighbours: no axis shows it")
+        return self.axis
+
 
 def _in_full(primitives: Any) -> Any:
     """Primitives of which only their number or their names are said, as mappings."""
@@ -80,21 +87,8 @@ MOST = 100
 class SegmentParameters(Parameters):
     """Parameters of the segmentation.
 
-    Attributes:
-        primitives: in order of time; their number, their names, or what is known of each.
-        reference: name of the demonstration that is cut first; None: the first one, or where runs of motion
-            are assigned (`assigns_runs`) the one that the others are most like.
-        guess_cutoff_hz: low-pass of the speed that finds a movement.
-        cut_cutoff_hz: low-pass of the speed that places its cut points.
-        align_cutoff_hz: low-pass of positions and velocities for the alignment.
-        bridge_s: a dip in speed up to this long is a hesitation, not an end.
-        extension_s: delta, by which a segment is extended on both sides before the alignment.
-        downsampling: g, every g-th sample is aligned (appendix C).
-        near_zero: fraction of the largest speed below which a pair is dropped.
-        decay: k of the weights exp(-k |v_ref - v_guess|).
-        crossing_weight: weight of the crossings as correspondences, relative to all other pairs together.
-        crossing_tolerance_s: distance from the alignment at which a crossing has half that weight.
-        skip_failures: go on without demonstrations that cannot be cut; the report lists them.
+    Without a `reference` the first demonstration is cut first, or, where runs of motion are assigned
+    (`assigns_runs`), the one that the others are most like.
     """
 
     primitives: Annotated[tuple[PrimitiveParameters, ...], BeforeValidator(_in_full)] = Field(

@@ -7,7 +7,7 @@ all of it once more. The person presses as hard as feels right that time and wav
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -31,7 +31,8 @@ from structlearn.simulation.touch import (
 from structlearn.tactile.electrodes import SKINS, Skin
 
 Motion = Literal["rotation", "translation"]
-SLIDES = {"rotation": (1, -1), "translation": (1, -1, 1, -1)}
+Swept = TypeVar("Swept", float, np.ndarray)
+SLIDES: dict[Motion, tuple[int, ...]] = {"rotation": (1, -1), "translation": (1, -1, 1, -1)}
 """Directions of the contacts of a demonstration."""
 
 SAMPLED_EVERY = 3
@@ -63,31 +64,7 @@ CLOCK_START_NS = 10**9
 
 
 class ToucherParameters(Parameters):
-    """The person who demonstrates touch; `params.yaml` asks for about as many samples as the text has.
-
-    Attributes:
-        skin: name of the skin (`tactile.electrodes.SKINS`).
-        seed: of the person.
-        sensor_seed: of what tells one electrode from another.
-        areas: of the skin, per part.
-        rotations: demonstrations per area.
-        translations: demonstrations per area.
-        rate_hz: of the robot.
-        along_mm: range along the finger that swipes cover, and in which the areas of rotations lie.
-        across_deg: half the range of the turns, and of the areas of swipes, about the core of the skin; with
-            0 only the core is covered, as suits a flat skin.
-        rotation_s: median time of a turn, in contact.
-        translation_s: median time of a swipe, in contact.
-        time_cv: standard deviation of the log of these.
-        load_n: range of the mean load of a contact.
-        waver: standard deviation of the load within a contact, relative.
-        tilt_deg: standard deviation of how the finger is held, pitch and yaw.
-        rest_s: range of the rests in the air, before, between and after contacts.
-        noise_mm: standard deviation per axis of the hand's sway, motor noise and tremor in the air.
-        handle_radius_mm: of the handle.
-        handle_half_mm: half its length; a flat skin, which would lie on a bar with a whole line, needs a knob
-            of no length.
-    """
+    """The person who demonstrates touch; `params.yaml` asks for about as many samples as the text has."""
 
     skin: Literal["biotac", "flat_pad", "sphere"]
     seed: int = Field(ge=0)
@@ -141,7 +118,8 @@ def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iter
         parameters: of the finger.
     """
     finger = make_finger(parameters, SKINS[person.skin], person.sensor_seed, person.rate_hz / SAMPLED_EVERY)
-    for motion, repeats in (("rotation", person.rotations), ("translation", person.translations)):
+    counts: dict[Motion, int] = {"rotation": person.rotations, "translation": person.translations}
+    for motion, repeats in counts.items():
         for area in range(person.areas):
             for repeat in range(repeats):
                 seed = (person.seed, list(SLIDES).index(motion), area, repeat)
@@ -321,7 +299,7 @@ def _held_by_hand(
     return position + off, quaternion.sign_continuous(held)
 
 
-def _between(low: float, high: float, swept: np.ndarray | float) -> np.ndarray | float:
+def _between(low: float, high: float, swept: Swept) -> Swept:
     """Where something is that sweeps from -1, the low end, to 1."""
     return 0.5 * (low + high) + 0.5 * (high - low) * swept
 

@@ -26,20 +26,7 @@ MOTIONS: Mapping[str | None, int] = {"rotation": ROTATION, "translation": TRANSL
 
 
 class TouchDataParameters(Parameters):
-    """From recorded counts and poses to samples.
-
-    Attributes:
-        rate_hz: samples per second, the electrodes' own rate.
-        cutoff_hz: low-pass of counts and velocities.
-        air_s: at the start of each recording, in the air; the mean of the counts there is their offset.
-        touched_counts: pressure p from which on something touches; in the air a skin that still creeps back
-            keeps up to 8 counts after a contact, so contact points below are of the last contact.
-        pressed_counts: pressure from which on a sample counts in the dynamics.
-        contact_s: shorter contacts are left out.
-        validation_share: of the contacts.
-        test_share: of the contacts.
-        seed: of the splits.
-    """
+    """From recorded counts and poses to samples."""
 
     rate_hz: float = Field(ge=10, le=1000)
     cutoff_hz: float = Field(gt=0)
@@ -138,15 +125,13 @@ def _contacts(
     demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters
 ) -> list[dict[str, np.ndarray]]:
     """Signals, pressure, velocity, orientation and time of every contact of one demonstration."""
-    _check(demonstration, skin, parameters)
+    tactile, turned = _checked(demonstration, skin, parameters)
     dt, cutoff = 1 / parameters.rate_hz, parameters.cutoff_hz
     air = round(parameters.air_s * parameters.rate_hz)
-    offset = demonstration.tactile[:air].mean(axis=0)
-    signal = signals.low_pass(demonstration.tactile - offset, dt, cutoff)
+    offset = tactile[:air].mean(axis=0)
+    signal = signals.low_pass(tactile - offset, dt, cutoff)
     pressure = -signal.mean(axis=1)
-    orientation = quaternion.normalised(
-        signals.low_pass(quaternion.sign_continuous(demonstration.orientation), dt, cutoff)
-    )
+    orientation = quaternion.normalised(signals.low_pass(quaternion.sign_continuous(turned), dt, cutoff))
     velocity = np.hstack(
         [
             signals.derivative(signals.low_pass(demonstration.position, dt, cutoff), dt),
@@ -175,7 +160,10 @@ def _contacts(
     ]
 
 
-def _check(demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters) -> None:
+def _checked(
+    demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Counts (T, E) and orientation (T, 4) of a demonstration that is fit for use."""
     name = demonstration.name
     if demonstration.tactile is None:
         raise InputError(f"{name}: has no tactile signal; name its topic in the parameters")
@@ -195,3 +183,4 @@ def _check(demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParamete
     shortest = max(parameters.air_s, parameters.contact_s) * parameters.rate_hz
     if len(demonstration.tactile) < max(shortest, 5):
         raise InputError(f"{name}: {len(demonstration.tactile)} samples are too few for air and a contact")
+    return demonstration.tactile, demonstration.orientation

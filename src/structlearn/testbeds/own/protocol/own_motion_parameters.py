@@ -6,29 +6,7 @@ from structlearn.ground.params import Parameters
 
 
 class MotionParameters(Parameters):
-    """Identification of your own arm from logs of its joints.
-
-    Attributes:
-        source: file or folder of logs: `sensor_msgs/JointState` with positions, velocities and efforts.
-        topic: of the joint states.
-        urdf: file of the arm; `~` is the home folder.
-        locked_joints: that are not identified, e.g. those of a gripper; they are held at position zero.
-        rate_hz: of the clock that logs are put on.
-        smoothing_hz: zero-phase low-pass of all signals.
-        rest_rad_s: the arm rests where no joint is faster (m/s where joints slide).
-        rest_s: rests of this length end a motion; only the longest motion of a log is taken.
-        test_logs: so many of the last logs are asked about and not learned from, but never all.
-        block_s: time blocks, longer than errors remember: of a lone log some are held out, and intervals come
-            from drawing blocks anew.
-        test_every: of a lone log every so manieth block is held out.
-        draws: of blocks.
-        seed: of the draws.
-        iterations: of L-BFGS for bodies that can exist.
-        largest_condition: of the base parameters' regressor, columns scaled alike; beyond it the motion
-            excites too little.
-        gravity_share: of the URDF's gravity that a joint's torque shows at least, and one over it at most.
-        gravity_n_m: joints on which gravity varies by less (std) do not tell.
-    """
+    """Identification of your own arm from logs of its joints. Fields: `stages/own/params.yaml`, `motion`."""
 
     source: str = Field(min_length=1)
     topic: str = Field(min_length=1)

@@ -13,12 +13,7 @@ Bound = PositiveFloat | Annotated[tuple[PositiveFloat, ...], Field(min_length=1)
 
 
 class Placement(Parameters):
-    """Where a frame stands in another.
-
-    Attributes:
-        position_m: of its origin.
-        orientation: unit quaternion w, x, y, z.
-    """
+    """Where a frame stands in another: its origin, and a unit quaternion w, x, y, z."""
 
     position_m: tuple[float, float, float]
     orientation: tuple[float, float, float, float]
@@ -39,19 +34,8 @@ class Placement(Parameters):
 class RobotParameters(Parameters):
     """A robot, how it stands to what was demonstrated, and what it may be asked for.
 
-    Limits of position and velocity are those of the URDF, which knows none of what follows.
-
-    Attributes:
-        urdf: a path, or a file of `pybullet_data`.
-        tip: link whose poses the skill gives.
-        locked_joints: held at zero, e.g. a gripper's fingers.
-        base: of the robot, in the frame of the demonstrations.
-        tool: what was demonstrated, in the tip's frame.
-        rest_configuration: of the joints in rad or m, near which the skill is run; None: one is looked for.
-        max_acceleration: of joints in rad/s^2 or m/s^2.
-        max_jerk: of joints in rad/s^3 or m/s^3.
-        least_singular_value: of the tip's Jacobian (m or rad of the tip per rad of the joints).
-        least_distance_m: between links that are no neighbours.
+    Limits of position and velocity are those of the URDF, which knows none of the others. Fields:
+    `stages/own/params.yaml`, `robot`.
     """
 
     urdf: str = Field(min_length=1)

@@ -12,13 +12,7 @@ SENSORS = Path(__file__).with_name("sensors.yaml")
 
 
 class SkinForceParameters(Parameters):
-    """How forces are read.
-
-    Attributes:
-        longest_lag_s: s by which signals and scale may lag behind the commanded depth.
-        pressed_n: N that a press reaches at least.
-        penalties: of the ridge, of which one is chosen by leaving presses of the learned run out.
-    """
+    """How forces are read."""
 
     longest_lag_s: float = Field(gt=0)
     pressed_n: float = Field(gt=0)
@@ -26,21 +20,7 @@ class SkinForceParameters(Parameters):
 
 
 class SkinServoParameters(Parameters):
-    """Closed loops on the table of recorded presses.
-
-    Attributes:
-        walks: chains of presses that the dynamics learn from.
-        reach_mm: mm, of a step along each axis.
-        trials: pairs of presses, from one to the other.
-        steps: of each trial.
-        tolerance_mm: mm from the target within which a trial ends that succeeds.
-        gradient_gain: alpha of NG (eq. II.14).
-        largest_action: root mean squares of the actions learned from.
-        correction: of what a step missed, for the corrected controller (`tactile.resting_servo`).
-        depth_mm: mm around the depth of a run that knows only one: deeper or higher presses are left out of
-            the table on which what it learned is tried.
-        seed: of walks, starts and targets.
-    """
+    """Closed loops on the table of recorded presses."""
 
     walks: int = Field(ge=1)
     reach_mm: float = Field(gt=0)
@@ -55,20 +35,7 @@ class SkinServoParameters(Parameters):
 
 
 class SkinParameters(Parameters):
-    """Parameters of the magnetic skin.
-
-    Attributes:
-        sensor: name of its description in `sensors.yaml`.
-        tuned_on: runs on whose held-out blocks, and on reading which from others, constants were chosen.
-        block_mm: mm, side of the blocks of places that are held out.
-        folds: parts into which the blocks fall.
-        copies: times that each press is learned from, with gains that drifted.
-        degree: of the polynomial that reads place and depth off latent coordinates.
-        rival_samples: presses that the Gaussian process knows at most.
-        spaces: how the latent spaces are learned.
-        force: how forces are read.
-        servo: closed loops.
-    """
+    """Parameters of the magnetic skin."""
 
     sensor: str
     tuned_on: tuple[str, ...]

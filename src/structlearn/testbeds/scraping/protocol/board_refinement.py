@@ -27,18 +27,7 @@ from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
 
 class BoardRefinementParameters(RefinementParameters, NetworkParameters):
-    """Refinement on the board.
-
-    Attributes:
-        settings_deg: rolls of the board that the models before refinement are learned from.
-        setting_deg: new roll of the board, on which they are refined.
-        exploration: by primitive, of those that are refined: standard deviation of the policy's weights at
-            first, which depends on the size of its coupling terms.
-        shown_runs: executions of the mean demonstration of each setting learned from that are added to the
-            data, see `refinement.executed`; the text has none.
-        level_runs: executions without correction on the level board, likewise.
-        seed: of the exploration.
-    """
+    """Refinement on the board."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     setting_deg: float
