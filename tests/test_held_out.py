@@ -36,6 +36,7 @@ from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
 from rigid_body_robots import robot
+from structlearn.rigid_body.model_learning import LearningParameters
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_learning import PARAMETERS as AVOIDANCE
@@ -68,7 +69,6 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.drive_log import DriveLog
-from structlearn.rigid_body.model_learning import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.training_grid import (
@@ -101,14 +101,16 @@ from structlearn.testbeds.recorded.protocol import (
     touch_sets,
     ur10e_identification,
 )
+from structlearn.testbeds.recorded.protocol.arm_parameters import (
+    RecordedDynamicsParameters,
+    RecordedUr10eParameters,
+)
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
 from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
 from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
-from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins

@@ -22,7 +22,7 @@ from structlearn.tactile.forward_dynamics import (
     NonLinearDynamics,
     applied,
 )
-from structlearn.tactile.latent_variants import LOCALLY_LINEAR, NEGATIVE_GRADIENT
+from structlearn.tactile.latent_parameters import LOCALLY_LINEAR, NEGATIVE_GRADIENT
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from structlearn.tactile.inverse_dynamics import (
     receding_horizon_action,
 )
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_variants import FORWARD_OF, NEGATIVE_GRADIENT, NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import FORWARD_OF, NEGATIVE_GRADIENT, NO_INVERSE, STRUCTURES
 from structlearn.tactile.units import TouchUnits
 
 
