@@ -36,7 +36,6 @@ from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
 from rigid_body_robots import robot
-from structlearn.rigid_body.model_learning import LearningParameters
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_learning import PARAMETERS as AVOIDANCE
@@ -51,9 +50,8 @@ from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
 from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.folds import leave_one_out, without_generalization
+from structlearn.feedback.folds import FRACTIONS, leave_one_out, without_generalization
 from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.supervised_training import FRACTIONS
 from structlearn.feedback.training_parameters import (
     LEVEL,
     POINTWISE,
@@ -69,6 +67,7 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.drive_log import DriveLog
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.training_grid import (
@@ -391,7 +390,7 @@ def refinement(monkeypatch, tmp_path):
     def learn(dataset):
         write_table(to_table(dataset), tmp_path / f"{boards.TURN}.parquet")
         read = read_datasets(tmp_path, KNOWN)
-        refined = refine_on_board(board, read, parameters, tmp_path / "unfinished")
+        refined = refine_on_board(board, read, parameters)
         return refined.before, refined.after
 
     return Case(learn, data, corrected(data, data.setting == NEW), corrected(data, data.setting == KNOWN[0]))
@@ -548,7 +547,7 @@ def pushed(motion: Motion, rows: slice) -> Motion:
     return with_wobbling(motion, rows, "torque")
 
 
-@of_stage("dynamics/train_dynamics")
+@of_stage("dynamics/train")
 def dynamics(monkeypatch, tmp_path):
     """Models of the arm and of one robot, beside the log of another robot."""
     parameters = committed(

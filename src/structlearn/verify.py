@@ -10,7 +10,7 @@ import argparse
 import hashlib
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from structlearn.ground.artefacts import read_description, read_metrics, read_table, read_tensors
@@ -23,7 +23,7 @@ SKILL = '{"reactive_skill"'
 
 LOCKS = ("dvc.lock", "stages/*/dvc.lock")
 
-READERS = {
+READERS: dict[str, Callable[[Path], object]] = {
     ".safetensors": lambda path: _read_arrays(path),
     ".parquet": read_table,
     ".json": read_metrics,

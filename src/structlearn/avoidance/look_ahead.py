@@ -69,7 +69,7 @@ class CostToGo:
     cost: np.ndarray
     direction: np.ndarray
 
-    def ways(self, points: np.ndarray, ahead: Sequence[float]) -> np.ndarray:
+    def ways(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
         """Where the cheapest ways from some points lead.
 
         Args:

@@ -275,7 +275,7 @@ def _inputs(dataset: AvoidanceDataset, columns: Sequence[int]) -> np.ndarray:
 
 def _trained(work: tuple[AvoidanceDataset, NetworkParameters, tuple[int, int]]) -> tuple[np.ndarray, ...]:
     dataset, parameters, stream = work
-    seen = lesson(*work) if isinstance(parameters, EnsembleParameters) else None
+    seen = lesson(dataset, parameters, stream) if isinstance(parameters, EnsembleParameters) else None
     return train_member(dataset, parameters, stream, seen)
 
 

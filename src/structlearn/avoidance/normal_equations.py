@@ -13,6 +13,7 @@ how far damping can fall: trainings end elsewhere, and what they are good for ch
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.n
     count = len(layers)
     starts = np.cumsum([0, *(layer.size for layer in layers)])
     pairs = [(first, second) for first in range(count) for second in range(first, count)]
-    blocks = dict.fromkeys(pairs, 0.0)
+    blocks: dict[tuple[int, int], Any] = dict.fromkeys(pairs, 0.0)
     gradient = np.zeros(starts[-1])
     for start in range(0, len(samples.inputs), CHUNK_SAMPLES):
         rows = slice(start, start + CHUNK_SAMPLES)
@@ -68,8 +69,8 @@ def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.n
             blocks[first, second] += inner @ over_outputs
     products = np.zeros((starts[-1], starts[-1]))
     for first, second in pairs:
-        rows, columns = slice(*starts[first : first + 2]), slice(*starts[second : second + 2])
-        products[rows, columns] = _unfolded(blocks[first, second], layers[first].shape, layers[second].shape)
+        rows, across = slice(*starts[first : first + 2]), slice(*starts[second : second + 2])
+        products[rows, across] = _unfolded(blocks[first, second], layers[first].shape, layers[second].shape)
     return products, gradient
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.coupling_model import read_networks, write_networks
+from structlearn.feedback.coupling_model import CouplingModel, read_networks, write_networks
 from structlearn.feedback.folds import FRACTIONS, without_generalization
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.training_parameters import TrainingParameters
@@ -27,7 +27,7 @@ class PhaseModulatedAvoidance:
         networks: of x, y and z, with the same number of kernels.
     """
 
-    networks: tuple[PhaseModulatedNetwork, ...]
+    networks: tuple[CouplingModel, ...]
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
         """Coupling terms (B, 3) in m of features (B, 17), phase (B,) and phase velocity (B,)."""

@@ -68,9 +68,10 @@ def judge_folds(
     """Learn from everybody but the people of a fold, and try it on them, fold by fold."""
     scenes = reach_scenes(reaches, parameters)
     person = np.array([reach.person for reach in reaches])
-    tests = [np.flatnonzero(np.isin(person, people)) for people in folds]
-    lessons = [np.flatnonzero(~np.isin(person, people)) for people in folds]
-    scored, errors, unrolled = [], [], {}
+    tests = [np.flatnonzero(np.isin(person, people)).tolist() for people in folds]
+    lessons = [np.flatnonzero(~np.isin(person, people)).tolist() for people in folds]
+    scored, errors = [], []
+    unrolled: dict[tuple[str, str], np.ndarray] = {}
     for fold, (learned, places) in enumerate(
         zip(learn(reaches, scenes, lessons, parameters), tests, strict=True)
     ):
@@ -104,8 +105,8 @@ def scores(
         touches = [clearance < hand_radius_m for clearance in clearances]
         lengths = (1e3 * clearances[1], 1e3 * left_m)
         rows.append((reach.name, reach.person, *touches, *lengths, *_beside(reach, path, own)))
-    flags, lengths = ["blocked", "hit", "hit_wall"], ["clearance_mm", "left_mm", "path_mm"]
-    return pd.DataFrame(rows, columns=["reach", "person", *flags, *lengths, "same_gaps"])
+    measures = ["blocked", "hit", "hit_wall", "clearance_mm", "left_mm", "path_mm", "same_gaps"]
+    return pd.DataFrame(rows, columns=["reach", "person", *measures])
 
 
 def _beside(reach: SceneReach, path: np.ndarray, other: np.ndarray) -> tuple[float, bool]:

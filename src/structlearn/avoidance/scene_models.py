@@ -155,10 +155,10 @@ def _lessons(
         for member in range(ensemble.members)
     ]
     nearest, *near = (samples_of_nearest(one, scenes) for one in (states, *beside))
-    far = (samples_of_scene(one, scenes, ahead) for one in (states, *beside))
+    scene, *far = (samples_of_scene(one, scenes, ahead) for one in (states, *beside))
     signs = mirror_signs(parameters.look_ahead)
     every_near, *near = (with_mirror_images(one, MIRROR_SIGNS) for one in (nearest, *near))
-    every_far, *far = (with_mirror_images(one, signs) for one in far)
+    every_far, *far = (with_mirror_images(one, signs) for one in (scene, *far))
     networks = {
         TEXT: (parameters.text_network, nearest, [nearest]),
         ENSEMBLE: (ensemble, every_near, near),

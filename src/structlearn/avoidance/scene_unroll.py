@@ -46,8 +46,13 @@ class Scenes:
 
     def take(self, places: Sequence[int]) -> Self:
         """Some of the scenes, in their order and as often as named."""
-        arrays = (values[places] for values in (self.start, self.frame, self.goal, self.clouds))
-        return type(self)(*arrays, [self.ways[place] for place in places])
+        return type(self)(
+            self.start[places],
+            self.frame[places],
+            self.goal[places],
+            self.clouds[places],
+            [self.ways[place] for place in places],
+        )
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,7 @@ def local_clouds(
     """
     most = max(map(len, obstacles))
     clouds = [
-        [(one.cloud(count) - origin) @ axes for one in (*its, *its[:1] * (most - len(its)))]
+        [(one.cloud(count) - origin) @ axes for one in (*its, *[its[0]] * (most - len(its)))]
         for its, origin, axes in zip(obstacles, start, frame, strict=True)
     ]
     return np.array(clouds)

@@ -8,7 +8,7 @@ alone, so that they share a table.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -56,7 +56,9 @@ COLUMNS = tuple(field.name for field in fields(CouplingDataset) if field.name !=
 
 def concatenated(parts: Sequence[CouplingDataset]) -> CouplingDataset:
     """The samples of several datasets of the same channels, one after the other."""
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
+    }
     return replace(parts[0], **columns)
 
 

@@ -16,7 +16,7 @@ import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
 import numba
 import numpy as np
@@ -69,6 +69,7 @@ class Compiled(NamedTuple):
     memory: int
 
 
+@dataclass(frozen=True)
 class CouplingModel:
     """Coupling term of one axis from sensor deviations and phase; a frozen dataclass of arrays and `Layers`.
 
@@ -78,12 +79,12 @@ class CouplingModel:
         kernel: compiled forward pass, see `kernel`.
     """
 
-    kernel: ClassVar[Callable]
+    kernel: ClassVar[Any]
 
     @classmethod
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
-    ) -> "list[Trained]":
+    ) -> "Sequence[Trained]":
         """Train one model per job.
 
         Args:
@@ -102,7 +103,7 @@ class CouplingModel:
         training: "CorrectedPaths",
         validation: "CorrectedPaths",
         parameters: UnrolledTrainingParameters,
-    ) -> Self:
+    ) -> "CouplingModel":
         """This model, trained on in the unroll (`unrolled_training`); one that cannot be stays as it is."""
         return self
 
@@ -126,7 +127,7 @@ class CouplingModel:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Fields of the model, for its file; of layers `<field>.<number>.weights` and `.biases`."""
-        found = {}
+        found: dict[str, np.ndarray] = {}
         for field in fields(self):
             if field.type is np.ndarray:
                 found[field.name] = getattr(self, field.name)
@@ -144,7 +145,7 @@ class CouplingModel:
             places = range(sum(key.startswith(f"{name}.") for key in arrays) // 2)
             return tuple((arrays[f"{name}.{at}.weights"], arrays[f"{name}.{at}.biases"]) for at in places)
 
-        read = {np.ndarray: arrays.__getitem__, Layers: layers}
+        read: dict[Any, Callable[[str], Any]] = {np.ndarray: arrays.__getitem__, Layers: layers}
         return cls(**{field.name: read[field.type](field.name) for field in fields(cls)})
 
     def fault(self) -> str:
@@ -182,8 +183,11 @@ class CouplingModel:
         ).reshape(batch)
 
 
+Model = TypeVar("Model", bound=CouplingModel, covariant=True)
+
+
 @dataclass(frozen=True)
-class Trained:
+class Trained(Generic[Model]):
     """What came of a job.
 
     Attributes:
@@ -193,15 +197,15 @@ class Trained:
         code: to how many dimensions the deviations are compressed first; NaN where they are not.
     """
 
-    models: Mapping[str, CouplingModel]
+    models: Mapping[str, Model]
     steps: Mapping[str, int]
     code: float = np.nan
 
     @classmethod
-    def at_once(cls, model: CouplingModel) -> Self:
+    def at_once(cls, model: CouplingModel) -> "Trained[CouplingModel]":
         """Of a model that is trained without steps."""
         parts = ("validation", "generalization")
-        return cls(dict.fromkeys(parts, model), dict.fromkeys(parts, 0))
+        return Trained(dict.fromkeys(parts, model), dict.fromkeys(parts, 0))
 
 
 def train_final(
@@ -301,7 +305,7 @@ def evaluate(
     memory: np.ndarray,
 ) -> float:
     """Coupling term at one sample, in compiled code; see `Compiled` and `kernel`."""
-    return _call(address, sizes, values, row, deviations, memory)
+    return _call(address, sizes, values, row, deviations, memory)  # type: ignore[call-arg]  # as numba passes the context
 
 
 @numba.njit(cache=True)
@@ -319,5 +323,5 @@ def _batch(
     for k in range(len(p)):
         if k > 0 and p[k] > p[k - 1]:
             memory[:] = 0.0
-        found[k] = _call(address, sizes, values, table[k], deviations[k], memory)
+        found[k] = evaluate(address, sizes, values, table[k], deviations[k], memory)
     return found

@@ -90,8 +90,8 @@ def _fold(
         raise InputError(f"{len(remaining)} chunks of samples are too few for train, validation and test")
     shuffled = np.random.default_rng([seed, _stream(number)]).permutation(remaining)
     validation, test, train = np.split(shuffled, np.cumsum(sizes))
-    rows = [np.flatnonzero(np.isin(chunks, part)) for part in (train, validation, test)]
-    return Fold(number, *rows, generalization=np.flatnonzero(left_out))
+    train, validation, test = (np.flatnonzero(np.isin(chunks, part)) for part in (train, validation, test))
+    return Fold(number, train, validation, test, generalization=np.flatnonzero(left_out))
 
 
 def _stream(number: int | None) -> int:

@@ -12,6 +12,7 @@ from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, kernels, transformation
+from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count
 
@@ -61,7 +62,7 @@ def plan_in_time(
     }
     for index, (primitive, tau, count) in enumerate(zip(skill.primitives, taus, counts, strict=True)):
         part = slice(rows[index], rows[index + 1])
-        if primitive.orientation is not None:
+        if isinstance(primitive.orientation, QuaternionPrimitive):
             weights = primitive.orientation.weights
             turning[part] = kernels.sampled_features(count, dt / tau, len(weights)) @ weights
         if primitive.name in skill.expected:
@@ -116,10 +117,10 @@ def compiled_networks(
 
 
 def _padded(
-    shape: tuple[int, int], found: Mapping[Place, Sequence[float]], kind: type = np.int64
+    shape: tuple[int, int], found: Mapping[Place, Sequence[float] | np.ndarray], kind: type = np.int64
 ) -> np.ndarray:
     """Numbers of any length by place as a table (*shape, longest), 0 where there are none."""
-    values = np.zeros((*shape, max([1, *map(len, found.values())])), dtype=kind)
+    values: np.ndarray = np.zeros((*shape, max([1, *map(len, found.values())])), dtype=kind)
     for place, own in found.items():
         values[place][: len(own)] = own
     return values
@@ -234,7 +235,7 @@ def within_workspace(skill: ReactiveSkill, point: np.ndarray, what: str) -> np.n
     return point
 
 
-def unit_goal(orientation: np.ndarray, name: str) -> np.ndarray:
+def unit_goal(orientation: np.ndarray | None, name: str) -> np.ndarray:
     """The goal orientation (4,) of a primitive with norm 1; InputError where it is none."""
     return quaternion.normalised(require_unit(orientation, 4, f"the goal orientation of '{name}'"))
 

@@ -154,7 +154,7 @@ def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:
     return {name: {axis: network} for name, network in networks.items()}
 
 
-def require_unit(values: np.ndarray, size: int, what: str) -> np.ndarray:
+def require_unit(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
     """The values as a (size,) float array.
 
     Raises:
@@ -166,7 +166,7 @@ def require_unit(values: np.ndarray, size: int, what: str) -> np.ndarray:
     return array
 
 
-def require_finite(values: np.ndarray, size: int, what: str) -> np.ndarray:
+def require_finite(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
     """The values as a (size,) float array; InputError for another size or a value that is not finite."""
     try:
         array = np.asarray(values, dtype=float)
@@ -191,7 +191,7 @@ def _check_orientation(primitive: PosePrimitive, feedback: bool) -> None:
 def _check_network(what: str, network: CouplingModel, expected: VectorPrimitive | None) -> None:
     if network.inputs and expected is None:
         raise InputError(f"{what} takes {network.inputs} channels, but there are no expected traces")
-    if network.inputs and network.inputs != len(expected.start):
+    if network.inputs and expected is not None and network.inputs != len(expected.start):
         raise InputError(
             f"{what} takes {network.inputs} channels, but its expected traces have {len(expected.start)}"
         )

@@ -128,7 +128,7 @@ def train_networks(
     parameters: TrainingParameters,
     hidden: Sequence[int],
     initial: PhaseModulatedNetwork | None,
-) -> list[Trained]:
+) -> list[Trained[PhaseModulatedNetwork]]:
     """Train one network per job as a stack; see `CouplingModel.train`."""
     generator, models = seeded(parameters.seed), len(jobs)
     if initial is None:
@@ -139,8 +139,10 @@ def train_networks(
         )
     else:
         units = [(initial.input_mean, initial.input_scale)] * models
-        inputs = np.stack([(data.deviation - initial.input_mean) / initial.input_scale for data, _ in jobs])
-        scales, data = scaled_targets(jobs, as_tensor(inputs), len(initial.output_weights))
+        inputs = as_tensor(
+            np.stack([(data.deviation - initial.input_mean) / initial.input_scale for data, _ in jobs])
+        )
+        scales, data = scaled_targets(jobs, inputs, len(initial.output_weights))
         stack = StackedPhaseModulatedNetworks.from_networks(
             [initial] * models, scales, parameters.dropout, generator
         )

@@ -9,13 +9,13 @@ lowest error on the left-out demonstration itself, which is what the dissertatio
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.feedback.coupling_model import CouplingModel, Jobs, Trained
+from structlearn.feedback.coupling_model import Jobs, Model, Trained
 from structlearn.feedback.folds import PARTS, Fold
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
@@ -37,8 +37,11 @@ class Stack(Protocol):
     def parameters(self) -> list[Tensor]:
         """What is trained."""
 
-    def forward(self, inputs: Tensor, modulation: Tensor | None, training: bool = False) -> Tensor:
-        """Outputs (M, B) or (M, B, D) of inputs (M, B, D); `training` lets nodes drop out."""
+    def forward(self, inputs: Tensor, modulation: Any, training: bool = False) -> Tensor:
+        """Outputs (M, B) or (M, B, D) of inputs (M, B, D); `training` lets nodes drop out.
+
+        The modulation (M, B, N) is None for a network without.
+        """
 
 
 @dataclass(frozen=True)
@@ -122,8 +125,8 @@ def restore(network: Stack, weights: Sequence[Tensor]) -> None:
 
 
 def train_stack(
-    network: Stack, data: StackedData, parameters: TrainingParameters, model: Callable[[int], CouplingModel]
-) -> list[Trained]:
+    network: Stack, data: StackedData, parameters: TrainingParameters, model: Callable[[int], Model]
+) -> list[Trained[Model]]:
     """Train a stack, and take each of its networks out at the step that each part chooses.
 
     Args:
@@ -134,7 +137,7 @@ def train_stack(
     """
     curves = train(network, data, parameters)
     parts = [part for part in CHOOSING if all(len(getattr(fold, part)) for fold in data.folds)]
-    found: dict[str, list[CouplingModel]] = {}
+    found: dict[str, list[Model]] = {}
     for part in parts:
         restore(network, curves.weights[part])
         found[part] = [model(index) for index in range(len(data.folds))]

@@ -293,9 +293,13 @@ def coupling_dataset(
             parts.append(coupling_samples(corrected, setting, number, parameters))
             key = "setting" if isinstance(setting, str) else "setting_deg"
             checks.append(
-                {key: setting, "demonstration": number, "name": run.name}
-                | _turn_checks(corrected, run, cut, primitive, parameters.axes)
-                | _shift_checks(corrected, run, cut, primitive, parameters.axes)
+                {
+                    key: setting,
+                    "demonstration": number,
+                    "name": run.name,
+                    **_turn_checks(corrected, run, cut, primitive, parameters.axes),
+                    **_shift_checks(corrected, run, cut, primitive, parameters.axes),
+                }
             )
     if not parts:
         raise InputError(f"'{primitive.name}' was cut in none of the corrected demonstrations")
@@ -387,7 +391,7 @@ def _turn_checks(
     axes: Sequence[Axis],
 ) -> dict[str, float]:
     path = corrected.turn
-    if path is None:
+    if path is None or primitive.orientation is None or run.orientation is None:
         return {}
     chosen = np.isin(AXES[3:], axes)
     along = np.where(chosen, corrected.target[:, 3:], 0.0)

@@ -166,7 +166,7 @@ def _readable_tensors(path: str | Path) -> Iterator[None]:
         raise InputError(f"{path}: not a readable safetensors file: {error}") from error
 
 
-def write_metrics(metrics: Metrics, target: str | Path) -> None:
+def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target: str | Path) -> None:
     """Publish a flat JSON of metrics, floats rounded to six significant digits.
 
     Rounding keeps the file readable; the data it came from stay in the cached artefacts.

@@ -31,6 +31,7 @@ class Parameters(BaseModel):
         """YAML reads `yes` and `on` as true, and pydantic would go on with 1."""
         numbers = (value, *value) if isinstance(value, list | tuple) else (value,)
         if any(isinstance(one, bool) for one in numbers):
+            assert info.field_name is not None  # a validator of fields, not of the model
             allowed = str(cls.model_fields[info.field_name].annotation)
             if "bool" not in allowed and "Any" not in allowed:
                 raise ValueError("is true or false, as YAML also reads yes, no, on and off; not allowed here")
@@ -121,8 +122,9 @@ def merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     result = dict(values)
     for name, change in changes.items():
         before = result.get(name)
-        nested = isinstance(before, Mapping) and isinstance(change, Mapping)
-        result[name] = merged(before, change) if nested else change
+        if isinstance(before, Mapping) and isinstance(change, Mapping):
+            change = merged(before, change)
+        result[name] = change
     return result
 
 
@@ -131,7 +133,7 @@ def _tree(path: Path, modified_ns: int, size: int) -> Any:
     """What one version of the file holds; nobody may change it."""
     text = path.read_bytes().decode()
     brackets = np.cumsum([1 if bracket in "[{" else -1 for bracket in re.findall(r"[\[\]{}]", text)])
-    levels = (len(re.match(r"[\s?-]*", line).group()) for line in text.splitlines())
+    levels = (len(line) - len(re.sub(r"^[\s?-]*", "", line)) for line in text.splitlines())
     if max(brackets, default=0) > DEEPEST or max(levels, default=0) > DEEPEST:
         raise ValueError("nested too deeply")  # the loader in C would end the process
     return yaml.load(text, _Loader)
@@ -146,7 +148,7 @@ class _DuplicateKeyError(ValueError):
     """YAML itself would silently take the last value."""
 
 
-class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # as libyaml is there or not
     """YAML's safe loader, in C where it is compiled in; a key that stands twice is an error."""
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:

@@ -24,7 +24,11 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.stack(product_components(*components), axis=-1)
 
 
-def product_components(a: np.ndarray, b: np.ndarray) -> tuple:
+Components = np.ndarray | tuple[float, float, float, float]
+"""Of a quaternion; compiled functions use tuples, which unlike arrays need no memory."""
+
+
+def product_components(a: Components, b: Components) -> tuple:
     """The four components of the product from those of (4, ...) quaternions; numba compiles it as it is."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],

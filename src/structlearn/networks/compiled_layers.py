@@ -31,7 +31,8 @@ class PackedNetworks(NamedTuple):
 def pack(networks: Sequence[tuple[np.ndarray, np.ndarray, Layers]]) -> PackedNetworks:
     """Pack networks: of each, what is taken off its inputs (D,), what divides them (D,), and its layers."""
     sizes = np.zeros((len(networks), 1 + max(len(pairs) for *_, pairs in networks)), dtype=np.int64)
-    values, first = [], np.zeros(len(networks), dtype=np.int64)
+    values: list[np.ndarray] = []
+    first = np.zeros(len(networks), dtype=np.int64)
     for index, (mean, scale, pairs) in enumerate(networks):
         first[index] = sum(map(len, values))
         sizes[index, : len(pairs) + 1] = [len(mean), *(len(biases) for _, biases in pairs)]

@@ -139,10 +139,11 @@ class StackedLayers:
             training: whether nodes are dropped, and batch statistics are used and kept.
             dropout: what is dropped in training.
         """
-        values, dropping = [], training and dropout is not None and dropout.share > 0.0
+        values = []
+        dropping = dropout if training and dropout is not None and dropout.share > 0.0 else None
         for place in range(len(self.weights) - 1):
             doubled = self._doubled_input(place, inputs, training)
-            inputs = tanh_of_half(doubled, dropout.mask(doubled.shape[1:]) if dropping else 1.0)
+            inputs = tanh_of_half(doubled, dropping.mask(doubled.shape[1:]) if dropping else 1.0)
             values.append(inputs)
         return values
 

@@ -189,7 +189,6 @@ def refine(
     parameters: RefinementParameters,
     exploration: float,
     seed: int,
-    resume: Progress | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
     """Refine a feedback model.
@@ -201,16 +200,13 @@ def refine(
         parameters: see there.
         exploration: standard deviation of the policy's weights at first.
         seed: of the exploration.
-        resume: state to go on from, of a run that was cut off.
         report: called with the state after every iteration, the 0th included.
 
     Returns:
         The last state.
     """
-    progress = resume
-    if progress is None:
-        progress = start(environment, initial, parameters, exploration)
-        report(progress)
+    progress = start(environment, initial, parameters, exploration)
+    report(progress)
     while progress.iteration < parameters.iterations:
         progress = improve(environment, progress, initial, demonstrations, parameters, seed)
         report(progress)
@@ -244,9 +240,10 @@ def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
 
     Numbered down from -1: numbers of demonstrations are not negative.
     """
+    samples = [run.samples for run in succeeded(runs, what) if run.samples is not None]
     parts = [
-        replace(run.samples, demonstration=np.full(len(run.samples.target), -1 - number))
-        for number, run in enumerate(succeeded(runs, what))
+        replace(part, demonstration=np.full(len(part.target), -1 - number))
+        for number, part in enumerate(samples)
     ]
     return concatenated(parts)
 

@@ -217,6 +217,7 @@ def _trials(
     for method in (PI2, CMA_ES):
         for seed in range(first_seed, first_seed + parameters.seeds):
             rng = np.random.default_rng(seed)
+            own: Search
             if method == PI2:
                 own = PathIntegralSearch(SearchDistribution.around(start, exploration), search, rng)
             else:

@@ -80,6 +80,18 @@ def segment_paths(
     return segments
 
 
+def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
+    """Orientations of segments that all have one.
+
+    Raises:
+        InputError: one has none.
+    """
+    found = [orientation for _, orientation in segments if orientation is not None]
+    if len(found) < len(segments):
+        raise InputError("a segment has no orientation")
+    return found
+
+
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
     """One primitive from its segments in all demonstrations.
 
@@ -183,7 +195,7 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
             "end_mm": distance[-1],
             "nmse": _overall_nmse(path.position, position.position),
         }
-        if orientation is not None:
+        if orientation is not None and primitive.orientation is not None:
             turn = primitive.orientation.unroll(
                 orientation.dt,
                 orientation.orientation[0],

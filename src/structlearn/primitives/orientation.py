@@ -220,7 +220,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 @numba.njit(cache=True)
-def difference(target: np.ndarray | Quaternion, q: np.ndarray) -> Vector:
+def difference(target: np.ndarray | Quaternion, q: np.ndarray | Quaternion) -> Vector:
     """Rotation vector from q to the target the short way, `quaternion.difference` compiled."""
     r, x, y, z = _product(target, (q[0], -q[1], -q[2], -q[3]))
     sine = np.sqrt(x * x + y * y + z * z)

@@ -7,11 +7,13 @@ rad, times in s, quaternions scalar-first, forcing weights in the unit of the co
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal, TypedDict
 
 import numpy as np
 
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
+from structlearn.ground.frames import FrameKind
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
@@ -19,7 +21,14 @@ from structlearn.primitives.twist_swing import TwistSwingPrimitive
 from structlearn.primitives.vector import VectorPrimitive
 
 Tensors = dict[str, np.ndarray]
-Kind = dict[str, str | None]
+
+
+class Kind(TypedDict):
+    """What is not a number of a pose primitive."""
+
+    name: str
+    frame: FrameKind
+    orientation: Literal["quaternion", "twist_swing"] | None
 
 
 def write_primitives(primitives: Sequence[PosePrimitive], path: str | Path) -> None:
@@ -62,10 +71,10 @@ def read_vector_primitive(path: str | Path) -> VectorPrimitive:
 def primitive_tensors(primitives: Sequence[PosePrimitive]) -> tuple[Tensors, list[Kind]]:
     """Arrays of a sequence of pose primitives, and what is not a number of each."""
     tensors: Tensors = {}
-    kinds = []
+    kinds: list[Kind] = []
     for primitive in primitives:
         tensors |= prefixed(f"{primitive.name}.position", _position_tensors(primitive.position))
-        form = None
+        form: Literal["quaternion", "twist_swing"] | None = None
         if primitive.orientation is not None:
             form = "quaternion" if isinstance(primitive.orientation, QuaternionPrimitive) else "twist_swing"
             orientation = _orientation_tensors(primitive.orientation)

@@ -4,7 +4,7 @@ The features depend on the time only through the fraction of the movement that h
 with the same number of samples share them, and all axes and demonstrations go through one matrix product.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -50,9 +50,13 @@ Groups = list[tuple[np.ndarray, np.ndarray, np.ndarray]]
 """Per length: features (T, N), summed squared scales (D,), summed scaled targets (T, D)."""
 
 
+def _total(terms: Iterable[np.ndarray]) -> np.ndarray:
+    return sum(terms, start=np.zeros(()))
+
+
 def _joint(groups: Groups) -> np.ndarray:
-    normal = sum(np.multiply.outer(squared, features.T @ features) for features, squared, _ in groups)
-    moment = sum(features.T @ scaled for features, _, scaled in groups)  # (N, D)
+    normal = _total(np.multiply.outer(squared, features.T @ features) for features, squared, _ in groups)
+    moment = _total(features.T @ scaled for features, _, scaled in groups)  # (N, D)
     ridge = RIDGE * np.trace(normal, axis1=1, axis2=2) / normal.shape[1]
     normal += ridge[:, None, None] * np.eye(normal.shape[1])  # (D, N, N)
     return np.linalg.solve(normal, moment.T[..., None])[..., 0].T
@@ -60,6 +64,8 @@ def _joint(groups: Groups) -> np.ndarray:
 
 def _local(groups: Groups) -> np.ndarray:
     """Theta_i = sum psi_i u f / sum psi_i u^2: `features` are psi u with psi normalised, u their sum."""
-    numerator = sum(features.T @ scaled for features, _, scaled in groups)
-    denominator = sum(np.outer(features.T @ features.sum(axis=1), squared) for features, squared, _ in groups)
+    numerator = _total(features.T @ scaled for features, _, scaled in groups)
+    denominator = _total(
+        np.outer(features.T @ features.sum(axis=1), squared) for features, squared, _ in groups
+    )
     return numerator / denominator

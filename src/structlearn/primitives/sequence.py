@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from structlearn.primitives import kernels, orientation, position, regression, t
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
 OrientationPrimitive = orientation.QuaternionPrimitive | twist_swing.TwistSwingPrimitive
+Path = TypeVar("Path", Trajectory, OrientationTrajectory)
 
 LARGEST_SHORT_WAY = np.radians(160.0)
 """rad; net turn up to which the text's quaternion primitive is used; its logarithm jumps at 180 degrees."""
@@ -242,9 +244,7 @@ def largest_acceleration_jump(table: pd.DataFrame) -> float:
     return float(jumps.max(initial=0.0) / np.linalg.norm(acceleration, axis=1).max())
 
 
-def _joined(
-    paths: Sequence[Trajectory] | Sequence[OrientationTrajectory],
-) -> Trajectory | OrientationTrajectory:
+def _joined(paths: Sequence[Path]) -> Path:
     """Paths end to end; the sample at a switch is kept once, from the successor."""
     samples = sum(len(path.time) - 1 for path in paths) + 1
     joined = {

@@ -9,6 +9,7 @@ any length are stable and the unrolled path does not depend on the sampling rate
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numba
 import numpy as np
@@ -26,7 +27,11 @@ ones at every step, and the next step overwrites them."""
 
 
 def initial_goal(
-    x: np.ndarray, xd: np.ndarray, xdd: np.ndarray, tau: float, forcing: np.ndarray | float = 0.0
+    x: np.ndarray,
+    xd: np.ndarray,
+    xdd: np.ndarray | float,
+    tau: float,
+    forcing: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Evolving goal at which the system starts with the given acceleration (eq. IV.12).
 
@@ -43,7 +48,7 @@ def initial_goal(
     return x + ((tau**2 * xdd - forcing) / ALPHA + tau * xd) / BETA
 
 
-compiled_initial_goal = numba.njit(cache=True)(initial_goal)
+compiled_initial_goal: Callable[..., Any] = numba.njit(cache=True)(initial_goal)
 
 
 def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
@@ -75,8 +80,9 @@ def forcing_target(trajectory: Trajectory, tau: float) -> np.ndarray:
         (T, D) f_target.
     """
     path = (trajectory.time, trajectory.position, trajectory.velocity, trajectory.acceleration)
-    target = np.empty(trajectory.position.shape)
-    _write_forcing_target(*(np.ascontiguousarray(signal, dtype=float) for signal in path), float(tau), target)
+    time, position, velocity, acceleration = (np.ascontiguousarray(signal, dtype=float) for signal in path)
+    target = np.empty(position.shape)
+    _write_forcing_target(time, position, velocity, acceleration, float(tau), target)
     return target
 
 

@@ -12,7 +12,7 @@ are unpacked.
 """
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import Literal
@@ -36,7 +36,11 @@ SUFFIXES: dict[str, Format] = {
     ".parquet": "table",
 }
 
-READERS = {"mcap": read_bag, "db3": read_db3, "bag": read_ros1_bag}
+READERS: dict[Format, Callable[[Path, Collection[str]], Bag]] = {
+    "mcap": read_bag,
+    "db3": read_db3,
+    "bag": read_ros1_bag,
+}
 
 METADATA = "metadata.yaml"
 """What makes a folder a ROS 2 bag."""
@@ -146,7 +150,7 @@ def _suffix(path: Path) -> str:
     return "".join(path.suffixes[-2:]) if path.suffix == COMPRESSED else path.suffix
 
 
-def _files(folder: Path, formats: Collection[Format]) -> list[Path]:
+def _files(folder: Path, formats: Collection[str]) -> list[Path]:
     """Files of some formats in natural order; tables of shapes are no recordings."""
     paths = [
         path

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 import lz4.frame
 import numpy as np
@@ -180,7 +180,8 @@ def joined(bags: Sequence[Bag]) -> Bag:
 def _behind_each_other(parts: Sequence[RawMessages]) -> RawMessages:
     """Messages of one topic in several files, in the order of their log times; channels get new numbers."""
     schemas: dict[int, Schema] = {}
-    channels, places = [], []
+    channels: list[np.ndarray] = []
+    places: list[bytes] = []
     for part in parts:
         numbers = {number: len(schemas) + place for place, number in enumerate(part.schemas)}
         schemas |= {numbers[number]: schema for number, schema in part.schemas.items()}
@@ -289,7 +290,7 @@ def _records(buffer: Buffer, place: int, end: int) -> Iterator[tuple[int, int, i
 
 
 def _parsed(kind: type[RecordType], buffer: Buffer, start: int, end: int) -> RecordType:
-    return kind.read(ReadDataStream(BytesIO(buffer[start:end])))
+    return kind.read(ReadDataStream(BytesIO(buffer[start:end])))  # type: ignore[attr-defined]  # each has it
 
 
 def _check_sums(content: mmap.mmap, records: Sequence[tuple[int, int, int]]) -> None:
@@ -431,5 +432,7 @@ def _joined(
         order = np.argsort(log_times, kind="stable")
         numbers, log_times = numbers[order], log_times[order]
         data = [data[place] for place in order.tolist()]
-    its = {number: schemas.get(channels[number].schema_id) for number in np.unique(numbers).tolist()}
+    its: dict[int, Any] = {  # None where the file has none: `_present` says so, and nobody reads these
+        number: schemas.get(channels[number].schema_id) for number in np.unique(numbers).tolist()
+    }
     return RawMessages(its, numbers, log_times.astype(np.int64), data)

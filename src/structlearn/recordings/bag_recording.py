@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from structlearn.recordings.messages import check_readable, to_shapes, to_stream
 from structlearn.recordings.recording import JOINT_KINDS, Recording, Stream
 from structlearn.recordings.shape_table import read_shapes, shape_file
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
-from structlearn.recordings.topics import OWN_TOPICS, JointPose, TopicMap, TransformPose
+from structlearn.recordings.topics import OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
 from structlearn.recordings.transforms import transform_pose
 
 
@@ -151,14 +152,14 @@ class _Reading:
         streams = [stream for one in series for stream in one.streams()]
         for kind in JOINT_KINDS:
             sources = [stream for stream in streams if stream.kind == kind]
-            names = [name for stream in sources for name in stream.joints]
-            if len(sources) > 1 and (not named or len(set(names)) < len(names)):
+            joints = [name for stream in sources for name in stream.joints]
+            if len(sources) > 1 and (not named or len(set(joints)) < len(joints)):
                 listing = ", ".join(dict.fromkeys(stream.topic for stream in sources))
                 raise InputError(f"{self._path}: {kind} come from several topics: {listing}")
         if not named:
             return streams
         of_kind = {kind: {n for s in streams if s.kind == kind for n in s.joints} for kind in JOINT_KINDS}
-        most = set().union(*of_kind.values())
+        most = set[str]().union(*of_kind.values())
         for kind, names in of_kind.items():
             if names and names != most:
                 self._left_out.append(f"{kind} are not of {', '.join(sorted(most - names))} and left out")
@@ -178,7 +179,7 @@ class _Reading:
             raise self._missing(topic, role)
         return False
 
-    def _checked(self, topic: str, role: str) -> str:
+    def _checked(self, topic: str, role: Role | Literal["transforms"]) -> str:
         """File and topic, whose messages can be read in the role, and of which there are some."""
         where = self._where(topic)
         check_readable(where, role, self._bag.topics[topic])

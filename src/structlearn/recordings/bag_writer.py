@@ -124,7 +124,7 @@ def write_bag(path: str | Path, metadata: Mapping[str, str], topics: Sequence[Ra
             metadata_count=1,
             schema_count=len(schemas),
         )
-        groups = {
+        groups: dict[Opcode, Sequence[McapRecord]] = {
             Opcode.SCHEMA: schemas,
             Opcode.CHANNEL: channels,
             Opcode.STATISTICS: [statistics],
@@ -166,12 +166,13 @@ def _records(
     for head, end in zip(heads, ends[channel == 0].tolist(), strict=True):
         content[end - len(head) : end] = head
     for number, topic in zip(ids.tolist(), topics, strict=True):
-        head = np.zeros((len(topic.stamps), 1), dtype=MESSAGE_HEAD)
+        message = np.zeros((len(topic.stamps), 1), dtype=MESSAGE_HEAD)
         size = MESSAGE_HEAD.itemsize + topic.messages.shape[1]
-        head["opcode"], head["length"], head["channel"] = Opcode.MESSAGE, size - RECORD_PREFIX.size, number
-        head["log_time"][:, 0] = head["publish_time"][:, 0] = topic.stamps
+        message["opcode"], message["channel"] = Opcode.MESSAGE, number
+        message["length"] = size - RECORD_PREFIX.size
+        message["log_time"][:, 0] = message["publish_time"][:, 0] = topic.stamps
         places = sliding_window_view(content, size, writeable=True)
-        places[ends[channel == number] - size] = np.hstack([head.view(np.uint8), topic.messages])
+        places[ends[channel == number] - size] = np.hstack([message.view(np.uint8), topic.messages])
     return content, ends, channel, np.insert(stamps, before, 0)
 
 

@@ -109,7 +109,7 @@ class _Layout:
             numbers = self._numbers(SCALARS[kind], count)
             return numbers if field["many"] else numbers[:, 0]
         if kind == "string":
-            values = [self._string() for _ in range(count)]
+            values: list[Any] = [self._string() for _ in range(count)]
         else:
             name = kind if "/" in kind else f"{package}/{kind}"
             values = [self.message(definitions, name) for _ in range(count)]

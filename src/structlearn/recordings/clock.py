@@ -8,7 +8,7 @@ from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import at_row, check_recording, check_speed
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.recording import Kind, Recording, Stream
 
 MAX_GAP_S = 0.2
 """Longest hole in a stream that is bridged by interpolation unless told otherwise: robot controllers and bag
@@ -60,7 +60,7 @@ def synchronise(
         check_speed(recording.name, pose)
     ticks = _ticks(recording.name, end - start, _rate(recording.name, pose, rate_hz))
     signals: dict[str, np.ndarray] = {}
-    side_by_side: dict[str, list[np.ndarray]] = {}
+    side_by_side: dict[Kind, list[np.ndarray]] = {}
     for stream in recording.streams:
         stamps = (stream.stamps - start).astype(float)  # ns; exact: int64 before the difference
         if stream.kind == "pose":

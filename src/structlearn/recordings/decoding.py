@@ -69,6 +69,7 @@ def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterato
     from mcap_ros2.decoder import DecoderFactory  # seldom needed
 
     decode = DecoderFactory().decoder_for(MessageEncoding.CDR, schema)
+    assert decode is not None  # it is one of ROS 2, or there were no definition for `cdr`
     for row, message in zip(rows, raw, strict=True):
         yield Decoded(np.array([row]), decode(message.tobytes()))
 
@@ -120,6 +121,6 @@ def table(where: str, stamps: np.ndarray, parts: Sequence[tuple[np.ndarray, Sequ
     return values
 
 
-def sequence(field: Any) -> Sequence:
+def sequence(field: Any) -> Sequence | np.ndarray:
     """A message's sequence of numbers, with columns (M, n) turned to n columns."""
     return field.T if isinstance(field, np.ndarray) else field

@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from structlearn.recordings.messages import check_readable, joint_topic
 from structlearn.recordings.recording import Kind, Stream
 from structlearn.recordings.stamps import AS_WRITTEN
 
-STATES = {"joint_positions": "positions", "joint_velocities": "velocities"}
+STATES: dict[Kind, str] = {"joint_positions": "positions", "joint_velocities": "velocities"}
 """Fields of a log that stand in the joint states, by kind of stream."""
 
 DRIVES = {
@@ -96,8 +97,8 @@ def on_clock(
         for place in np.ndindex(late.shape)
     ]
     time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, max_gap_s)
-    currents = np.stack([its[:, 0] for its in currents]).reshape(*late.shape, -1)
-    return time, positions, velocities, np.ascontiguousarray(np.swapaxes(currents, -1, -2))
+    stacked = np.stack([its[:, 0] for its in currents]).reshape(*late.shape, -1)
+    return time, positions, velocities, np.ascontiguousarray(np.swapaxes(stacked, -1, -2))
 
 
 def write_drive_log(log: DriveLog, path: str | Path) -> None:
@@ -128,7 +129,8 @@ def read_drive_log(path: str | Path) -> DriveLog:
     """
     path = Path(path)
     bag = read_bag(path, [JOINT_STATES, *DRIVES.values()])
-    found, clocks = {}, []
+    found: dict[str, Any] = {}
+    clocks: list[tuple[tuple[str, ...], np.ndarray]] = []
     wanted = {JOINT_STATES: STATES} | {topic: {EFFORT: name} for name, topic in DRIVES.items()}
     for topic, fields in wanted.items():
         where = f"{path}: topic '{topic}'"

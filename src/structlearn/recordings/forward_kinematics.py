@@ -50,7 +50,7 @@ def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> St
     ticks = shared_stamps([one.stamps for one in its])
     if len(ticks) < 2:
         raise InputError(f"{where}: the joints {', '.join(present)} are not there at one time")
-    columns = {}
+    columns: dict[str, np.ndarray] = {}
     for one in its:
         at, stamps = (ticks - ticks[0]).astype(float), (one.stamps - ticks[0]).astype(float)
         sampled = linear(at, stamps, one.values["joint_positions"])

@@ -170,5 +170,5 @@ def read_joint_log(
         provenance["stamps"] = f"{topic}: {note}"
     if others:
         provenance["joints"] = f"{topic}: without {', '.join(others)}"
-    signals = (one.values[kind] for kind in JOINT_KINDS)
-    return JointLog(file.name, one.names, one.stamps, *signals, provenance=provenance)
+    positions, velocities, torques = (one.values[kind] for kind in JOINT_KINDS)
+    return JointLog(file.name, one.names, one.stamps, positions, velocities, torques, provenance)

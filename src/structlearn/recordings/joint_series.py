@@ -187,7 +187,7 @@ def _member(where: str, stamps: np.ndarray, by_order: Mapping[tuple[str, ...], l
     for kind, field in FIELDS.items():
         parts = []
         for order, group in ordered:
-            columns = sequence(getattr(group.message, field))
+            columns: Sequence | np.ndarray = sequence(getattr(group.message, field))
             if len(columns) == len(order) and order != names:
                 columns = [columns[order.index(name)] for name in names]
             parts.append((inverse[group.rows], columns))

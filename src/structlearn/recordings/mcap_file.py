@@ -9,8 +9,11 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import check_recording
 from structlearn.recordings.messages import shapes_topic, to_topic
-from structlearn.recordings.recording import JOINT_KINDS, Kind, Recording
+from structlearn.recordings.recording import JOINT_KINDS, Recording
 from structlearn.recordings.topics import MAX_FINGERS, OWN_TOPICS
+
+_TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}
+_TOPICS.update(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
@@ -36,24 +39,17 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     raw = [to_topic(f"{recording.name}: {topic}", topic, stream) for topic, stream in pairs]
     if recording.shapes:
         start = min(int(stream.stamps[0]) for stream in recording.streams)
-        raw.append(shapes_topic(OWN_TOPICS.obstacles, start, recording.shapes))
+        raw.append(shapes_topic(_TOPICS["obstacles"], start, recording.shapes))
     write_bag(path, to_metadata(recording), raw)
 
 
 def _own_topics(recording: Recording) -> list[str]:
     """Topic of each stream in our own files; tactile streams are numbered in their order."""
-    topics: dict[Kind, str] = {
-        "pose": OWN_TOPICS.pose,
-        "twist": OWN_TOPICS.twist,
-        "wrench": OWN_TOPICS.wrench,
-        "tool_to_board": OWN_TOPICS.tool_to_board,
-    }
-    topics |= dict(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
     tactile = iter(OWN_TOPICS.tactile)
     if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
         raise InputError(f"{recording.name}: has more than {MAX_FINGERS} tactile streams")
     return [
-        next(tactile) if stream.kind == "tactile" else topics[stream.kind] for stream in recording.streams
+        next(tactile) if stream.kind == "tactile" else _TOPICS[stream.kind] for stream in recording.streams
     ]
 
 

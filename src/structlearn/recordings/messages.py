@@ -239,6 +239,7 @@ def _blank(
     template = _template(message_type, tuple(names), tuple(lengths.items()))
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
     columns = cdr.columns(message_type, definition(message_type), messages)
+    assert columns is not None  # all are copies of one template
     if hasattr(columns, "header"):
         stamp = columns.header.stamp
         stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
@@ -290,7 +291,7 @@ def _of_wrench(message: Any) -> Sequence:
     return (f.x, f.y, f.z, m.x, m.y, m.z)
 
 
-def _of_array(message: Any) -> Sequence:
+def _of_array(message: Any) -> Sequence | np.ndarray:
     return sequence(message.data)
 
 
@@ -316,7 +317,7 @@ WITHOUT_HEADER = frozenset(
 )
 """Understood types that have no header."""
 
-READERS: Mapping[Role | Literal["transforms"], Mapping[str, Callable[[Any], Any]]] = {
+READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Callable[[Any], Any]]] = {
     "pose": {
         "geometry_msgs/PoseStamped": lambda message: _of_pose(message.pose),
         "geometry_msgs/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),

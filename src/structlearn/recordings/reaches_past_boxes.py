@@ -13,7 +13,7 @@ import numpy as np
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings.recording import NamedShape, Recording, Stream
+from structlearn.recordings.recording import Form, NamedShape, Recording, Stream
 from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/m-hasan-n/hlp"
@@ -141,7 +141,7 @@ def _walls(path: Path) -> list[NamedShape]:
     return [_shape(path, line, row, BOUNDARIES[row["object"]], "cube") for line, row in rows]
 
 
-def _shape(path: Path, line: int, row: dict[str, str], name: str, form: str) -> NamedShape:
+def _shape(path: Path, line: int, row: dict[str, str], name: str, form: Form) -> NamedShape:
     values = unity_to_base(_numbers(f"{path}: line {line}", row, SHAPE_COLUMNS[1:]).reshape(2, 3))
     if not (values[1] > 0).all():
         raise InputError(f"{path}: line {line}: a size must be positive, is {values[1].tolist()}")

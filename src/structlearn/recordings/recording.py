@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -33,6 +33,7 @@ JOINT_KINDS: tuple[Kind, ...] = ("joint_positions", "joint_velocities", "joint_t
 """Kinds of stream that the fields position, velocity and effort of a joint state give."""
 
 Form = Literal["cube", "sphere", "cylinder"]
+FORMS: tuple[Form, ...] = get_args(Form)
 """What a shape is; a cuboid is a cube of unequal sides, as in ROS."""
 
 

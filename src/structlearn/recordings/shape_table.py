@@ -7,14 +7,13 @@ axes, a cylinder standing along its z); each further row is a solid.
 
 import csv
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import NORM_TOLERANCE
-from structlearn.recordings.recording import Form, NamedShape
+from structlearn.recordings.recording import FORMS, NamedShape
 
 FILE = "obstacles.csv"
 """Of all recordings in its folder, or in the bag whose folder it is; `NAME.obstacles.csv` is of one only."""
@@ -62,8 +61,9 @@ def _shape(where: str, names: list[str], row: list[str]) -> NamedShape:
     if len(row) != len(names):
         raise InputError(f"{where} has {len(row)} columns, expected {len(names)}")
     fields = dict(zip(names, (field.strip() for field in row), strict=True))
-    if fields["form"] not in get_args(Form):
-        raise InputError(f"{where}: form is '{fields['form']}', not one of {', '.join(get_args(Form))}")
+    form = next((one for one in FORMS if one == fields["form"]), None)
+    if form is None:
+        raise InputError(f"{where}: form is '{fields['form']}', not one of {', '.join(FORMS)}")
     try:
         values = np.array([float(fields[name]) for name in COLUMNS[2:]])
     except ValueError as error:
@@ -74,4 +74,4 @@ def _shape(where: str, names: list[str], row: list[str]) -> NamedShape:
     norm = float(np.linalg.norm(orientation))
     if abs(norm - 1.0) > NORM_TOLERANCE:
         raise InputError(f"{where}: quaternion has norm {norm:.6g}, not 1")
-    return NamedShape(fields["name"], fields["form"], position, quaternion.normalised(orientation), size)
+    return NamedShape(fields["name"], form, position, quaternion.normalised(orientation), size)

@@ -8,6 +8,7 @@ counts.
 
 import re
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from mcap.well_known import SchemaEncoding
@@ -184,6 +185,6 @@ def _place_in(definition: str) -> int | None:
 
 def _frame(message: bytes, place: int) -> str:
     """Name of the frame in a message's header, behind the stamp and its own length."""
-    order = "little" if message[1] & 1 else "big"
+    order: Literal["little", "big"] = "little" if message[1] & 1 else "big"
     length = int.from_bytes(message[place + 8 : place + 12], order)
     return message[place + 12 : place + 12 + length].rstrip(b"\0").decode(errors="replace")

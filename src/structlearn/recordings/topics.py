@@ -64,7 +64,9 @@ def _pose_form(value: object) -> str:
     """Which form of pose a value is meant to be, so that what is wrong with it is told of that form alone."""
     if isinstance(value, Mapping):
         return "joints" if "urdf" in value else "transforms"
-    return {JointPose: "joints", TransformPose: "transforms"}.get(type(value), "topic")
+    if isinstance(value, JointPose):
+        return "joints"
+    return "transforms" if isinstance(value, TransformPose) else "topic"
 
 
 Pose = Annotated[

@@ -167,15 +167,15 @@ def transform_pose(
         names = ", ".join(f"'{above}' to '{below}'" for above, below in way if (above, below) in moving)
         raise InputError(f"{where}: the transforms {names} are not there at one time")
     frame = pose.parent.lstrip("/")
-    whole = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(ticks), 1))
+    values = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (len(ticks), 1))
     for edge in way:
         one = series[edge]
-        values = _sampled(one, ticks) if edge in moving else np.tile(one.values[-1], (len(ticks), 1))
+        step = _sampled(one, ticks) if edge in moving else np.tile(one.values[-1], (len(ticks), 1))
         forwards = edge[0] == frame
         frame = edge[1] if forwards else edge[0]
-        whole = _composed(whole, values if forwards else _inverse(values))
-    whole[:, 3:] = quaternion.sign_continuous(quaternion.normalised(whole[:, 3:]))
-    return Stream(pose.topic, "pose", ticks, whole), ", ".join(notes) or None
+        values = _composed(values, step if forwards else _inverse(step))
+    values[:, 3:] = quaternion.sign_continuous(quaternion.normalised(values[:, 3:]))
+    return Stream(pose.topic, "pose", ticks, values), ", ".join(notes) or None
 
 
 def _values(transform: Any) -> np.ndarray:

@@ -97,7 +97,9 @@ def identify_arm(
     work = sorted(work, key=lambda item: item[0] != "delan")  # the longest first
     work += [(kind, friction) for friction in LEARNED_FRICTIONS for kind in structures]
     learn = partial(_learned, robot=robot, motion=parts[TRAIN], iterations=iterations, networks=networks)
-    models = dict(zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True))
+    models: dict[ModelKey, DynamicsModels] = dict(
+        zip(work, parallel_map(learn, work, "recorded dynamics"), strict=True)
+    )
 
     torques = {(URDF, "none"): {name: _urdf_torques(robot, part)[None] for name, part in parts.items()}}
     coefficients = {}

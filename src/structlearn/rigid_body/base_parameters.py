@@ -117,7 +117,7 @@ def _independent(triangle: np.ndarray) -> np.ndarray:
 
 
 def _formula(row: np.ndarray, own: int, names: tuple[str, ...]) -> str:
-    others = [column for column in np.flatnonzero(np.abs(row) > _NOT_WORTH_A_WORD) if column != own]
+    others = [column for column in np.flatnonzero(np.abs(row) > _NOT_WORTH_A_WORD).tolist() if column != own]
     text = _label(own, names)
     for column in others:
         sign, factor = ("-", "+")[int(row[column] > 0.0)], abs(row[column])

@@ -10,7 +10,7 @@ from structlearn.ground.parallel import parallel_map
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.identification import fit_structure, normalised_triangle
 from structlearn.rigid_body.inertia_learner import MotionRegressor
-from structlearn.rigid_body.regressor import torque_factors
+from structlearn.rigid_body.regressor import torque_factors, triangular_factor
 from structlearn.rigid_body.tree import LinkInertias
 
 
@@ -50,7 +50,7 @@ def drawn_fits(
     )
     width = triangles.shape[-1]
     drawn = [
-        np.linalg.qr((np.sqrt(counts)[:, None, None] * triangles).reshape(-1, width), mode="r")
+        triangular_factor((np.sqrt(counts)[:, None, None] * triangles).reshape(-1, width))
         for counts in drawn_counts(len(triangles), draws, seed)
     ]
     refit = partial(_refitted, model=model, start=start, known=known, iterations=iterations)
@@ -66,4 +66,4 @@ def _refitted(
     triangle: np.ndarray, model: DynamicsModels, start: LinkInertias, known: LinkInertias, iterations: int
 ) -> tuple[np.ndarray, np.ndarray]:
     rubbing = np.asarray(model.state["friction"])
-    return fit_structure(model.kind, triangle, model.friction, start, iterations, known, rubbing)
+    return fit_structure(model.structure, triangle, model.friction, start, iterations, known, rubbing)

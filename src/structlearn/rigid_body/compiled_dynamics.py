@@ -88,12 +88,15 @@ def inertia_about_origin(inertias: LinkInertias) -> np.ndarray:
     return inertias.inertia + (squares - moment[:, :, None] * moment[:, None, :]) / mass[:, None, None]
 
 
-def chain_arrays(tree: KinematicTree) -> tuple[np.ndarray, ...]:
+def chain_arrays(
+    tree: KinematicTree,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Kinematics for compiled functions: parents, rotation, translation, axis, prismatic."""
-    arrays = (tree.rotation, tree.translation, tree.axis)
     return (
         np.ascontiguousarray(tree.parents, dtype=np.int64),
-        *(np.ascontiguousarray(array, dtype=float) for array in arrays),
+        np.ascontiguousarray(tree.rotation, dtype=float),
+        np.ascontiguousarray(tree.translation, dtype=float),
+        np.ascontiguousarray(tree.axis, dtype=float),
         np.ascontiguousarray(tree.prismatic, dtype=bool),
     )
 

@@ -37,11 +37,12 @@ def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> I
             f"models of kind {models.kind}: learned with the joints {', '.join(models.joints)}; the arm has "
             f"{', '.join(tree.names)}"
         )
-    if models.kind in ("mlp", "mlp_scaled"):  # they need no friction beside them
-        return networks_model(PERCEPTRON, perceptron(models.networks(), model))
+    networks = None if models.structured else models.networks()
+    if isinstance(networks, StackedPerceptrons):  # they need no friction beside them
+        return networks_model(PERCEPTRON, perceptron(networks, model))
     friction = friction_rows(models.friction_coefficients()[model], models.friction)
-    if models.kind == "delan":
-        return networks_model(LAGRANGIAN, lagrangian(models.networks(), model, friction))
+    if isinstance(networks, StackedLagrangianNetworks):
+        return networks_model(LAGRANGIAN, lagrangian(networks, model, friction))
     every = models.inertias()
     own = LinkInertias(every.mass[model], every.first_moment[model], every.inertia[model])
     return bodies_model(inverse_dynamics(tree, own, friction))

@@ -11,7 +11,7 @@ import torch
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
-from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, link_inertias
 from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.learner import KINDS, Kind
 from structlearn.rigid_body.motion import Motion
@@ -47,13 +47,19 @@ class DynamicsModels:
         return self.kind in STRUCTURES
 
     @property
+    def structure(self) -> Structure:
+        """Of inertias: what they are kept to."""
+        assert self.kind in STRUCTURES, "networks have no inertias"
+        return self.kind
+
+    @property
     def count(self) -> int:
         """M."""
         return len(self.state["friction"])
 
     def inertias(self) -> LinkInertias[np.ndarray]:
         """Of a structure: mass (M, n), first moment and inertia of the links."""
-        return link_inertias(self.kind, torch.from_numpy(self.state["inertia"])).arrays()
+        return link_inertias(self.structure, torch.from_numpy(self.state["inertia"])).arrays()
 
     def friction_coefficients(self) -> np.ndarray:
         """(M, n, t) coefficients of the terms; t is 0 where no friction was learned."""

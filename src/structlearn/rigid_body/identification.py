@@ -13,7 +13,7 @@ from structlearn.rigid_body.compiled_structures import structure_gradient, struc
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_learner import initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, free_parameters
-from structlearn.rigid_body.regressor import TorqueFactors
+from structlearn.rigid_body.regressor import TorqueFactors, triangular_factor
 from structlearn.rigid_body.tree import LinkInertias
 
 SINGULAR = 1e-8
@@ -26,7 +26,7 @@ ANCHOR = 1e-6
 def normalised_triangle(factors: TorqueFactors) -> np.ndarray:
     """One triangular factor (P + 1, P + 1) of all joints: |triangle (theta, -1)|^2 is their NMSEs' sum."""
     scaled = factors.factors / np.sqrt(factors.samples * factors.variance)[:, None, None]
-    return np.linalg.qr(scaled.reshape(-1, scaled.shape[-1]), mode="r")
+    return triangular_factor(scaled.reshape(-1, scaled.shape[-1]))
 
 
 def least_squares(triangle: np.ndarray) -> np.ndarray:

@@ -84,6 +84,7 @@ class InertiaLearner:
     def learn(self, order: torch.Tensor) -> None:
         """Steps of Adam down the mean weighted squared error of samples, a batch each."""
         count = -(-len(order) // self.batch)
+        inertial_moments, rubbed_moments = self.moments
         _descend(
             self.structure,
             self.regressor.columns,
@@ -94,7 +95,8 @@ class InertiaLearner:
             self.free,
             self.rubbing,
             self.squared,
-            *self.moments,
+            inertial_moments,
+            rubbed_moments,
             self.adam.rate,
             self.adam.second_moment_decay,
             self.steps,

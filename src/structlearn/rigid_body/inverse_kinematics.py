@@ -130,7 +130,7 @@ def follow(
     )
     for sample, point in enumerate(position):
         reach = follower.step if sample else follower.start
-        path.joints[sample] = reach(point, orientation[sample] if turned else None)
+        path.joints[sample] = reach(point, None if orientation is None else orientation[sample])
         path.missed_m[sample] = np.linalg.norm(follower.error[:3])
         path.missed_rad[sample] = np.linalg.norm(follower.error[3:])
         path.jacobian[sample] = follower.jacobian
@@ -229,7 +229,7 @@ class Follower:
         jacobian = pinocchio.getFrameJacobian(arm.model, data, arm.tip, axes)
         self.jacobian = jacobian.reshape(6, -1)[: len(self.error)]  # of a single joint it is a vector
         self.error[:3] = position - frame.translation
-        if len(self.error) == 6:
+        if len(self.error) == 6 and orientation is not None:
             self.error[3:] = pinocchio.log3(quaternion.matrix(orientation) @ frame.rotation.T)
         damped = self.jacobian @ self.jacobian.T
         damped[np.diag_indices(len(damped))] += 0.5 * (self.error @ self.error) + DAMPING

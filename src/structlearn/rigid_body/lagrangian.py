@@ -79,8 +79,9 @@ class StackedLagrangianNetworks:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor]) -> Self:
         """The inverse of `to_arrays`."""
-        layers = (StackedLayers.from_arrays(arrays, f"{name}.") for name in ("inertia", "potential"))
-        return cls(*layers, arrays["row"], arrays["column"])
+        inertia = StackedLayers.from_arrays(arrays, "inertia.")
+        potential = StackedLayers.from_arrays(arrays, "potential.")
+        return cls(inertia, potential, arrays["row"], arrays["column"])
 
     def torques(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
         """Torques (M, n, B) in N m of states (n, B), the same states for all models."""

@@ -22,11 +22,11 @@ from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_learner import InertiaLearner, MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.network_learner import NetworkKind, NetworkLearner
+from structlearn.rigid_body.network_learner import NETWORKS, NetworkKind, NetworkLearner
 from structlearn.rigid_body.tree import KinematicTree
 
 Kind = Literal[NetworkKind, Structure]
-KINDS: tuple[Kind, ...] = (*get_args(NetworkKind), *STRUCTURES)
+KINDS: tuple[Kind, ...] = (*NETWORKS, *STRUCTURES)
 
 Loss = Literal["raw", "normalised"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
@@ -122,6 +122,7 @@ def learner(
     if kind in STRUCTURES:
         regressor = lesson.full if kind == "nostr" else lesson.symmetric
         return InertiaLearner(kind, regressor, weights, parameters.structures, generators)
+    assert kind in NETWORKS
     return NetworkLearner(
         kind, lesson.motion, lesson.friction, weights, parameters.networks, parameters.hidden, generators
     )
@@ -187,7 +188,7 @@ def error_table(nmse: np.ndarray, step: str) -> pd.DataFrame:
 
 def _good(errors: np.ndarray, threshold: float) -> np.ndarray:
     """(M,) whether every joint's error (M, n) is at most the threshold."""
-    return (errors <= threshold).all(axis=1)
+    return np.all(errors <= threshold, axis=1)
 
 
 def _replaced(

@@ -17,7 +17,7 @@ from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.identification import SINGULAR
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS
+from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, triangular_factor
 from structlearn.rigid_body.tree import KinematicTree
 
 UNKNOWN = 1e-6
@@ -55,12 +55,12 @@ def identify_load(
     left = np.concatenate([(its[..., :-1] @ theta - its[..., -1]).reshape(-1, joints) for its in rows])
     weights = 1.0 / np.sqrt((left**2).mean(axis=0))
     theta, directions = _solved(rows, weights)
-    known = 0.0
+    known = np.zeros(())
     for place, its in enumerate(rows):
         scaled = its * weights[:, None]
         reduced = np.concatenate([scaled[..., :-1] @ directions, scaled[..., -1:]], axis=-1)
-        products = [piece.reshape(-1, piece.shape[-1]) for piece in blocks(reduced, length)]
-        products = np.array([piece.T @ piece for piece in products])
+        pieces = [piece.reshape(-1, piece.shape[-1]) for piece in blocks(reduced, length)]
+        products = np.array([piece.T @ piece for piece in pieces])
         counts = drawn_counts(len(products), draws, seed + place)
         known = known + np.tensordot(counts, products, 1)
     inverse = np.linalg.pinv(known[:, :-1, :-1], rcond=UNKNOWN, hermitian=True)
@@ -91,7 +91,7 @@ def _rows(
 def _solved(rows: Sequence[np.ndarray], weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least squares (P,), the smallest of them, and directions (P, r) along which the squares are one."""
     stacked = np.concatenate([(its * weights[:, None]).reshape(-1, its.shape[-1]) for its in rows])
-    triangle = np.linalg.qr(stacked, mode="r")
+    triangle = triangular_factor(stacked)
     left, strength, right = np.linalg.svd(triangle[:, :-1], full_matrices=False)
     known = strength > SINGULAR * strength[0]
     directions = right[known].T / strength[known]

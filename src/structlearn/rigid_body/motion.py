@@ -109,11 +109,11 @@ def measured_motion(
     ticks = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * rate_hz + 1e-6)) + 1) / rate_hz
     if len(ticks) < 3:
         raise InputError(f"{name}: {time[-1] - time[0]:.3g} s are too short for a motion at {rate_hz:g} Hz")
-    uniform = [
+    positions, velocities, torques = (
         np.stack([np.interp(ticks, time, column) for column in values.T], axis=1)
         for values in (positions, velocities, torques)
-    ]
-    return smoothed_motion(name, *uniform, 1.0 / rate_hz, cutoff_hz)
+    )
+    return smoothed_motion(name, positions, velocities, torques, 1.0 / rate_hz, cutoff_hz)
 
 
 def smoothed_motion(

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
@@ -51,7 +51,8 @@ class StackedPerceptrons:
             torque: (n, N) torques of the training set.
         """
         scaling = (*_mean_and_scale(torch.cat(list(states))), *_mean_and_scale(torque))
-        return replace(self, **dict(zip(SCALING, scaling, strict=True)))
+        scales: dict[str, Any] = dict(zip(SCALING, scaling, strict=True))
+        return replace(self, **scales)
 
     def parameters(self) -> list[Tensor]:
         """What is trained."""

@@ -343,7 +343,7 @@ def _matrix(values: np.ndarray, its: Network, layer: int) -> np.ndarray:
 
 
 @numba.njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def _tanh(x: float) -> float:
+def _tanh(x: np.float32) -> np.float32:
     """A quotient of polynomials as in Eigen, to the last digits of single precision; it becomes vectors."""
     x = min(max(x, np.float32(-7.90531110763549805)), np.float32(7.90531110763549805))
     y = x * x

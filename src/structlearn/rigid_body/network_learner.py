@@ -1,7 +1,7 @@
 """Gradient descent on the weights of M networks at once: perceptrons and deep Lagrangian networks."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPercept
 from structlearn.rigid_body.network_gradients import LagrangianGradients, PerceptronGradients
 
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
+NETWORKS: tuple[NetworkKind, ...] = get_args(NetworkKind)
 
 EVALUATED_AT_ONCE = 4096
 """Samples; more would leave the processor's cache."""
@@ -50,29 +51,33 @@ class NetworkLearner:
         states = np.stack([motion.q, motion.qd, motion.qdd], axis=1).astype(np.float32)  # (N, 3, n)
         self.torque, self.variance = motion.torque.astype(np.float32), motion.torque_variance
         self.states, self.friction = states, tuple(friction) if kind == "delan" else ()
+        self.network: StackedLagrangianNetworks | StackedPerceptrons
         if kind == "delan":
             self.network = StackedLagrangianNetworks.initial(joints, hidden, generators)
         else:
-            self.network = StackedPerceptrons.initial(joints, hidden, generators)
-        if kind == "mlp_scaled":
-            self.network = self.network.standardised(_by_columns(states), torch.from_numpy(self.torque.T))
+            plain = StackedPerceptrons.initial(joints, hidden, generators)
+            torque = torch.from_numpy(self.torque.T)
+            scaled = kind == "mlp_scaled"
+            self.network = plain.standardised(_by_columns(states), torque) if scaled else plain
         self.rubbing = as_tensor(initial_friction(models, joints, self.friction))
         self.numbers = _as_one([*self.network.parameters(), self.rubbing])
         self.moments = (np.zeros_like(self.numbers), np.zeros_like(self.numbers))
         self.samples, self.batch = len(motion), adam.batch
         self.adam, self.steps = adam, 0
-        if kind == "delan":
+        self.data: tuple[np.ndarray, ...]
+        self.gradients: LagrangianGradients | PerceptronGradients
+        if isinstance(self.network, StackedLagrangianNetworks):
             columns = friction_columns(motion.qd, self.friction).astype(np.float32)
             self.data = (states, self.torque, columns)
-            entries = tuple(its.argmax(dim=1).numpy() for its in (self.network.row, self.network.column))
-            gradients = LagrangianGradients(joints, hidden, entries, squared(self.friction))
+            entries = (self.network.row.argmax(dim=1).numpy(), self.network.column.argmax(dim=1).numpy())
+            self.gradients = LagrangianGradients(joints, hidden, entries, squared(self.friction))
         else:
             mean, scale, out_mean, out_scale = (getattr(self.network, name).numpy() for name in SCALING)
             inputs = (states.reshape(len(states), -1) - mean) / scale
             self.data = (inputs, (self.torque - out_mean) / out_scale)
             weights = weights * out_scale**2
-            gradients = PerceptronGradients(joints, hidden)
-        self.gradients, self.weights = gradients, weights.astype(np.float32)
+            self.gradients = PerceptronGradients(joints, hidden)
+        self.weights = weights.astype(np.float32)
 
     def learn(self, order: Tensor) -> None:
         """Steps of Adam down the mean weighted squared error of samples, a batch each."""

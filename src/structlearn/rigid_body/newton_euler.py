@@ -31,7 +31,8 @@ def inverse_dynamics(
     """
     placements = _placements(tree, q)
     axes = torch.as_tensor(tree.axis, dtype=q.dtype)
-    motions = []  # of each link: angular velocity and acceleration, acceleration of its origin; its frame
+    # of each link: angular velocity and acceleration, acceleration of its origin; its frame
+    motions: list[tuple[Tensor, Tensor, Tensor]] = []
     for joint, parent in enumerate(tree.parents):
         rotation, translation = placements[joint]
         if parent < 0:

@@ -26,7 +26,12 @@ from structlearn.rigid_body.learner import (
     learner,
 )
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
+from structlearn.rigid_body.regressor import (
+    SYMMETRIC_COLUMNS,
+    link_parameters,
+    torque_regressor,
+    triangular_factor,
+)
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")
@@ -160,7 +165,7 @@ def follow_payload(
             float((share * (last[batch] @ values - left[batch]) ** 2).mean()) for values in (own, learned)
         ]
         fresh = np.concatenate([last[batch], left[batch, :, None]], axis=-1).reshape(-1, triangle.shape[1])
-        triangle = np.linalg.qr(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]), mode="r")
+        triangle = triangular_factor(np.vstack([forgetting * triangle, fresh / len(fresh) ** 0.5]))
         free, _ = fit_structure(parameters.structure, triangle, (), now, parameters.iterations, empty)
         fitted = link_inertias(parameters.structure, torch.from_numpy(free[0]))
         now, learned = fitted.arrays(), link_parameters(fitted).numpy()

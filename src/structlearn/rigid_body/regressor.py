@@ -39,7 +39,8 @@ def torque_regressor(
     columns = SYMMETRIC_COLUMNS if symmetric else FULL_COLUMNS
     regressor = np.zeros((*q.shape, len(tree.names), columns))
     chain = _Chain(tree.parents, tree.rotation, tree.translation, tree.axis, tree.prismatic, tree.gravity)
-    _fill(chain, *(np.ascontiguousarray(values, dtype=np.float64) for values in (q, qd, qdd)), regressor)
+    q, qd, qdd = (np.ascontiguousarray(values, dtype=np.float64) for values in (q, qd, qdd))
+    _fill(chain, q, qd, qdd, regressor)
     return regressor.reshape(*q.shape, len(tree.names) * columns)
 
 
@@ -269,6 +270,11 @@ class TorqueFactors:
         return (residual**2).sum(axis=-1) / (self.samples * self.variance)
 
 
+def triangular_factor(rows: np.ndarray) -> np.ndarray:
+    """R (min(N, P), P) of a QR decomposition of rows (N, P), which has the same sums of squares."""
+    return np.linalg.qr(rows, mode="r")  # type: ignore[return-value]  # numpy's stub has no mode of R alone
+
+
 def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
     """Reduce a data set to its factors.
 
@@ -282,6 +288,6 @@ def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
         columns = regressor[:, joint]
         used = np.append(np.flatnonzero(columns.any(axis=0)), width)  # links before the joint do not count
         stacked = np.column_stack([columns[:, used[:-1]], torque[:, joint]])
-        factor = np.linalg.qr(stacked, mode="r")
+        factor = triangular_factor(stacked)
         factors[joint, : len(factor), used] = factor.T
     return TorqueFactors(factors, samples, torque.var(axis=0))

@@ -173,7 +173,7 @@ def train(
     together = sorted(_together(work), key=lambda places: work[places[0]].kind != "delan")
     run = partial(_train_together, tree=tree, parameters=parameters)
     items = [([work[place] for place in places], motions[work[places[0]].motion]) for places in together]
-    results = {}
+    results: dict[int, Learned] = {}
     for places, found in zip(together, parallel_map(run, items, "dynamics models"), strict=True):
         results |= dict(zip(places, found, strict=True))
     models, errors, outcomes = {}, [], []

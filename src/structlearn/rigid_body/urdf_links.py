@@ -61,10 +61,10 @@ def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:
         raise InputError(f"{path}: cannot be read as a URDF: {error}") from error
     found = {}
     for joint in root.findall("joint"):
-        ends = [joint.find(end) for end in ("parent", "child")]
-        if any(end is None for end in ends):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is None or child is None:
             raise InputError(f"{path}: joint '{joint.get('name')}' has no parent or no child")
-        found[joint.get("name", "")] = (joint.get("type", ""), *(end.get("link", "") for end in ends))
+        found[joint.get("name", "")] = (joint.get("type", ""), parent.get("link", ""), child.get("link", ""))
     if not found:
         raise InputError(f"{path}: not a URDF of a robot: it has no joints")
     return found

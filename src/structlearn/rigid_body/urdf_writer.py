@@ -42,7 +42,9 @@ def write_urdf(
     if missing := [name for name in tree.names if name not in joints]:
         raise InputError(f"{source}: lacks the joints {', '.join(missing)}")
     links = {link.get("name"): link for link in root.findall("link")}
-    moved = {_end(joints[name], "child"): place for place, name in enumerate(tree.names)}
+    moved: dict[str | None, int] = {
+        _end(joints[name], "child"): place for place, name in enumerate(tree.names)
+    }
     base = _fixed_to_base(root, joints, tree.names)
     for name, link in links.items():
         _without_meshes(link)
@@ -109,8 +111,10 @@ def _set_friction(
     found = {
         name: values for name, values in (("damping", viscous), ("friction", coulomb)) if values is not None
     }
+    if not found:
+        return
     dynamics = joint.find("dynamics")
-    if dynamics is None and found:
+    if dynamics is None:
         dynamics = ElementTree.SubElement(joint, "dynamics")
     for name, values in found.items():
         dynamics.set(name, repr(float(values[place])))

@@ -83,8 +83,9 @@ def _largest(demonstration: Demonstration, parameters: SegmentParameters) -> Cro
     """The largest movement along the axis of each primitive, each looked for after the one before."""
     found, first, last = {}, 0, len(demonstration.time) - 1
     for primitive in _with_axis(parameters):
-        motion = motion_runs.motion(demonstration, primitive.axis, parameters)
+        motion = motion_runs.motion(demonstration, primitive.shown_by, parameters)
         bridge = round(parameters.bridge_s / demonstration.dt)
+        assert primitive.threshold_m_s is not None  # else runs are assigned
         try:
             start, end = moving_interval(
                 motion.smooth_speed, motion.speed, primitive.threshold_m_s, bridge, first
@@ -105,7 +106,7 @@ def _assigned(
 ) -> tuple[int, list[Crossings | InputError]]:
     """By assignment of runs at several thresholds."""
     primitives = _with_axis(parameters)
-    axes = dict.fromkeys(primitive.axis for primitive in primitives)
+    axes = dict.fromkeys(primitive.shown_by for primitive in primitives)
     seen = [{axis: motion_runs.motion(one, axis, parameters) for axis in axes} for one in demonstrations]
     paces = {axis: motion_runs.pace([motions[axis] for motions in seen]) for axis in axes}
     candidates = [
@@ -119,11 +120,13 @@ def _assigned(
     found: list[Crossings | InputError] = []
     for index, demonstration in enumerate(demonstrations):
         chain = None if assignment is None else assignment.chosen[index]
-        unlike = None if chain is None else assignment.costs[index]
-        if unlike is None or unlike.max() > run_assignment.MISSING:
+        if assignment is None or chain is None:
+            found.append(_missing(demonstration, primitives, candidates[index], None, paces))
+        elif assignment.costs[index].max() > run_assignment.MISSING:
+            unlike = assignment.costs[index]
             found.append(_missing(demonstration, primitives, candidates[index], unlike, paces))
         else:
-            found.append(_placed(primitives, candidates[index], assignment, index))
+            found.append(_placed(primitives, candidates[index], chain, assignment, index))
     return references[0] if assignment is None else assignment.reference, found
 
 
@@ -131,7 +134,7 @@ def _thresholds(primitive: PrimitiveParameters, paces: Mapping[Axis, float]) -> 
     """At which a primitive's runs are looked for, the lowest first."""
     if primitive.threshold_m_s is not None:
         return (primitive.threshold_m_s,)
-    return tuple(fraction * paces[primitive.axis] for fraction in motion_runs.FRACTIONS)
+    return tuple(fraction * paces[primitive.shown_by] for fraction in motion_runs.FRACTIONS)
 
 
 def _candidates(
@@ -151,11 +154,11 @@ def _candidates(
     found: dict[tuple, Candidates] = {}  # primitives that are shown alike have the same ones
     rows = []
     for primitive, ends in zip(primitives, events, strict=True):
-        key = (primitive.axis, primitive.threshold_m_s, primitive.until)
+        key = (primitive.shown_by, primitive.threshold_m_s, primitive.until)
         if key not in found:
             thresholds = _thresholds(primitive, paces)
             search = Search(thresholds, demonstration.dt, bridge, most, breaks, ends)
-            found[key] = motion_runs.candidates(motions[primitive.axis], search)
+            found[key] = motion_runs.candidates(motions[primitive.shown_by], search)
         rows.append(found[key])
     return rows
 
@@ -163,6 +166,7 @@ def _candidates(
 def _placed(
     primitives: Sequence[PrimitiveParameters],
     candidates: Sequence[Candidates],
+    chain: np.ndarray,
     assignment: Assignment,
     index: int,
 ) -> Crossings:
@@ -170,8 +174,7 @@ def _placed(
     found: dict[str, Crossing] = {}
     event, before = None, 0
     left_out = assignment.left_out[index].tolist()
-    for place, (primitive, one) in enumerate(zip(primitives, candidates, strict=True)):
-        chosen = assignment.chosen[index][place]
+    for place, (primitive, one, chosen) in enumerate(zip(primitives, candidates, chain, strict=True)):
         start, end = max(before, int(one.first[chosen])), int(one.last[chosen])
         earlier = one.runs[one.runs[:, 1] < start, 1]
         later = one.runs[one.runs[:, 0] > end, 0]

@@ -9,7 +9,7 @@ import pandas as pd
 from structlearn.ground import metrics, signals
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.motion_runs import path
-from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.parameters import Axis, SegmentParameters
 from structlearn.segmentation.result import AS_PRINTED, METHODS, RESULT, Segmentation
 from structlearn.segmentation.segments import cut
 
@@ -30,7 +30,7 @@ def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentati
     Returns:
         `demonstration`, `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
     """
-    true = {demonstration.name: demonstration.true_segments for demonstration in demonstrations}
+    true = {one.name: one.true_segments for one in demonstrations if one.true_segments is not None}
     places = {name: place for place, name in enumerate(segmentation.cuts["primitive"].unique())}
     cuts = segmentation.cuts
     cuts = cuts[cuts["primitive"].isin(segmentation.pairs["primitive"].unique())]
@@ -59,7 +59,7 @@ def aligned_segments(
     segmentation: Segmentation,
     primitive: str,
     method: str,
-    axis: str,
+    axis: Axis,
 ) -> tuple[np.ndarray, list[str]]:
     """Position along an axis of one primitive in all demonstrations, on normalised time.
 
@@ -68,7 +68,7 @@ def aligned_segments(
         segmentation: of these demonstrations.
         primitive: which.
         method: which estimate of the cut points.
-        axis: one of `parameters.Axis`.
+        axis: which.
 
     Returns:
         (L, SPREAD_SAMPLES, D) m, of an orientation rad, and the names of the L demonstrations.
@@ -90,7 +90,7 @@ def aligned_spread_mm(
     segmentation: Segmentation,
     primitive: str,
     method: str,
-    axis: str,
+    axis: Axis,
 ) -> float:
     """Mean distance in mm between pairs of aligned segments, each relative to its own mean position.
 
@@ -105,7 +105,7 @@ def distances_to_reference_mm(
     segmentation: Segmentation,
     primitive: str,
     method: str,
-    axis: str,
+    axis: Axis,
 ) -> pd.Series:
     """Mean distance in mm of each aligned segment from the reference's, each relative to its own mean.
 

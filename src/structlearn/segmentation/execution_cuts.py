@@ -20,10 +20,9 @@ def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[
         By primitive: index demonstration, columns `start_s` and `end_s`.
     """
     labels = pd.Index([run.name for run in runs], name="demonstration")
+    segments = [run.true_segments for run in runs if run.true_segments is not None]
     return {
-        name: pd.DataFrame(
-            [run.true_segments[place] for run in runs], columns=["start_s", "end_s"], index=labels
-        )
+        name: pd.DataFrame([one[place] for one in segments], columns=["start_s", "end_s"], index=labels)
         for place, name in enumerate(names)
     }
 

@@ -108,10 +108,10 @@ def alignment_comparison(
     rows = []
     for primitive in primitives:
         chosen = (demonstrations, segmentation, primitive.name)
-        baseline = distances_to_reference_mm(*chosen, BASELINE, primitive.axis)
+        baseline = distances_to_reference_mm(*chosen, BASELINE, primitive.shown_by)
         for method in METHODS:
-            distances = distances_to_reference_mm(*chosen, method, primitive.axis)
-            spread = aligned_spread_mm(*chosen, method, primitive.axis)
+            distances = distances_to_reference_mm(*chosen, method, primitive.shown_by)
+            spread = aligned_spread_mm(*chosen, method, primitive.shown_by)
             mean, half = mean_interval((baseline - distances).to_numpy())
             rows.append((primitive.name, method, spread, distances.mean(), mean, mean - half, mean + half))
     columns = ["primitive", "method", "spread_mm", "distance_mm", "gain_mm", "low_mm", "high_mm"]

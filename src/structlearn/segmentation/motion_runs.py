@@ -102,7 +102,8 @@ def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParamete
     if parameters.assigns_runs:  # the largest movement is found whatever the ends show
         cutoffs_hz = (parameters.guess_cutoff_hz, parameters.cut_cutoff_hz)
         speeds = [_without_ends(*pair, dt) for pair in zip(speeds, cutoffs_hz, strict=True)]
-    return Motion(smooth, *speeds, turns=axis == "rot")
+    smooth_speed, speed = speeds
+    return Motion(smooth, smooth_speed, speed, turns=axis == "rot")
 
 
 def _without_ends(speed: np.ndarray, cutoff_hz: float, dt: float) -> np.ndarray:
@@ -143,7 +144,7 @@ def _signal(demonstration: Demonstration, name: str) -> np.ndarray:
         return np.linalg.norm(demonstration.wrench[:, :3], axis=1)
     if name == "tactile" and demonstration.tactile is not None:
         return np.abs(demonstration.tactile - demonstration.tactile[0]).max(axis=1)
-    if name in demonstration.joint_names:
+    if name in demonstration.joint_names and demonstration.joint_positions is not None:
         return demonstration.joint_positions[:, demonstration.joint_names.index(name)]
     joints = ", ".join(demonstration.joint_names) or "none"
     raise InputError(

@@ -74,11 +74,11 @@ def refine(reference: Movement, own: Movement, parameters: SegmentParameters) ->
     # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.
     crossings = [movement.crossing for movement in (reference, own)]
     firsts = [max(one.earliest, one.start - extension) for one in crossings]
-    parts = [
+    part, own_part = (
         movement.path[first : min(one.latest, one.end + extension) + 1 : g]
         for movement, one, first in zip((reference, own), crossings, firsts, strict=True)
-    ]
-    matches, cells = warping(*parts, one_scale=parameters.assigns_runs)
+    )
+    matches, cells = warping(part, own_part, one_scale=parameters.assigns_runs)
     pairs = g * matches + np.array(firsts)
     weights = velocity_weights(
         reference.velocity[pairs[:, 0]], own.velocity[pairs[:, 1]], parameters.near_zero, parameters.decay

@@ -1,7 +1,7 @@
 """What a user says about the primitives in the demonstrations, and how they are to be cut."""
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -13,7 +13,7 @@ Axis = Literal["x", "y", "z", "xyz", "rot"]
 AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
 """Columns of the position that show a primitive."""
 
-BETWEEN = "between"
+BETWEEN: Final = "between"
 
 
 class BoundParameters(Parameters):
@@ -62,6 +62,13 @@ class PrimitiveParameters(Parameters):
         if self.axis == BETWEEN and self.until is not None:
             raise ValueError("what lies between its neighbours ends where the next begins, not `until`")
         return self
+
+    @property
+    def shown_by(self) -> Axis:
+        """The axis that shows it; what lies between its neighbours has none."""
+        if self.axis == BETWEEN:
+            raise ValueError(f"'{self.name}' lies between its neighbours: no axis shows it")
+        return self.axis
 
 
 def _in_full(primitives: Any) -> Any:

@@ -93,17 +93,23 @@ def assign(
         total += np.where(np.array(owners) == index, 0.0, np.minimum(costs, missing))
     best = int(np.argmin(total))
     pattern = _pattern(demonstrations, owners[best : best + 1], chains[best : best + 1])
-    chosen, costs, left_out = [], [], []
+    chosen: list[np.ndarray | None] = []
+    unlike: list[np.ndarray] = []
+    left_out: list[np.ndarray] = []
     for index, primitives in enumerate(demonstrations):
         own_chain = index == owners[best]
         chain = chains[best] if own_chain else _cheapest(primitives, gaps[index], pattern)[1]
-        places = range(0 if chain is None else len(chain))
-        before = [gaps[index][p][chain[p - 1] if p else 0, chain[p]] for p in places]
-        after = [gaps[index][-1][chain[-1], 0]] if places else []
         chosen.append(chain)
-        costs.append(np.array([_unlike(primitives[p], pattern, p)[0, chain[p]] for p in places]))
-        left_out.append(np.array(before + after) / pattern.mean_way[0, [*places, *([-1] if places else [])]])
-    return Assignment(owners[best], chosen, costs, left_out, float(total[best]))
+        if chain is None:
+            unlike.append(np.zeros(0))
+            left_out.append(np.zeros(0))
+            continue
+        places = range(len(chain))
+        before = [gaps[index][p][int(chain[p - 1]) if p else 0, int(chain[p])] for p in places]
+        after = gaps[index][-1][int(chain[-1]), 0]
+        unlike.append(np.array([_unlike(primitives[p], pattern, p)[0, int(chain[p])] for p in places]))
+        left_out.append(np.array([*before, after]) / pattern.mean_way[0, [*places, -1]])
+    return Assignment(owners[best], chosen, unlike, left_out, float(total[best]))
 
 
 @dataclass(frozen=True)

@@ -95,9 +95,11 @@ def _movements(
     if isinstance(found, InputError):
         raise found
     dt, movements = demonstration.dt, {}
-    axes = {primitive.name: primitive.axis for primitive in parameters.primitives}
+    primitives = {primitive.name: primitive for primitive in parameters.primitives}
     for name, crossing in found.items():
-        smooth = signals.low_pass(path(demonstration, axes[name]), dt, parameters.align_cutoff_hz)
+        smooth = signals.low_pass(
+            path(demonstration, primitives[name].shown_by), dt, parameters.align_cutoff_hz
+        )
         movements[name] = Movement(dt, smooth, signals.derivative(smooth, dt), crossing)
     return movements
 

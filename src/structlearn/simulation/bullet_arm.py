@@ -99,6 +99,7 @@ class BulletArm:
 
     def take_payload(self) -> None:
         """From now on the last link carries the payload."""
+        assert self._payload is not None, "the arm was made without one"
         self._set_inertia(self._payload_link, self._payload.mass_kg, [self._payload.inertia] * 3)
 
     def step(self, torques: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ all of it once more. The person presses as hard as feels right that time and wav
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -31,7 +31,8 @@ from structlearn.simulation.touch import (
 from structlearn.tactile.electrodes import SKINS, Skin
 
 Motion = Literal["rotation", "translation"]
-SLIDES = {"rotation": (1, -1), "translation": (1, -1, 1, -1)}
+Swept = TypeVar("Swept", float, np.ndarray)
+SLIDES: dict[Motion, tuple[int, ...]] = {"rotation": (1, -1), "translation": (1, -1, 1, -1)}
 """Directions of the contacts of a demonstration."""
 
 SAMPLED_EVERY = 3
@@ -117,7 +118,8 @@ def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iter
         parameters: of the finger.
     """
     finger = make_finger(parameters, SKINS[person.skin], person.sensor_seed, person.rate_hz / SAMPLED_EVERY)
-    for motion, repeats in (("rotation", person.rotations), ("translation", person.translations)):
+    counts: dict[Motion, int] = {"rotation": person.rotations, "translation": person.translations}
+    for motion, repeats in counts.items():
         for area in range(person.areas):
             for repeat in range(repeats):
                 seed = (person.seed, list(SLIDES).index(motion), area, repeat)
@@ -297,7 +299,7 @@ def _held_by_hand(
     return position + off, quaternion.sign_continuous(held)
 
 
-def _between(low: float, high: float, swept: np.ndarray | float) -> np.ndarray | float:
+def _between(low: float, high: float, swept: Swept) -> Swept:
     """Where something is that sweeps from -1, the low end, to 1."""
     return 0.5 * (low + high) + 0.5 * (high - low) * swept
 

@@ -19,10 +19,11 @@ from structlearn.tactile.autoencoder import LATENT
 from structlearn.tactile.forward_dynamics import (
     AffineDynamics,
     ForwardDynamics,
+    LocallyLinearDynamics,
     NonLinearDynamics,
     applied,
 )
-from structlearn.tactile.latent_parameters import LOCALLY_LINEAR, NEGATIVE_GRADIENT
+from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
 
 
 @dataclass(frozen=True)
@@ -55,15 +56,14 @@ def inferred_action(
         penalty: beta > 0; NG has none.
     """
     if inverse == NEGATIVE_GRADIENT:
+        assert isinstance(dynamics, NonLinearDynamics)
         return negative_gradient(dynamics, step.latent, target, step.time_step)
-    return optimal_action(
-        affine_dynamics(inverse, dynamics, step), step.latent, target, step.time_step, penalty
-    )
+    return optimal_action(affine_dynamics(dynamics, step), step.latent, target, step.time_step, penalty)
 
 
-def affine_dynamics(inverse: str, dynamics: ForwardDynamics, step: LatentStep) -> AffineDynamics:
+def affine_dynamics(dynamics: ForwardDynamics, step: LatentStep) -> AffineDynamics:
     """What `LOCALLY_LINEAR` or `JACOBIAN` take the forward model for at a step."""
-    if inverse == LOCALLY_LINEAR:
+    if isinstance(dynamics, LocallyLinearDynamics):
         return dynamics.affine(step.latent)
     return linearised(dynamics, step)
 
@@ -125,7 +125,7 @@ def negative_gradient(
 
 
 def receding_horizon_action(
-    dynamics: AffineDynamics, latent: Tensor, target: Tensor, time_step: float, penalty: float, horizon: int
+    dynamics: AffineDynamics, latent: Tensor, target: Tensor, time_step: Tensor, penalty: float, horizon: int
 ) -> Tensor:
     """First action of the optimal sequence for several steps; with one step it is `optimal_action`.
 

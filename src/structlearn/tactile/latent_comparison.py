@@ -105,9 +105,10 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
         for group in groups
     ]
     stacks, *tables = zip(*parallel_map(_learned, work, "latent spaces", local=True), strict=True)
-    tables = [pd.concat(parts, ignore_index=True) for parts in tables]
+    latent, forward, decoded, directions, curve = (pd.concat(parts, ignore_index=True) for parts in tables)
     models = LatentModels.joined(stacks)
-    return LatentComparison(models, units, *tables, latent_map(models, data.signals, dataset))
+    shown = latent_map(models, data.signals, dataset)
+    return LatentComparison(models, units, latent, forward, decoded, directions, curve, shown)
 
 
 def _learned(

@@ -104,7 +104,7 @@ class LatentModels:
             self.locally_linear.network,
             self.nonlinear.network,
         )
-        arrays = {}
+        arrays: dict[str, Tensor] = {}
         for name, network in zip(NETWORKS, networks, strict=True):
             arrays |= network.to_arrays(f"{name}.")
         return arrays

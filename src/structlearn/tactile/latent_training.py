@@ -229,7 +229,7 @@ def dynamics_loss(
     actions = models.for_all(data.actions[drawn].movedim(1, -1)).movedim(1, 0)  # (C, M, 6, B)
     time_step = models.for_all(data.time_step[drawn])[:, None]
     step = LatentStep(latents[1], latents[0], actions[0], time_step)
-    forward = inverse = 0.0
+    forward = inverse = latents.new_zeros(())
     for name, ways in TRAINED_WITH.items():
         times = len(ways)
         predicted = chained(

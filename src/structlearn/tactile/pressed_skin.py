@@ -66,7 +66,10 @@ def pressed_skin(
     Raises:
         InputError: see `SensorDescription.seen`.
     """
-    signals, pressure = sensor.seen(counts if copies == 1 else sensor.drifted(counts, copies, rng))
+    if copies != 1:
+        assert rng is not None, "gains are drawn"
+        counts = sensor.drifted(counts, copies, rng)
+    signals, pressure = sensor.seen(counts)
     return PressedSkin(signals, pressure, np.tile(place, (copies, 1)), np.tile(split, copies))
 
 
@@ -123,11 +126,11 @@ def walks(skin: PressedSkin, count: int, reach: float, rng: np.random.Generator)
     """
     taught = np.flatnonzero(skin.split == TRAIN)
     tree = cKDTree(skin.place[taught])
-    rows = [rng.integers(0, len(taught), count)]
+    visited = [rng.integers(0, len(taught), count)]
     for _ in range(CHAIN_STEPS):
-        aims = skin.place[taught[rows[-1]]] + rng.uniform(-reach, reach, (count, skin.place.shape[1]))
-        rows.append(tree.query(aims)[1])
-    rows = taught[np.stack(rows, axis=1)]
+        aims = skin.place[taught[visited[-1]]] + rng.uniform(-reach, reach, (count, skin.place.shape[1]))
+        visited.append(tree.query(aims)[1])
+    rows = taught[np.stack(visited, axis=1)]
     actions = np.diff(skin.place[rows], axis=1) / STEP_S
     size = np.sqrt(np.mean(actions**2, axis=(0, 1)))
     return Chains(rows, actions[..., size > STILL * size.max()], np.full(count, STEP_S))

@@ -96,7 +96,7 @@ class RestingServo(TactileServo):
         likely = likely if caution.by_likelihood else np.ones_like(likely)
         self._likely = torch.from_numpy(likely)[:, None]  # (K, 1)
 
-    def start(self, latent: np.ndarray) -> RestingMemory:
+    def start(self, latent: np.ndarray) -> RestingMemory:  # type: ignore[override]  # it takes its own memory
         """As `TactileServo.start`; nothing is known yet of the model's errors."""
         seeds, trials = latent.shape[:2]
         return RestingMemory(
@@ -104,7 +104,7 @@ class RestingServo(TactileServo):
         )
 
     @torch.no_grad()
-    def act(
+    def act(  # type: ignore[override]  # likewise
         self, latent: np.ndarray, target: np.ndarray, memory: RestingMemory
     ) -> tuple[np.ndarray, RestingMemory]:
         """As `TactileServo.act`."""

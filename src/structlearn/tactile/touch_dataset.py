@@ -30,17 +30,19 @@ ACTION_DIMENSIONS = 6
 
 
 class TouchSamples(Protocol):
-    """N samples of any skin, as far as a latent space is learned from them.
+    """N samples of any skin, as far as a latent space is learned from them."""
 
-    Attributes:
-        signals: (N, E) of the channels.
-        pressure: (N,) contact pressure.
-        split: (N,) `TRAIN`, `VALIDATION` or `TEST`.
-    """
+    @property
+    def signals(self) -> np.ndarray:
+        """(N, E) of the channels."""
 
-    signals: np.ndarray
-    pressure: np.ndarray
-    split: np.ndarray
+    @property
+    def pressure(self) -> np.ndarray:
+        """(N,) contact pressure."""
+
+    @property
+    def split(self) -> np.ndarray:
+        """(N,) `TRAIN`, `VALIDATION` or `TEST`."""
 
 
 @dataclass(frozen=True)

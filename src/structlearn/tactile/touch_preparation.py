@@ -124,15 +124,13 @@ def _contacts(
     demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters
 ) -> list[dict[str, np.ndarray]]:
     """Signals, pressure, velocity, orientation and time of every contact of one demonstration."""
-    _check(demonstration, skin, parameters)
+    tactile, turned = _checked(demonstration, skin, parameters)
     dt, cutoff = 1 / parameters.rate_hz, parameters.cutoff_hz
     air = round(parameters.air_s * parameters.rate_hz)
-    offset = demonstration.tactile[:air].mean(axis=0)
-    signal = signals.low_pass(demonstration.tactile - offset, dt, cutoff)
+    offset = tactile[:air].mean(axis=0)
+    signal = signals.low_pass(tactile - offset, dt, cutoff)
     pressure = -signal.mean(axis=1)
-    orientation = quaternion.normalised(
-        signals.low_pass(quaternion.sign_continuous(demonstration.orientation), dt, cutoff)
-    )
+    orientation = quaternion.normalised(signals.low_pass(quaternion.sign_continuous(turned), dt, cutoff))
     velocity = np.hstack(
         [
             signals.derivative(signals.low_pass(demonstration.position, dt, cutoff), dt),
@@ -161,7 +159,10 @@ def _contacts(
     ]
 
 
-def _check(demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters) -> None:
+def _checked(
+    demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """Counts (T, E) and orientation (T, 4) of a demonstration that is fit for use."""
     name = demonstration.name
     if demonstration.tactile is None:
         raise InputError(f"{name}: has no tactile signal; name its topic in the parameters")
@@ -181,6 +182,7 @@ def _check(demonstration: GuidedTouch, skin: Skin, parameters: TouchDataParamete
     shortest = max(parameters.air_s, parameters.contact_s) * parameters.rate_hz
     if len(demonstration.tactile) < max(shortest, 5):
         raise InputError(f"{name}: {len(demonstration.tactile)} samples are too few for air and a contact")
+    return demonstration.tactile, demonstration.orientation
 
 
 def contact_points(signals: np.ndarray, skin: Skin) -> np.ndarray:

@@ -22,7 +22,7 @@ class AutoencodedNetwork(PhaseModulatedNetwork):
     @classmethod
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
-    ) -> list[Trained]:
+    ) -> list[Trained[PhaseModulatedNetwork]]:
         """See `CouplingModel.train`; the code has as many dimensions as there are principal components."""
         if initial is not None:
             return PhaseModulatedNetwork.train(jobs, parameters, hidden, initial)

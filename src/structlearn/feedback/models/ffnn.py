@@ -47,7 +47,7 @@ class FeedForwardNetwork(CouplingModel):
         generator = seeded(parameters.seed)
         stack = StackedFeedForwardNetworks(len(jobs), inputs.shape[2], hidden, parameters.dropout, generator)
 
-        def network(index: int) -> Self:
+        def network(index: int) -> FeedForwardNetwork:
             *before, (weights, biases) = stack.layers.layers_of(index)
             last = (weights * scales[index], biases * scales[index])
             return cls(*units[index], (*before, last))

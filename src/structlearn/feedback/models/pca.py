@@ -27,7 +27,7 @@ class PrincipalComponents(PhaseModulatedNetwork):
     @classmethod
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
-    ) -> list[Trained]:
+    ) -> list[Trained[PhaseModulatedNetwork]]:
         """See `CouplingModel.train`; from an initial network it goes on as a phase-modulated one."""
         if initial is not None:
             return PhaseModulatedNetwork.train(jobs, parameters, hidden, initial)
@@ -75,7 +75,7 @@ def principal_components(jobs: Jobs, variance: float = VARIANCE_KEPT) -> list[En
 
 def train_coded(
     jobs: Jobs, encoders: Sequence[Encoder], parameters: TrainingParameters, hidden: Nodes
-) -> list[Trained]:
+) -> list[Trained[PhaseModulatedNetwork]]:
     """Train a phase-modulated network on each job's code, and put it behind its encoder."""
     coded = [
         (replace(dataset, deviation=encoder.code, groups=()), fold)

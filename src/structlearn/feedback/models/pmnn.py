@@ -101,7 +101,7 @@ class PhaseModulatedNetwork(CouplingModel):
     @classmethod
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
-    ) -> list[Trained]:
+    ) -> "list[Trained[PhaseModulatedNetwork]]":
         """All jobs as one stack, by RMSProp; see `CouplingModel.train`."""
         from structlearn.feedback.stacked_pmnn import train_networks
 
@@ -112,7 +112,7 @@ class PhaseModulatedNetwork(CouplingModel):
         training: "CorrectedPaths",
         validation: "CorrectedPaths",
         parameters: UnrolledTrainingParameters,
-    ) -> Self:
+    ) -> "PhaseModulatedNetwork":
         """See `unrolled_training`."""
         from structlearn.feedback.unrolled_training import train_unrolled
 

@@ -71,7 +71,7 @@ class TaskParameters(Parameters):
                 raise ValueError(
                     "names no recordings: a source of demonstrations, motion, touch or obstacles"
                 )
-        if self.feedback is not None:
+        if self.feedback is not None and self.segment is not None:
             known = [primitive.name for primitive in self.segment.primitives]
             for name in self.feedback.primitives:
                 if name not in known:
@@ -84,7 +84,7 @@ class TaskParameters(Parameters):
     def sources(self) -> dict[str, tuple[str, ...]]:
         """Files and folders that the task comes from, as they are written, by what they are for."""
         found: dict[str, tuple[str, ...]] = dict.fromkeys(SOURCES, ())
-        if self.source is not None:
+        if self.source is not None and self.topics is not None:
             computed = (self.topics.pose.urdf,) if isinstance(self.topics.pose, JointPose) else ()
             found["demonstrations"] = (self.source, *computed)
         if self.feedback is not None:
@@ -181,5 +181,9 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def _check() -> None:
+    read_task(sys.argv[1])
+
+
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
-    run(lambda: read_task(sys.argv[1]), in_times=False)
+    run(_check, in_times=False)

@@ -8,10 +8,15 @@ from structlearn.tactile.latent_parameters import (
     NO_INVERSE,
     TRAINED_WITH,
     UNCHANGED,
+    InverseModel,
 )
 from structlearn.testbeds.servoing.protocol.servo_variants import PUBLISHED, RESTING, Variant
 
-INVERSE_COLOURS = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
+INVERSE_COLOURS: dict[InverseModel, str] = {
+    LOCALLY_LINEAR: GREEN,
+    NEGATIVE_GRADIENT: PURPLE,
+    JACOBIAN: BLUE,
+}
 """Inverse models, in the order of the text."""
 
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}

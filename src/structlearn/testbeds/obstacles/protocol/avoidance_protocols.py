@@ -228,11 +228,12 @@ def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
     every = np.ones(len(situation.numbers), dtype=bool)
     yield Contender(NO_MODEL, "", no_coupling, every)
     shapes = SHAPES if situation.scenarios is None else (situation.obstacle,)
+    own = learner.models.per_scenario
     for kind, found in learner.models.kinds.items():
-        if situation.scenarios is not None and SETTING in found:
+        if situation.scenarios is not None and kind in own:
             rows = np.isin(situation.scenarios, learner.own)
             if rows.any():
-                stack = found[SETTING].take(np.searchsorted(learner.own, situation.scenarios[rows]))
+                stack = own[kind].take(np.searchsorted(learner.own, situation.scenarios[rows]))
                 yield Contender(kind, SETTING, stack, rows)
         yield from (Contender(kind, name, found[name], every) for name in (*shapes, ALL) if name in found)
 

@@ -183,7 +183,7 @@ def _avoiding(
     closest = np.clip(distance.argmin(axis=1), FIXED_POINTS, PLAN_POINTS - FIXED_POINTS - 1)
     each = np.arange(len(paths))
     detour = _detour(paths[each, closest], solid, clearance, axes, person, chance)
-    hindered = (distance < clearance).any(axis=1)
+    hindered = np.any(distance < clearance, axis=1)
     via = metric[closest] / metric[closest, closest][:, None]  # least jerk through the via point
     paths = paths + np.where(hindered[:, None], detour, 0.0)[:, None] * via[..., None]
     for _ in range(DESCENT_STEPS):

@@ -201,7 +201,7 @@ def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(parameters.seed)
     near = round(parameters.near_share * parameters.settings)
     yaws = rng.uniform(0.0, 2.0 * np.pi, parameters.settings)
-    places = []
+    places: list[np.ndarray] = []
     while len(places) < parameters.settings:
         number = len(places)
         local = (

@@ -136,8 +136,12 @@ def identify_own_arm(
 def own_motion(robot: Robot, log: JointLog, parameters: MotionParameters) -> Motion:
     """The longest motion of a log, in the order of the robot's joints."""
     order = joint_order(robot.tree, log.joints, log.name)
-    signals = (values[:, order] for values in (log.positions, log.velocities, log.torques))
-    motion = measured_motion(log.name, log.time, *signals, parameters.rate_hz, parameters.smoothing_hz)
+    positions, velocities, torques = (
+        values[:, order] for values in (log.positions, log.velocities, log.torques)
+    )
+    motion = measured_motion(
+        log.name, log.time, positions, velocities, torques, parameters.rate_hz, parameters.smoothing_hz
+    )
     rest = round(parameters.rest_s * parameters.rate_hz)
     return motion.part(excited(log.name, motion.qd, parameters.rest_rad_s, rest))
 

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.ground import signals
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import nmse
@@ -79,7 +78,7 @@ class CorrectionResults:
 
 def learn_corrections(
     reaches: Sequence[CorrectedReach], nominal: VectorPrimitive, parameters: CorrectionParameters
-) -> tuple[list[tuple[str, CouplingModel]], CorrectionResults]:
+) -> tuple[Networks, CorrectionResults]:
     """Learn the coupling from some reaches and reproduce the others, for several random choices.
 
     Args:
@@ -126,7 +125,7 @@ class _Outcome:
     """One split: M reaches left out, S samples of normalised time."""
 
     left_out: np.ndarray  # (M,) their places
-    networks: list[tuple[str, CouplingModel]]
+    networks: Networks
     adapted: np.ndarray  # (M, S, 3) nominal primitive with learned coupling, m
     distances_mm: dict[str, np.ndarray]  # by column of `CorrectionResults.distances`: (M, S)
 

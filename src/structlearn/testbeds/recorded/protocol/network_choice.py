@@ -43,7 +43,7 @@ def choose_networks(
     work: list[Candidate] = sorted(product(NETWORKS, settings), key=lambda item: item[0] != "delan")
     parts = motion.split(parameters.train_share)
     results = parallel_map(partial(_tried, tree=tree, parts=parts, parameters=parameters), work, "networks")
-    rows, chosen = [], {}
+    rows, chosen = [], dict[Kind, tuple[float, int, NetworkTraining]]()
     for (kind, setting), errors in zip(work, results, strict=True):
         hidden = "-".join(map(str, setting.hidden))
         for epochs, error in zip(sorted(parameters.epochs), errors, strict=True):

@@ -96,7 +96,7 @@ def learn_slides(
         MissingInputError: there is no trial to learn from.
     """
     groups = trial_groups([one.name for one in demonstrations], parameters)
-    traces = {one.name: without_offset(one.tactile) for one in demonstrations}
+    traces = {one.name: without_offset(one.signal("tactile")) for one in demonstrations}
     dt = demonstrations[0].dt
     learned = [traces[name] for name, group in groups.items() if group == "learned"]
     if not learned:
@@ -194,7 +194,7 @@ def _by_material(
     found: dict[str, dict[str, np.ndarray]] = {}
     for one in demonstrations:
         if one.name not in parameters.left_out:
-            found.setdefault(material_of(one.name), {})[one.name] = without_offset(one.tactile)
+            found.setdefault(material_of(one.name), {})[one.name] = without_offset(one.signal("tactile"))
     return found
 
 

@@ -214,7 +214,7 @@ class _Movement:
 class _Plan:
     """All that is decided before the hand moves (noise excepted)."""
 
-    movements: tuple[_Movement, _Movement, _Movement]
+    movements: tuple[_Movement, ...]  # one per primitive
     end: float  # s
     edges: np.ndarray  # (4, 3) m: position of the edge at start, contact, flat, end
     tilts: np.ndarray  # (4, 3) rad: rotation vector from flat, base frame

@@ -8,6 +8,8 @@ from pydantic import Field, PositiveInt
 from structlearn.ground.params import Parameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 
+SkinName = Literal["biotac", "flat_pad", "sphere"]
+
 
 class OtherSkin(Parameters):
     """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
@@ -20,9 +22,9 @@ class OtherSkin(Parameters):
 class OtherSkinsParameters(Parameters):
     """Other skins; all else is as for the first one."""
 
-    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
+    skins: Mapping[SkinName, OtherSkin]
     seeds: PositiveInt
 
-    def person_with(self, skin: str, person: ToucherParameters) -> ToucherParameters:
+    def person_with(self, skin: SkinName, person: ToucherParameters) -> ToucherParameters:
         """A person who demonstrates on another skin."""
         return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())

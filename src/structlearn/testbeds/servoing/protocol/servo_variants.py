@@ -6,7 +6,13 @@ import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
-from structlearn.tactile.latent_parameters import FORWARD_OF, STRUCTURES
+from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    JACOBIAN,
+    LOCALLY_LINEAR,
+    STRUCTURES,
+    InverseModel,
+)
 from structlearn.testbeds.servoing.protocol.servo_scores import ToleranceParameters
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 
@@ -71,7 +77,7 @@ class Variant:
     """
 
     form: str
-    inverse: str
+    inverse: InverseModel
     structure: bool = True
     with_loss: bool = True
     horizon: int = 1
@@ -103,7 +109,7 @@ def variants(horizon: int) -> list[Variant]:
         for with_loss in (True, False)
         for inverse in FORWARD_OF
     ]
-    further = [Variant(RESTING, inverse, horizon=horizon) for inverse in ("LL", "NJ")]
+    further = [Variant(RESTING, inverse, horizon=horizon) for inverse in (LOCALLY_LINEAR, JACOBIAN)]
     slow = [Variant(PUBLISHED, inverse, change=AS_DATA) for inverse in FORWARD_OF]
     without = [Variant(RESTING, "NJ", change=change) for change in CHANGES]
     return every + further + slow + without
