@@ -100,14 +100,16 @@ from structlearn.testbeds.recorded.protocol import (
     touch_sets,
     ur10e_identification,
 )
+from structlearn.testbeds.recorded.protocol.arm_parameters import (
+    RecordedDynamicsParameters,
+    RecordedUr10eParameters,
+)
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
 from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
 from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
-from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins

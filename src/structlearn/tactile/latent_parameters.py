@@ -1,8 +1,42 @@
-"""What is chosen for the training of latent spaces and their dynamics, and for the distances on the skin."""
+"""What is chosen for latent spaces, their dynamics and distances on the skin; names of what is compared."""
+
+from typing import Final, Literal
 
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
+
+STRUCTURES = (True, False)
+"""Whether the latent space has structure: L_MDS and L_CDP in its loss."""
+
+InverseModel = Literal["LL", "NG", "NJ"]
+
+LOCALLY_LINEAR: InverseModel = "LL"
+NEGATIVE_GRADIENT: InverseModel = "NG"
+JACOBIAN: InverseModel = "NJ"
+"""Names of the inverse models."""
+
+NONLINEAR = "NL"
+"""Name of the other forward model, beside `LOCALLY_LINEAR`."""
+
+UNCHANGED = "unchanged"
+"""The prediction that nothing moves, beside the forward models."""
+
+NO_INVERSE: Final = "none"
+"""Trained with L_LFD alone."""
+
+TRAINED_WITH: dict[str, tuple[InverseModel | Literal["none"], ...]] = {
+    LOCALLY_LINEAR: (NO_INVERSE, LOCALLY_LINEAR),
+    NONLINEAR: (NO_INVERSE, NEGATIVE_GRADIENT, JACOBIAN),
+}
+"""Per forward model, the inverse models whose loss L_ID it is trained with, in the order of its stack."""
+
+FORWARD_OF: dict[InverseModel, str] = {
+    LOCALLY_LINEAR: LOCALLY_LINEAR,
+    NEGATIVE_GRADIENT: NONLINEAR,
+    JACOBIAN: NONLINEAR,
+}
+"""Per inverse model, the forward model that it shares its parameters with."""
 
 
 class NetworkParameters(Parameters):

@@ -26,7 +26,7 @@ from structlearn.tactile.inverse_dynamics import (
     receding_horizon_action,
 )
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_variants import (
+from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
     NEGATIVE_GRADIENT,
     NO_INVERSE,

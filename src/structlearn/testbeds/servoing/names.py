@@ -1,7 +1,7 @@
 """Names, order and colours of what servoing compares: one of each, for its page and its recordings."""
 
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
-from structlearn.tactile.latent_variants import (
+from structlearn.tactile.latent_parameters import (
     JACOBIAN,
     LOCALLY_LINEAR,
     NEGATIVE_GRADIENT,

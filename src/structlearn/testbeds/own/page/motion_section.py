@@ -14,7 +14,7 @@ from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, rounded
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
-from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
+from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters
 
 BEST = ("cov", "coulomb")
 """The model that becomes a URDF."""

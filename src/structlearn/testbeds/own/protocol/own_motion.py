@@ -28,7 +28,7 @@ from structlearn.rigid_body.motion import Motion, excited, measured_motion
 from structlearn.rigid_body.torque_blocks import block_table, drawn_nmse
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, joint_order
-from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
+from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters
 
 TEST = "test"
 

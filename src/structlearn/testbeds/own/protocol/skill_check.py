@@ -26,8 +26,8 @@ from structlearn.ground.errors import InputError
 from structlearn.rigid_body.inverse_kinematics import Arm, JointPath, follow, read_arm, rest_for
 from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
 from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.own.protocol.arm_parameters import Bound, RobotParameters
 from structlearn.testbeds.own.protocol.check_results import NOT_TESTED, THIN, SkillCheck, verdict
-from structlearn.testbeds.own.protocol.robot_parameters import Bound, RobotParameters
 from structlearn.testbeds.own.protocol.skill_unrolls import Unroll, unrolls
 
 RATE_HZ = 200.0

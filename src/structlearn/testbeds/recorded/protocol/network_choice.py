@@ -15,7 +15,7 @@ from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, lea
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import NetworkChoiceParameters
+from structlearn.testbeds.recorded.protocol.arm_parameters import NetworkChoiceParameters
 
 Candidate = tuple[Kind, LearningParameters]
 

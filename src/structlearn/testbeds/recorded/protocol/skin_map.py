@@ -31,7 +31,7 @@ from structlearn.tactile.pressed_skin import (
 from structlearn.tactile.sensor_description import SensorDescription
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains
 from structlearn.tactile.units import TouchUnits, touch_units
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 
 STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
     "structured",

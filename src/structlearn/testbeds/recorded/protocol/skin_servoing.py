@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 
 from structlearn.recordings.eflesh import ProbeRun
-from structlearn.tactile.latent_variants import STRUCTURES, InverseModel
+from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, pressed_skin
 from structlearn.tactile.resting_servo import Caution, RestingServo
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
 from structlearn.tactile.table_servoing import servo_on_table
 from structlearn.tactile.touch_dataset import TEST
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin_map import NEVER_VARIES, PLAIN, STRUCTURED, LearnedSkin
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 
 TEXT: tuple[InverseModel, ...] = ("LL", "NG", "NJ")
 CORRECTED = "NJ, corrected"

@@ -15,11 +15,11 @@ from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.slide import material_of
-from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
 from structlearn.tactile.latent_parameters import GeodesicParameters
 from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, TouchDataset
+from structlearn.tactile.touch_preparation import contact_points
 
 RECORDED = (SLIDES, UNSCREWING) = ("slides", "unscrewing")
 SIMULATED = "simulated"

@@ -32,9 +32,9 @@ from structlearn.rigid_body.online_learning import PayloadLearningParameters, le
 from structlearn.rigid_body.torque_blocks import block_table
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.protocol.network_choice import choose_networks
 from structlearn.testbeds.recorded.protocol.ur10e_logs import CARRIES, logs_that_are_there, moving_logs
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"
 """Quantities of drives, in N m/A and s."""

@@ -18,8 +18,8 @@ from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.recordings.shown_execution import RATE_HZ, Execution
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M, ROLL_AXIS
 from structlearn.viewer.diagram import texts
-from structlearn.viewer.electrode_colours import deviation_colours
 from structlearn.viewer.rrd import (
+    deviation_colours,
     eye_view,
     flat_view,
     rgba,

@@ -24,7 +24,7 @@ from structlearn.reporting.claims import (
     quoted,
     rate_difference,
 )
-from structlearn.tactile.latent_variants import FORWARD_OF, LOCALLY_LINEAR, NO_INVERSE, InverseModel
+from structlearn.tactile.latent_parameters import FORWARD_OF, LOCALLY_LINEAR, NO_INVERSE, InverseModel
 from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.testbeds.servoing.names import (
     DYNAMICS,

@@ -16,7 +16,7 @@ from structlearn.ground.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, style
 from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.latent_variants import NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.page.evidence import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults

@@ -15,7 +15,7 @@ from structlearn.ground.params import read_values
 from structlearn.reporting.studies import Study
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.flat_maps import map_laying
-from structlearn.tactile.latent_variants import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS, TEST, TEST_STRIDE, Chains, TouchDataset, chains
 from structlearn.testbeds.servoing.files import OtherSkinTables
 from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT

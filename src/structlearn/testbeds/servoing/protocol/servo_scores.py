@@ -7,7 +7,7 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.ground.params import Parameters
-from structlearn.tactile.skin_paths import path_length, skin_distance
+from structlearn.tactile.electrodes import path_length, skin_distance
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
 
 THINNED = 10

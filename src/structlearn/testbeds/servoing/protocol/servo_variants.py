@@ -6,7 +6,13 @@ import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
-from structlearn.tactile.latent_variants import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, STRUCTURES, InverseModel
+from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    JACOBIAN,
+    LOCALLY_LINEAR,
+    STRUCTURES,
+    InverseModel,
+)
 from structlearn.testbeds.servoing.protocol.servo_scores import ToleranceParameters
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 

@@ -15,9 +15,16 @@ import rerun.blueprint as rrb
 from structlearn.ground import quaternion
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.flat_maps import MapLaying, map_laying
-from structlearn.viewer.electrode_colours import deviation_colours
 from structlearn.viewer.notes import notes_view
-from structlearn.viewer.rrd import entity, plot, rgba, send_moving_frame, thinning, time_column
+from structlearn.viewer.rrd import (
+    deviation_colours,
+    entity,
+    plot,
+    rgba,
+    send_moving_frame,
+    thinning,
+    time_column,
+)
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 

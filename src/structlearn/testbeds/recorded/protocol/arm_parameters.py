@@ -1,4 +1,4 @@
-"""What is chosen for the recorded UR10e and its load."""
+"""What is chosen for models of recorded arms: the Panda's dynamics, and the UR10e and its load."""
 
 from collections.abc import Mapping
 from typing import Annotated, Literal
@@ -6,6 +6,20 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeInt, PositiveFloat
 
 from structlearn.ground.params import Parameters
+
+
+class RecordedDynamicsParameters(Parameters):
+    """Parameters of identification from the recorded motion."""
+
+    urdf: str
+    locked_joints: tuple[str, ...]
+    rate_hz: float = Field(gt=0)
+    cutoff_hz: float = Field(gt=0)
+    train_share: float = Field(gt=0, lt=1)
+    iterations: int = Field(ge=1)
+    seeds: int = Field(ge=1)
+    epochs: int = Field(ge=1)
+
 
 Log = Annotated[str, Field(min_length=1)]
 
