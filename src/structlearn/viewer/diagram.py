@@ -91,9 +91,11 @@ def send_axes(
     stream.log(f"{path}/numbers", texts([*below, *beside, name], labels, [GREY]), static=True)
 
 
-def texts(places: Sequence[np.ndarray], labels: Sequence[str], colours: Sequence[str]) -> rr.Points2D:
+def texts(
+    places: Sequence[Sequence[float] | np.ndarray], labels: Sequence[str], colours: Sequence[str]
+) -> rr.Points2D:
     """Labels that hang below N places (2,) of a drawing, with N colours or one for all."""
-    points = np.reshape(places, (-1, 2))
+    points = np.asarray(places, float).reshape(-1, 2)
     return rr.Points2D(points, labels=list(labels), colors=rgba(colours), radii=0.0, show_labels=True)
 
 
