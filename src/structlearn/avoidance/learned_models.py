@@ -60,8 +60,11 @@ class AvoidanceModels:
     @property
     def per_scenario(self) -> dict[str, AvoidanceNetworks | HumanInspiredModels]:
         """The stacks that learned single scenarios, by their kind; not every kind has one."""
-        stacked: dict[str, Mapping[str, AvoidanceNetworks] | Mapping[str, HumanInspiredModels]]
-        stacked = {NETWORK: self.networks, ENSEMBLE: self.ensembles, HUMAN_INSPIRED: self.human_inspired}
+        stacked: dict[str, Mapping[str, AvoidanceNetworks | HumanInspiredModels]] = {
+            NETWORK: self.networks,
+            ENSEMBLE: self.ensembles,
+            HUMAN_INSPIRED: self.human_inspired,
+        }
         return {kind: found[SETTING] for kind, found in stacked.items() if SETTING in found}
 
 

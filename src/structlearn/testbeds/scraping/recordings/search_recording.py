@@ -127,7 +127,7 @@ def send_search(stream: rr.RecordingStream, search: Search, origin: str) -> rrb.
         values = rounded_range(search.samples[column].to_numpy(), 0.0 if column == "cost_rad" else None)
         curves[column] = Diagram((0.0, float(search.samples["time_s"].max())), values, WIDTH, height)
         send_axes(stream, search.path(column, "axes"), curves[column], "time (s)")
-    places = [[(0.5 + place) * WIDTH / len(LEGEND), -1.5] for place in range(len(LEGEND))]
+    places = [np.array([(0.5 + place) * WIDTH / len(LEGEND), -1.5]) for place in range(len(LEGEND))]
     stream.log(
         search.path("target", "legend"), texts(places, list(LEGEND), list(LEGEND.values())), static=True
     )
