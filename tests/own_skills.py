@@ -11,7 +11,7 @@ from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.primitives.fitting import FitParameters, learn_sequence
 from structlearn.recordings import synchronise
-from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
+from structlearn.testbeds.own.protocol.arm_parameters import RobotParameters
 from structlearn.testbeds.own.world.pick_and_place import MOVES, as_recording, takes
 
 FIT = FitParameters(smoothing_hz=5.0, kernel_count=25, regression="joint", scaled_axes=(True, False, False))

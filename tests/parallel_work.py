@@ -37,12 +37,6 @@ def slow_first_square(item):
     return item**2
 
 
-def busy(seconds):
-    end = time.process_time() + seconds
-    while time.process_time() < end:
-        pass
-
-
 def product_of_ones(size):
     """Large enough for torch to take all its threads."""
     import torch

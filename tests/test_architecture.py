@@ -64,8 +64,7 @@ STARTS = {
     ),
     "dynamics": (
         ("torch", "pinocchio"),
-        "dynamics/train_dynamics.py dynamics/online.py dynamics/track.py recorded/dynamics.py "
-        "recorded/ur10e.py",
+        "dynamics/train.py dynamics/online.py dynamics/track.py recorded/dynamics.py recorded/ur10e.py",
     ),
     "recordings": (
         ("rerun",),

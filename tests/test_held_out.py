@@ -50,9 +50,8 @@ from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
 from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.folds import leave_one_out, without_generalization
+from structlearn.feedback.folds import FRACTIONS, leave_one_out, without_generalization
 from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.supervised_training import FRACTIONS
 from structlearn.feedback.training_parameters import (
     LEVEL,
     POINTWISE,
@@ -68,7 +67,7 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.drive_log import DriveLog
-from structlearn.rigid_body.model_learning import LearningParameters
+from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.training_grid import (
@@ -101,14 +100,16 @@ from structlearn.testbeds.recorded.protocol import (
     touch_sets,
     ur10e_identification,
 )
+from structlearn.testbeds.recorded.protocol.arm_parameters import (
+    RecordedDynamicsParameters,
+    RecordedUr10eParameters,
+)
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
 from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
 from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
-from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins
@@ -389,7 +390,7 @@ def refinement(monkeypatch, tmp_path):
     def learn(dataset):
         write_table(to_table(dataset), tmp_path / f"{boards.TURN}.parquet")
         read = read_datasets(tmp_path, KNOWN)
-        refined = refine_on_board(board, read, parameters, tmp_path / "unfinished")
+        refined = refine_on_board(board, read, parameters)
         return refined.before, refined.after
 
     return Case(learn, data, corrected(data, data.setting == NEW), corrected(data, data.setting == KNOWN[0]))
@@ -546,7 +547,7 @@ def pushed(motion: Motion, rows: slice) -> Motion:
     return with_wobbling(motion, rows, "torque")
 
 
-@of_stage("dynamics/train_dynamics")
+@of_stage("dynamics/train")
 def dynamics(monkeypatch, tmp_path):
     """Models of the arm and of one robot, beside the log of another robot."""
     parameters = committed(

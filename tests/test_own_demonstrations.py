@@ -16,9 +16,8 @@ from conftest import minimum_jerk
 from recordings_bags import as_recorded, pose_messages, write_bag
 from reduced_pipeline import environment
 
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
 from structlearn.feedback.skill_file import read_provenance, read_skill
-from structlearn.feedback.workspace import demonstrated_workspace
 from structlearn.ground.errors import InputError
 from structlearn.primitives.fitting import learn_sequence
 from structlearn.recordings import read_recordings, synchronise, write_recordings

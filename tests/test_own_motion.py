@@ -17,8 +17,8 @@ from structlearn.rigid_body.dynamics_models import rigid_body_torques
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
+from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_motion import identify_own_arm
-from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 
 PARAMETERS = MotionParameters(
     source="logs",

@@ -14,7 +14,6 @@ import pytest
 from board_rollouts import POLICY, SEED, same, small_board
 from distributed import Client, LocalCluster
 from parallel_work import (
-    busy,
     missing,
     noisy_matrix,
     noisy_mean,
@@ -31,7 +30,6 @@ from structlearn.feedback.models.pmnn import open_loop
 from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.wall_clock import shared_works
 
 POLICIES = [open_loop(POLICY), open_loop(np.zeros(25)), open_loop(-POLICY)]
 SEEDS = [SEED, SEED, (1, 0, 3)]
@@ -150,16 +148,6 @@ def test_torch_works_after_this_process_has_used_its_threads(count):
     assert parallel_map(product_of_ones, range(4), "products") == expected_sums
 
 
-def test_the_time_of_shared_work_is_kept(count):
-    parallel_map(time.sleep, [], "nothing")
-    parallel_map(busy, [0.1, 0.3], "busy")
-    nothing, work = shared_works[-2:]
-    assert (nothing.items_s, nothing.longest_s) == (0.0, 0.0)
-    assert 0.3 <= work.longest_s < work.items_s
-    assert work.items_s >= 0.4
-    assert work.wall_s >= 0.3
-
-
 @pytest.mark.parametrize(
     ("variable", "value"), [("BACKEND", "loky"), ("PROCESSES", "0"), ("PROCESSES", "two")]
 )
@@ -187,7 +175,7 @@ def test_what_ends_its_process_once_is_tried_again(tmp_path):
 
 
 def test_a_dead_process_is_named_where_nothing_stands_in():
-    with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items it worked on one of 1$"):
+    with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items number 1 has no result"):
         parallel_map(partial(square, deadly={0}), [0], "squares")
     assert parallel_map(square, range(3), "squares") == expected(3, {})  # the next work has new processes
 
@@ -233,7 +221,7 @@ def test_a_cluster_loses_only_what_ends_its_process(on_cluster):
 
 
 def test_a_dead_worker_is_named_where_nothing_stands_in(on_cluster):
-    with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items it worked on one of 1$"):
+    with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items number 1 has no result"):
         parallel_map(partial(square, deadly={0}), [0], "squares")
 
 

@@ -15,24 +15,24 @@ from reduced_pipeline import artefacts, by_hand, clone, environment, repro
 
 from structlearn.reporting.document import words_in_view
 
-CUTTING = ["record_nominal", "segment", "fit_primitives"]
+CUTTING = ["scraping_record_nominal", "scraping_segment", "scraping_fit_primitives"]
 """Stages on which DVC itself is tried."""
 
 TESTBEDS = {"scraping": 6, "obstacles": 4, "dynamics": 4, "servoing": 3}
 """With the number of their recordings."""
 
 AGAIN = (
-    "segment_sweep",
-    "expected_traces",
-    "compare_models",
-    "obstacle_train",
-    "train_dynamics",
-    "online",
-    "track",
-    "geodesics",
-    "train_latent",
-    "servo",
-    *(f"report_{testbed}" for testbed in TESTBEDS),
+    "scraping_sweep",
+    "scraping_expected_traces",
+    "scraping_compare_models",
+    "obstacles_train",
+    "dynamics_train",
+    "dynamics_online",
+    "dynamics_track",
+    "servoing_geodesics",
+    "servoing_train_latent",
+    "servoing_servo",
+    *(f"{testbed}_report" for testbed in TESTBEDS),
 )
 """Stages that spread their work over processes, each in its own way, and what is drawn of them."""
 
@@ -109,7 +109,12 @@ def test_another_feedback_network_is_a_key(root, copied):
     parameters = yaml.safe_load((copied / "params.yaml").read_text())
     parameters["train_feedback"]["network"] = "linear_feedback"
     (copied / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
-    stages = ("train_feedback", "evaluate_feedback", "write_skill", "report_scraping")
+    stages = (
+        "scraping_train_feedback",
+        "scraping_evaluate_feedback",
+        "scraping_write_skill",
+        "scraping_report",
+    )
     by_hand(copied, stages, STRUCTLEARN_NETWORKS=str(root / "examples"))
     for file in ("models/pointwise.safetensors", "skill.safetensors"):
         assert b"linear_feedback" in (copied / "data/feedback/scraping" / file).read_bytes()
@@ -120,7 +125,7 @@ def test_dvc_makes_the_same_and_keeps_the_times(watched, reduced_project):
     made, by_hand = artefacts(watched), artefacts(reduced_project)
     assert {path: data for path, data in made.items() if path.startswith("data")}.items() <= by_hand.items()
     assert set(json.loads((watched / "reports/times/stages.json").read_text())) == {
-        f"stages/scraping/{name}.py" for name in CUTTING
+        f"stages/{name.replace('_', '/', 1)}.py" for name in CUTTING
     }
 
 
@@ -134,7 +139,7 @@ def test_a_changed_parameter_reruns_only_what_depends_on_it(watched):
     parameters = yaml.safe_load(before)
     parameters["fit_primitives"]["kernel_count"] += 1
     file.write_text(yaml.safe_dump(parameters, sort_keys=False))
-    assert repro(watched, CUTTING[-1]) == ["fit_primitives"]
+    assert repro(watched, CUTTING[-1]) == CUTTING[-1:]
     file.write_text(before)
 
 
@@ -142,7 +147,7 @@ def test_rewording_a_page_makes_only_that_page_again(watched):
     """Of all stages, those that depend on the folder of the template; and the front page after them."""
     template = "src/structlearn/testbeds/obstacles/page"
     stages = yaml.safe_load((watched / "dvc.yaml").read_text())["stages"]
-    assert [name for name, stage in stages.items() if template in stage["deps"]] == ["report_obstacles"]
+    assert [name for name, stage in stages.items() if template in stage["deps"]] == ["obstacles_report"]
 
 
 def test_a_killed_stage_leaves_nothing_half_written(reduced_project, copied):
@@ -151,24 +156,8 @@ def test_a_killed_stage_leaves_nothing_half_written(reduced_project, copied):
     assert killed(copied, KILLED_HALF_WAY, "stages/scraping/fit_primitives.py") == -signal.SIGKILL
     kept = {path: data for path, data in artefacts(copied).items() if ".publish-" not in path}
     assert kept == before
-    assert artefacts(by_hand(copied, ["fit_primitives"])) == before
+    assert artefacts(by_hand(copied, CUTTING[-1:])) == before
     assert not list(copied.rglob(".publish-*"))
-
-
-def test_a_killed_refinement_keeps_its_iterations(reduced_project, copied):
-    """Killed after the first iteration of the first primitive; the next run does only what is missing."""
-    script = "stages/scraping/refine.py"
-    assert killed(copied, KILLED_AFTER_AN_ITERATION, script) == -signal.SIGKILL
-    unfinished = copied / "data/unfinished"
-    (kept,) = unfinished.iterdir()
-    assert [path.name for path in sorted(kept.iterdir())] == ["000", "001"]
-    done = subprocess.run(
-        [sys.executable, script], cwd=copied, env=environment(), capture_output=True, text=True, check=True
-    )
-    told = [line.split(":")[0] for line in done.stdout.splitlines() if "iteration" in line]
-    assert told == ["scrape, iteration 0", "scrape, iteration 1"]
-    assert not unfinished.exists()
-    assert artefacts(copied) == artefacts(reduced_project)
 
 
 def killed(project: Path, code: str, script: str) -> int:
@@ -187,18 +176,5 @@ def write_and_die(*arguments):
     if len(calls) == 2:
         os.kill(os.getpid(), signal.SIGKILL)
 artefacts.write_table = write_and_die
-runpy.run_path(sys.argv[1], run_name="__main__")
-"""
-
-
-KILLED_AFTER_AN_ITERATION = """
-import os, runpy, signal, sys
-from structlearn.policy_search import checkpoint
-save = checkpoint.Checkpoint.save
-def save_and_die(self, progress):
-    save(self, progress)
-    if progress.iteration == 1:
-        os.kill(os.getpid(), signal.SIGKILL)
-checkpoint.Checkpoint.save = save_and_die
 runpy.run_path(sys.argv[1], run_name="__main__")
 """

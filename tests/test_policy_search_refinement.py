@@ -1,4 +1,4 @@
-"""Refinement in a closed-form setting: it learns there, repeats itself, resumes, and survives failures."""
+"""Refinement in a closed-form setting: it learns there, repeats itself, and survives failures."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -27,7 +27,6 @@ from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
-from structlearn.policy_search.checkpoint import Checkpoint
 from structlearn.policy_search.covariance import factor
 from structlearn.policy_search.pi2 import PI2Parameters
 from structlearn.policy_search.refinement import (
@@ -206,30 +205,6 @@ def test_the_same_seed_gives_the_same_to_the_last_bit(uninterrupted, refined):
     assert_same(refined(MadeUp()), uninterrupted[2])
     other = refined(MadeUp(), ONCE, seed=4)
     assert not np.array_equal(other.policies, uninterrupted[1][1].policies)
-
-
-@pytest.mark.parametrize("finished", [0, 1])
-def test_a_run_that_was_cut_off_goes_on_as_if_it_had_not_been(finished, uninterrupted, refined, tmp_path):
-    checkpoint = Checkpoint(tmp_path / "iterations")
-
-    def save_and_die(progress):
-        checkpoint.save(progress)
-        if progress.iteration == finished:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        refined(MadeUp(), report=save_and_die)
-    environment, states = MadeUp(), []
-    resumed = refined(environment, resume=checkpoint.last(), report=states.append)
-    assert_same(resumed, uninterrupted[2])
-    assert min(seed[0] for _, seed in environment.calls if seed[1]) == finished + 1
-    assert [state.iteration for state in states] == [1, 2][finished:]
-
-
-def test_a_finished_run_has_nothing_left_to_do(uninterrupted, refined):
-    idle = MadeUp()
-    assert refined(idle, resume=uninterrupted[2]) is uninterrupted[2]
-    assert idle.calls == []
 
 
 def test_the_cheapest_network_is_kept_and_gone_on_from(refined, monkeypatch):

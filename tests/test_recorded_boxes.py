@@ -24,8 +24,7 @@ from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.recordings.recording import NamedShape
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol import boxes_people
-from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
-from structlearn.testbeds.recorded.protocol.boxes_reaches import reaches_past_boxes
+from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters, reaches_past_boxes
 
 PARAMETERS = committed(
     BoxesParameters,

@@ -18,11 +18,10 @@ from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.recorded.names import BOX_WAYS
 from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_evidence
-from structlearn.testbeds.recorded.page.parts.boxes_part import KEY, PART
+from structlearn.testbeds.recorded.page.parts.boxes_part import KEY, PART, boxes_evidence
 from structlearn.testbeds.recorded.page.parts.boxes_results import BoxesFound, boxes_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
+from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
 
 PEOPLE, REACHES = 12, 20

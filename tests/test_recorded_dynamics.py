@@ -19,8 +19,8 @@ from structlearn.rigid_body.inertia_parameters import link_inertias
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.panda_identification import TRACE_STRIDE, identify, panda_motion
-from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
 PARAMETERS = committed(RecordedDynamicsParameters, "recorded_dynamics", iterations=150, seeds=2, epochs=1)

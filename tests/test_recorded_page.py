@@ -285,7 +285,7 @@ def made_up(good=True):
     reach, turn = learn_primitive("reach", segments, FIT), learn_primitive("turn", turns, FIT)
     for name, its in (("boxes", past_boxes(good)), ("skin", on_skin(good)), ("ur10e", weighed(good))):
         stored |= {f"{name}_{table}": frame for table, frame in its.tables.items()}
-    return RecordedResults(stored, segments, reach, turns, turn, parts, SET_PARAMETERS)
+    return RecordedResults(stored, segments, [reach], turns, [turn], parts, SET_PARAMETERS)
 
 
 def _movement(place):
@@ -306,8 +306,8 @@ def without(results, *parts):
     missing = {table for part in parts for table in part.needs}
     tables = {name: table for name, table in results.tables.items() if name not in missing}
     nothing = {
-        "reaches": {"reach_segments": (), "reach_primitive": None},
-        "unscrewing": {"unscrewing_segments": (), "unscrewing_primitive": None},
+        "reaches": {"reach_segments": (), "reach_primitives": ()},
+        "unscrewing": {"unscrewing_segments": (), "unscrewing_primitives": ()},
         "scraping": {"execution": ()},
     }
     gone = {name: value for part in parts for name, value in nothing.get(part.name, {}).items()}

@@ -29,7 +29,7 @@ def parts():
 def test_higher_reaches_have_a_colour_per_path(tmp_path, parts):
     path = tmp_path / "higher.rrd"
     networks = dict(phase_networks([np.ones((50, 3))], 5))
-    movements.write_higher_reaches(path, parts, [made_up().reach_primitive], networks)
+    movements.write_higher_reaches(path, parts, made_up().reach_primitives, networks)
     for key, colour in (("nominal", BLUE), ("coupling", VERMILION)):
         assert PATHS[key].colour == colour
         entity = f"/paths/{PATHS[key].name}".replace(" ", "\\ ")
@@ -55,7 +55,7 @@ def test_parts_of_the_execution_follow_each_other(tmp_path, parts):
 def test_unscrewing_shows_every_log_and_the_primitive(tmp_path):
     path = tmp_path / "unscrewing.rrd"
     logs = [turn for _, turn in made_up().unscrewing_segments]
-    write_unscrewing(path, logs, made_up().unscrewing_primitive)
+    write_unscrewing(path, logs, made_up().unscrewing_primitives[0])
     found = contents(path)[1]
     names = [*(f"log\\ {number}" for number in range(1, len(logs) + 1)), LEARNED.name]
     assert {f"/caps/{name}" for name in names} <= found
@@ -67,6 +67,6 @@ def test_unscrewing_shows_every_log_and_the_primitive(tmp_path):
 
 def test_reaches_and_the_sequence_are_written(tmp_path, parts):
     path = tmp_path / "reaches.rrd"
-    movements.write_reaches(path, parts, [made_up().reach_primitive])
+    movements.write_reaches(path, parts, made_up().reach_primitives)
     assert colour_of(path, f"/paths/{LEARNED.name}", "LineStrips3D") == LEARNED.colour
     assert note(path)

@@ -28,8 +28,8 @@ from structlearn.testbeds.recorded.page.parts.skin_results import (
 )
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.protocol import skin_force, skin_map, skin_servoing
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
 
 SMALL = committed(

@@ -31,7 +31,7 @@ from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults,
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.protocol import ur10e_identification as protocol
 from structlearn.testbeds.recorded.protocol import ur10e_logs
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
 
 PARAMETERS = committed(RecordedUr10eParameters, "recorded_ur10e")

@@ -48,6 +48,7 @@ from structlearn.testbeds.scraping.page import people_results as people_module
 from structlearn.testbeds.scraping.page import refinement_studies
 from structlearn.testbeds.scraping.page import scraping_report as module
 from structlearn.testbeds.scraping.page.evidence import sweep_evidence, weakest
+from structlearn.testbeds.scraping.page.feedback_results import dominant_features, sharing_over_phase
 from structlearn.testbeds.scraping.page.people_results import People, known, share_left
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
@@ -217,12 +218,12 @@ def test_dominant_nodes_that_do_not_follow_the_phase_refute_that_they_do(feedbac
 def test_sharing_of_dominant_nodes_is_nought_on_average_with_permuted_weights(feedback):
     rng = np.random.default_rng(0)
     found = [
-        replace(feedback, networks={"turn": network(weights)}).sharing_over_phase("turn")
+        sharing_over_phase(dominant_features(weights))
         for weights in (rng.permuted(phase_weights(), axis=1) for _ in range(100))
     ]
     assert abs(np.mean(found)) < 2.0 * np.std(found) / 10.0
     assert np.std(found) < 0.1
-    assert feedback.sharing_over_phase("turn") < -0.3
+    assert sharing_over_phase(dominant_features(phase_weights())) < -0.3
 
 
 def test_a_study_from_before_a_number_leaves_its_row_untested(feedback):

@@ -18,8 +18,7 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import Study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
-from structlearn.tactile.latent_variants import TRAINED_WITH
+from structlearn.tactile.latent_parameters import TRAINED_WITH, GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing.files import OtherSkinTables

@@ -1,7 +1,6 @@
 """Refinement of both primitives, on a board whose executions are made up."""
 
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -70,8 +69,8 @@ def board():
 
 
 @pytest.fixture(scope="module")
-def refined(board, tmp_path_factory):
-    return refine_on_board(board, DATASETS, PARAMETERS, tmp_path_factory.mktemp("unfinished"))
+def refined(board):
+    return refine_on_board(board, DATASETS, PARAMETERS)
 
 
 def same_network(one, other):
@@ -86,9 +85,9 @@ def assert_same(one, other):
         pd.testing.assert_frame_equal(getattr(one, table), getattr(other, table), check_exact=True)
 
 
-def test_a_primitive_is_refined_while_those_before_it_run_refined(board, tmp_path):
+def test_a_primitive_is_refined_while_those_before_it_run_refined(board):
     ASKED.clear()
-    refined = refine_on_board(board, DATASETS, PARAMETERS, tmp_path)
+    refined = refine_on_board(board, DATASETS, PARAMETERS)
     assert list(dict.fromkeys(name for name, *_ in ASKED)) == [TURN, SCRAPE]
     for name, _, preceding, _ in ASKED:
         assert list(preceding) == ([] if name == TURN else [TURN])
@@ -97,7 +96,7 @@ def test_a_primitive_is_refined_while_those_before_it_run_refined(board, tmp_pat
     assert not same_network(refined.after[TURN], refined.before[TURN])
 
 
-def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(board, tmp_path, monkeypatch):
+def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(board, monkeypatch):
     """People's mean correction in each setting they showed; none on the level board."""
     learned = []
 
@@ -107,7 +106,7 @@ def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(boar
 
     monkeypatch.setattr(refinement, "train_final", remember)
     ASKED.clear()
-    refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"iterations": 1}), tmp_path)
+    refine_on_board(board, DATASETS, PARAMETERS.model_copy(update={"iterations": 1}))
     data = DATASETS[TURN]
     own = [(setting, networks) for name, setting, _, networks in ASKED if name == TURN]
     known = [one for one in own if one[0] != PARAMETERS.setting_deg]
@@ -125,10 +124,10 @@ def test_what_is_right_in_known_settings_is_executed_there_and_learned_from(boar
     assert np.sum(new.time == 0.0) == executions
 
 
-def test_in_the_text_s_form_only_what_was_tried_is_added(board, tmp_path):
+def test_in_the_text_s_form_only_what_was_tried_is_added(board):
     ASKED.clear()
     text = PARAMETERS.model_copy(update={"shown_runs": 0, "level_runs": 0})
-    refine_on_board(board, DATASETS, text, tmp_path)
+    refine_on_board(board, DATASETS, text)
     assert {setting for _, setting, _, _ in ASKED} == {PARAMETERS.setting_deg}
 
 
@@ -151,47 +150,24 @@ def test_every_rollout_is_in_the_tables(refined):
 
 
 @pytest.mark.parametrize("explored", [{SCRAPE}, set()])
-def test_a_primitive_without_exploration_keeps_its_model(explored, board, tmp_path):
+def test_a_primitive_without_exploration_keeps_its_model(explored, board):
     parameters = PARAMETERS.model_copy(update={"exploration": dict.fromkeys(explored, 5.0)})
-    refined = refine_on_board(board, DATASETS, parameters, tmp_path)
+    refined = refine_on_board(board, DATASETS, parameters)
     for name in {TURN, SCRAPE} - explored:
         assert same_network(refined.after[name], refined.before[name])
     assert set(refined.history.get("primitive", ())) == explored
 
 
-@pytest.mark.parametrize("last", [(TURN, 1), (SCRAPE, 0)])
-def test_a_killed_refinement_goes_on_where_it_was(last, board, refined, tmp_path):
-    def die(name, progress):
-        if (name, progress.iteration) == last:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        refine_on_board(board, DATASETS, PARAMETERS, tmp_path, die)
+def test_every_iteration_is_told_and_the_same_seed_gives_the_same(board, refined):
     told = []
-    resumed = refine_on_board(
-        board, DATASETS, PARAMETERS, tmp_path, lambda name, progress: told.append((name, progress.iteration))
+    again = refine_on_board(
+        board, DATASETS, PARAMETERS, lambda name, progress: told.append((name, progress.iteration))
     )
-    assert_same(resumed, refined)
-    everything = [(name, iteration) for name in NAMES[1:] for iteration in range(3)]
-    assert told == everything[everything.index(last) + 1 :]
+    assert_same(again, refined)
+    assert told == [(name, iteration) for name in NAMES[1:] for iteration in range(3)]
 
 
-def test_other_parameters_data_or_boards_do_not_go_on_with_these_iterations(board, tmp_path):
-    refine_on_board(board, DATASETS, PARAMETERS, tmp_path)
-    finished = set(tmp_path.iterdir())
-    assert len(finished) == 2
-    others = (
-        (replace(board, setting_deg=21.0), DATASETS, PARAMETERS),
-        (board, DATASETS | {SCRAPE: toy_dataset(seed=2)}, PARAMETERS),
-        (board, DATASETS, PARAMETERS.model_copy(update={"seed": 1})),
-    )
-    for other_board, datasets, parameters in others:
-        before = set(tmp_path.iterdir())
-        refine_on_board(other_board, MappingProxyType(datasets), parameters, tmp_path)
-        assert set(tmp_path.iterdir()) - before
-
-
-def test_a_primitive_without_corrections_is_named(board, tmp_path):
+def test_a_primitive_without_corrections_is_named(board):
     unknown = PARAMETERS.model_copy(update={"exploration": {"slide": 5.0}})
     with pytest.raises(InputError, match=r"refine\.exploration names slide: no primitive with corrections"):
-        refine_on_board(board, DATASETS, unknown, tmp_path)
+        refine_on_board(board, DATASETS, unknown)

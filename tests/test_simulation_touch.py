@@ -19,8 +19,8 @@ from structlearn.simulation.touch_demonstrator import (
     recorded,
     true_contacts,
 )
-from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import SKINS, biotac
+from structlearn.tactile.touch_preparation import contact_points
 
 RATE_HZ = 100.0
 BAR = Handle(np.array([0.3, 0.1, 0.5]), np.array([0.0, 1.0, 0.0]), 0.05, 0.005)

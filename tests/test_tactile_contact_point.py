@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from structlearn.ground.errors import InputError
-from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import SKINS, biotac
+from structlearn.tactile.touch_preparation import contact_points
 
 
 def published(signal: np.ndarray) -> np.ndarray:

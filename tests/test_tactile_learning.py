@@ -25,6 +25,10 @@ from structlearn.tactile.latent_evaluation import (
 from structlearn.tactile.latent_files import read_models, write_models
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    JACOBIAN,
+    NO_INVERSE,
+    NONLINEAR,
     LatentParameters,
     LatentTrainingParameters,
     NetworkParameters,
@@ -39,7 +43,6 @@ from structlearn.tactile.latent_training import (
     train,
     training_data,
 )
-from structlearn.tactile.latent_variants import FORWARD_OF, JACOBIAN, NO_INVERSE, NONLINEAR
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo
 from structlearn.tactile.touch_dataset import TEST, TRAIN, chains
 from structlearn.tactile.units import touch_units

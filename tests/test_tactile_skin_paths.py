@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from structlearn.tactile.electrodes import biotac, flat_pad, sphere
-from structlearn.tactile.skin_paths import path_length, skin_distance
+from structlearn.tactile.electrodes import biotac, flat_pad, path_length, skin_distance, sphere
 
 
 def test_on_a_cylinder_it_is_a_helix():

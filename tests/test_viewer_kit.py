@@ -15,11 +15,10 @@ from structlearn.primitives.fitting import FitParameters, learn_primitive, segme
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.viewer.diagram import Diagram, rounded_range, tick_step
-from structlearn.viewer.electrode_colours import RESTING, deviation_colours
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.notes import legend, origin_sentence, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import recording, send_primitive_lane, time_column
+from structlearn.viewer.rrd import RESTING, deviation_colours, recording, send_primitive_lane, time_column
 
 THINNED = 2  # samples of 200 Hz per row in a recording
 

@@ -21,30 +21,21 @@ from structlearn.recordings.bag_reader import read_bag
 SKILL = '{"reactive_skill"'
 """How the description of a skill file begins."""
 
-LOCKS = ("dvc.lock", "stages/*/dvc.lock")
-
-READERS: dict[str, Callable[[Path], object]] = {
-    ".safetensors": lambda path: _read_arrays(path),
-    ".parquet": read_table,
-    ".json": read_metrics,
-    ".mcap": lambda path: read_bag(path, ()),
-}
-
 
 def main() -> None:
     """Say what is not as it was written."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path, help="default: all outputs of all stages")
     files = parser.parse_args().files
+    locks = [*Path().glob("dvc.lock"), *sorted(Path().glob("stages/*/dvc.lock"))]
+    if not (files or locks):
+        sys.exit("error: dvc.lock: no such file; run this in the project's folder, after the pipeline")
     try:
-        faults = list(map(_fault, files)) if files else [one for lock in _locks() for one in changed(lock)]
+        faults = [_fault(file) for file in files] or [fault for lock in locks for fault in changed(lock)]
     except InputError as error:
         sys.exit(f"error: {error}")
-    found = [fault for fault in faults if fault]
-    for fault in found:
-        print(f"error: {fault}", file=sys.stderr)
-    if found:
-        sys.exit(1)
+    if any(faults):
+        sys.exit("\n".join(f"error: {fault}" for fault in faults if fault))
     print(f"{len(faults)} {'files' if files else 'outputs'}: all are as they were written")
 
 
@@ -58,29 +49,20 @@ def changed(lock: Path, root: Path = Path()) -> Iterator[str | None]:
     Raises:
         InputError: the lock cannot be read.
     """
-    for name, out, written in _outputs(lock):
-        path = root / out
+    try:
+        stages = read_values(lock)["stages"].items()
+        outputs = [
+            (name, root / out["path"], out["md5"]) for name, its in stages for out in its.get("outs", ())
+        ]
+    except (AttributeError, KeyError, TypeError) as error:  # of what is not where it should be
+        raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
+    for name, path, written in outputs:
         try:
-            same = digest(path) == written
+            yield None if digest(path) == written else f"{path}: not as stage '{name}' left it"
         except FileNotFoundError:
             yield f"{path}: is not there; stage '{name}' writes it"
         except (OSError, ValueError) as error:  # of values: a path with a zero in it
             yield f"{path}: cannot be read: {error}"
-        else:
-            yield None if same else f"{path}: not as stage '{name}' left it"
-
-
-def _outputs(lock: Path) -> list[tuple[str, Path, str]]:
-    """Stage, path and digest of every output."""
-    content = read_values(lock)
-    try:
-        return [
-            (name, Path(out["path"]), out["md5"])
-            for name, stage in content["stages"].items()
-            for out in stage.get("outs", ())
-        ]
-    except (AttributeError, KeyError, TypeError) as error:  # of what is not where it should be
-        raise InputError(f"{lock}: not a lock file of DVC: {type(error).__name__}: {error}") from error
 
 
 def digest(path: Path) -> str:
@@ -92,24 +74,8 @@ def digest(path: Path) -> str:
     return hashlib.md5(json.dumps(listing, sort_keys=True).encode()).hexdigest() + ".dir"
 
 
-def _read_arrays(path: Path) -> None:
-    """A skill must be whole; of other arrays the digest is all that can be told."""
-    if read_description(path).startswith(SKILL):
-        from structlearn.feedback.skill_file import read_skill  # takes compiled code along
-
-        read_skill(path)
-    else:
-        read_tensors(path)
-
-
-def _locks() -> list[Path]:
-    found = [path for pattern in LOCKS for path in sorted(Path().glob(pattern))]
-    if not found:
-        sys.exit("error: dvc.lock: no such file; run this in the project's folder, after the pipeline")
-    return found
-
-
 def _fault(path: Path) -> str | None:
+    """Why a file is not what it was written as."""
     if path.suffix not in READERS:
         return f"{path}: only {', '.join(READERS)} can be told"
     try:
@@ -118,6 +84,22 @@ def _fault(path: Path) -> str | None:
         return str(error)
     return None
 
+
+def _read_arrays(path: Path) -> object:
+    """A skill must be whole; of other arrays the digest is all that can be told."""
+    if not read_description(path).startswith(SKILL):
+        return read_tensors(path)
+    from structlearn.feedback.skill_file import read_skill  # takes compiled code along
+
+    return read_skill(path)
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    ".safetensors": _read_arrays,
+    ".parquet": read_table,
+    ".json": read_metrics,
+    ".mcap": lambda path: read_bag(path, ()),
+}
 
 if __name__ == "__main__":
     main()

@@ -2,8 +2,8 @@
 
 from structlearn.feedback.skill_file import read_skill
 from structlearn.testbeds.own.files import TaskFiles, run_for_task
+from structlearn.testbeds.own.protocol.arm_parameters import RobotParameters
 from structlearn.testbeds.own.protocol.check_results import write_check
-from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 from structlearn.testbeds.own.protocol.skill_check import check_skill
 
 

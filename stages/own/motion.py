@@ -7,7 +7,7 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.recordings.joint_log import read_joint_logs
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.testbeds.own.files import TaskFiles, local_path, run_for_task
-from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
+from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters
 
 
 def main(files: TaskFiles) -> None:

@@ -3,8 +3,7 @@
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_recordings, synchronise
-from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
-from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
+from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters, learn_past_boxes
 
 
 def main() -> None:

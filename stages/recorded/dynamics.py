@@ -12,8 +12,8 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels, write_dynamic
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.panda_identification import identify, panda_motion
-from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
 
 Found = tuple[dict[str, DynamicsModels], dict[str, pd.DataFrame]]

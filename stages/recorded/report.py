@@ -6,16 +6,20 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
+from structlearn.testbeds.recorded.protocol.arm_parameters import (
+    RecordedDynamicsParameters,
+    RecordedUr10eParameters,
+)
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.boxes_parameters import BoxesParameters
+from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
-from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import (
+    LatentTouchParameters,
+    SkinParameters,
+)
 from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 PARAMETERS = {
     "recorded_reaches": ReachParameters,

@@ -4,8 +4,8 @@ from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings.eflesh import PRESSES, STROKES, read_imported
 from structlearn.tactile.latent_files import write_models
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 
 
 def main() -> None:

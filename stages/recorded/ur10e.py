@@ -10,8 +10,8 @@ from structlearn.rigid_body.arm_identification import write_identified
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.protocol.ur10e_identification import identify_ur10e
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 
 def main() -> None:

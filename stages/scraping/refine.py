@@ -1,20 +1,14 @@
 """Refine the feedback models by trial on a tilt of the board that they have not seen (IV.7, IV.9.4)."""
 
-from pathlib import Path
-
 from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_table
-from structlearn.ground.publication import discard
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.refinement import Progress
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
-
-UNFINISHED = Path("data/unfinished")
-"""Finished iterations of a refinement that was killed; no out of a stage, so DVC leaves it alone."""
 
 
 def main() -> None:
@@ -26,13 +20,12 @@ def main() -> None:
     with publish("data/feedback/scraping/refinement") as folder:
         folder.mkdir()
         board, datasets = read_board("data", *settings, supervision, testbed, clock)
-        refined = refine_on_board(board, datasets, parameters, UNFINISHED, tell)
+        refined = refine_on_board(board, datasets, parameters, tell)
         write_networks(list(refined.before.items()), folder / "before.safetensors")
         write_networks(list(refined.after.items()), folder / "after.safetensors")
         write_table(refined.history, folder / "history.parquet")
         write_table(refined.samples, folder / "rollouts.parquet")
         write_table(refined.policies, folder / "policies.parquet")
-    discard(UNFINISHED)
 
 
 def tell(name: str, progress: Progress) -> None:

@@ -7,6 +7,7 @@ journal, so that a change of a folder which is lost is a process that ended earl
 """
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -14,13 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from feedback_skills import random_network
 
 from structlearn.ground.artefacts import write_csv, write_table, write_tensors
-from structlearn.ground.publication import discard, publish
+from structlearn.ground.publication import publish
 from structlearn.ground.wall_clock import StageTime, record
-from structlearn.policy_search.checkpoint import Checkpoint
-from structlearn.policy_search.refinement import Progress
 
 ENDED = 9
 """Exit code of a process that ended before its step."""
@@ -61,7 +59,7 @@ def outcomes(work: Work, root: Path, seed: int) -> Iterator[tuple[int, str | Non
     after = tree(root)
     step = 0
     while True:
-        discard(root)
+        shutil.rmtree(root)
         root.mkdir()
         work.before(root)
         if not _ended_before(step, work.write, root, seed):
@@ -161,13 +159,6 @@ def _lose(root: Path, on_disk: set, rng: np.random.Generator) -> None:
             os.truncate(path, size)  # the rest are zeros
 
 
-def _networks(iteration: int) -> Progress:
-    rng = np.random.default_rng(iteration)
-    table = pd.DataFrame({"iteration": [iteration] * 3, "cost_rad": rng.normal(size=3)})
-    arrays = {"covariance": np.eye(3), "policies": rng.normal(size=(3, 25)), "compressed": np.zeros(25)}
-    return Progress(iteration, random_network(rng), history=table, samples=table, **arrays)
-
-
 def _folder(root: Path, name: str) -> None:
     with publish(root / "logs") as path:
         (path / "deep").mkdir(parents=True)
@@ -180,16 +171,9 @@ def _file(root: Path, text: str) -> None:
         path.write_text(text * 1000)
 
 
-def _checkpoint(root: Path, *iterations: int) -> Checkpoint:
-    checkpoint = Checkpoint(root / "unfinished/0123456789abcdef")
-    for iteration in iterations:
-        checkpoint.save(_networks(iteration))
-    return checkpoint
-
-
 def _times(root: Path, seconds: float) -> None:
     for command in ("stages/a.py", "stages/b.py"):
-        record(command, StageTime(*[seconds] * 7), root / "reports/times/stages.json")
+        record(command, StageTime(seconds, seconds), root / "reports/times/stages.json")
 
 
 def _tables(root: Path, factor: float) -> None:
@@ -204,7 +188,6 @@ def _nothing(root: Path) -> None:
 
 
 FIRST, SECOND = "first ", "second "
-KEPT = "unfinished/0123456789abcdef"
 
 WORKS = {
     "a new file": Work(_nothing, lambda root: _file(root, FIRST), ("note.txt",)),
@@ -219,15 +202,6 @@ WORKS = {
         lambda root: _tables(root, 1.0),
         lambda root: _tables(root, 2.0),
         ("table.parquet", "table.csv", "values.safetensors"),
-    ),
-    "a refinement's first iteration": Work(_nothing, lambda root: _checkpoint(root, 0), (f"{KEPT}/000",)),
-    "a refinement's next iteration": Work(
-        lambda root: _checkpoint(root, 0, 1),
-        lambda root: _checkpoint(root, 2),
-        tuple(f"{KEPT}/{iteration:03d}" for iteration in range(3)),
-    ),
-    "a refinement that ends": Work(
-        lambda root: _checkpoint(root, 0, 1), lambda root: discard(root / "unfinished"), ("unfinished",)
     ),
     "times of stages": Work(lambda root: _times(root, 1.0), lambda root: _times(root, 2.0), ()),
 }

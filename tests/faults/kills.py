@@ -1,10 +1,9 @@
 """Kill stages of the pipeline while they run, and do them again: `make kills N=50`.
 
 On the reduced pipeline every stage is killed in its turn, at a time drawn over what it took, with all its
-processes or alone as for want of memory, with its former outputs in place or removed as DVC does; a
-refinement also after an iteration that it has kept. Nobody may live on, nothing may stay in shared memory,
-and the stage done again leaves the tree that it leaves without a kill. Before that come the crash points of
-`faults.crashes`.
+processes or alone as for want of memory, with its former outputs in place or removed as DVC does. Nobody may
+live on, nothing may stay in shared memory, and the stage done again leaves the tree that it leaves without a
+kill. Before that come the crash points of `faults.crashes`.
 
 Writes `reports/reliability`; names each case that breaks the rule.
 """
@@ -44,9 +43,6 @@ END_S = 5.0
 """Processes see within half a second that their parent is gone."""
 
 SHARED = Path("/dev/shm")
-
-CHECKPOINT = "data/unfinished/*/001"
-"""What a refinement has kept after an iteration of its search."""
 
 
 def main() -> None:
@@ -128,25 +124,23 @@ def kills(project: Path, count: int, seed: int) -> tuple[pd.DataFrame, list[str]
     stages = {name: stage for name, stage in pipeline(project).items() if _entry(stage) in done}
     before = artefacts(project)
     found, broken = Counter(), []
-    for number, (name, checkpoint) in tqdm(
+    for number, name in tqdm(
         zip(range(count), _in_turns(list(stages), rng), strict=False), total=count, leave=False, disable=None
     ):
         command = stages[name]["cmd"]
         due_s = rng.uniform(0.0, read_times(project / TIMES)[_entry(stages[name])].wall_s)  # its last time
-        due: Callable[[], bool] = (lambda: any(project.glob(CHECKPOINT))) if checkpoint else (lambda: False)
         alone, removed = bool(rng.integers(2)), bool(rng.integers(2))
         if removed:
             remove_outputs(project, stages[name])
-        outcome, words = healed(project, command, np.inf if checkpoint else due_s, due, alone)
+        outcome, words = healed(project, command, due_s, lambda: False, alone)
         if outcome == HEALED:
             after = artefacts(project)
             changed = sorted(path for path in {*before, *after} if before.get(path) != after.get(path))
             if changed:
                 outcome, words = DIFFERS, ", ".join(changed[:5])
-        stage = f"{name}, after an iteration" if checkpoint else name
-        found[stage, ALONE if alone else GROUP, "removed" if removed else "in place", outcome] += 1
+        found[name, ALONE if alone else GROUP, "removed" if removed else "in place", outcome] += 1
         if outcome not in (HEALED, NOT_KILLED):
-            broken.append(f"kill {number}: {stage} after {due_s:.2f} s: {outcome}: {words}")
+            broken.append(f"kill {number}: {name} after {due_s:.2f} s: {outcome}: {words}")
     rows = [(*key, its) for key, its in sorted(found.items())]
     return outcome_table(rows, ["stage", "killed", "outputs"], OUTCOMES), broken
 
@@ -225,11 +219,10 @@ def remove_outputs(project: Path, stage: Mapping) -> None:
             subprocess.run(["rm", "-rf", "--", path], cwd=project, check=True)
 
 
-def _in_turns(names: Sequence[str], rng: np.random.Generator) -> Iterator[tuple[str, bool]]:
-    """Stages in a random order, over and over; the refinement a second time, after an iteration."""
-    once = [(name, False) for name in names] + [(name, True) for name in names if name == "refine"]
+def _in_turns(names: Sequence[str], rng: np.random.Generator) -> Iterator[str]:
+    """Stages in a random order, over and over."""
     while True:
-        yield from (once[place] for place in rng.permutation(len(once)))
+        yield from (names[place] for place in rng.permutation(len(names)))
 
 
 def _in_use(path: Path) -> bool:

@@ -24,7 +24,8 @@ def test_what_is_not_brought_to_the_disk_is_missed(tmp_path, monkeypatch):
 
 
 def test_what_is_deleted_step_by_step_is_found_out(tmp_path):
-    ends = WORKS["a refinement that ends"]
-    work = replace(ends, write=lambda root: shutil.rmtree(root / "unfinished", ignore_errors=True))
+    work = replace(
+        WORKS["a folder over another"], write=lambda root: shutil.rmtree(root / "logs", ignore_errors=True)
+    )
     found = {fault for _, fault in outcomes(work, tmp_path / "root", seed=0)}
-    assert "unfinished is neither as before nor as after" in found
+    assert "logs is neither as before nor as after" in found

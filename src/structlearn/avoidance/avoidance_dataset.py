@@ -28,16 +28,7 @@ AXES = "xyz"
 
 
 class AvoidanceDataParameters(Parameters):
-    """From recorded positions to samples.
-
-    Attributes:
-        rate_hz: at which positions are differentiated; central differences at 25 Hz would flatten an
-            acceleration of 2 Hz by 8 %.
-        smoothing_hz: low-pass before that. Much less, as the author's 1.5 Hz, flattens detours; with much
-            more, marker noise times tau^2 comes through.
-        keep_every: of these samples, those that are learned from.
-        cloud_count: points of an obstacle's surface.
-    """
+    """From recorded positions to samples of coupling."""
 
     rate_hz: float = Field(ge=25, le=1000)
     smoothing_hz: float = Field(gt=0, le=50)

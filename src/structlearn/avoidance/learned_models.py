@@ -57,6 +57,12 @@ class AvoidanceModels:
             PHASE_MODULATED: self.phase_modulated,
         }
 
+    @property
+    def per_scenario(self) -> dict[str, AvoidanceNetworks | HumanInspiredModels]:
+        """The stacks that learned single scenarios, by their kind; not every kind has one."""
+        stacked = {NETWORK: self.networks, ENSEMBLE: self.ensembles, HUMAN_INSPIRED: self.human_inspired}
+        return {kind: found[SETTING] for kind, found in stacked.items() if SETTING in found}
+
 
 def write_models(models: AvoidanceModels, folder: str | Path) -> None:
     """Write one safetensors file per kind of model into a folder."""

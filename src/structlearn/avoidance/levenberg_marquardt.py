@@ -50,13 +50,7 @@ VALIDATION, EVIDENCE = "validation", "evidence"
 
 
 class LevenbergMarquardtParameters(Parameters):
-    """How a network is trained.
-
-    Attributes:
-        rule: `validation` or `evidence`, see above.
-        iterations: at most, accepted steps.
-        seed: of the initial weights.
-    """
+    """How a network is trained. Fields: `params.yaml`, `obstacle_training.per_setting.training`."""
 
     rule: Literal["validation", "evidence"]
     iterations: PositiveInt

@@ -39,14 +39,7 @@ STEP_CELLS = 0.5
 class LookAheadParameters(Parameters):
     """The plane, what ways in it cost, and how far ahead is looked.
 
-    Attributes:
-        cell_m: of the grid.
-        margin_m: of the grid around start, goal and all shapes.
-        clearance_m: r, closer to a shape a way becomes dear.
-        blocked_cost: b, in the middle of a way as dear as this many times its length in the open.
-        nearness_cost: a, what a way along a surface costs more than one in the open.
-        nearness_m: s, over which that fades.
-        ahead_m: distances along the way.
+    Fields: `params.yaml`, `recorded_boxes.look_ahead`; symbols as above.
     """
 
     cell_m: float = Field(gt=0, le=0.1)

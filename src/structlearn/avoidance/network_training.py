@@ -59,14 +59,7 @@ def seen_columns(inputs: str, features: int) -> tuple[int, ...]:
 
 
 class NetworkParameters(Parameters):
-    """A feed-forward avoidance network.
-
-    Attributes:
-        hidden: nodes of the hidden layers.
-        inputs: what it sees, a key of `COLUMNS`.
-        members: networks from different initial weights whose mean is the model; one is the text.
-        training: of each.
-    """
+    """A feed-forward avoidance network. Fields: `params.yaml`, `obstacle_training.per_setting`."""
 
     hidden: tuple[PositiveInt, ...] = Field(min_length=1)
     inputs: Literal["features", "phase_velocity", "phase"]
@@ -77,10 +70,7 @@ class NetworkParameters(Parameters):
 class EnsembleParameters(NetworkParameters):
     """A mean of networks, each of which sees part of the demonstrations, from elsewhere.
 
-    Attributes:
-        demonstrations: that a member sees, drawn at random; all where there are not as many.
-        displaced_m: std of the displacement of the hand across the reach, per axis and sample.
-        displaced_velocity_m: likewise of tau v.
+    Fields: `params.yaml`, `obstacle_training.ensemble`.
     """
 
     demonstrations: PositiveInt
@@ -89,12 +79,7 @@ class EnsembleParameters(NetworkParameters):
 
 
 class SplitParameters(Parameters):
-    """Which demonstrations test.
-
-    Attributes:
-        test_share: of the demonstrations of every scenario.
-        seed: of the choice.
-    """
+    """Which demonstrations of every scenario test."""
 
     test_share: float = Field(gt=0, lt=1)
     seed: int = Field(ge=0)

@@ -19,16 +19,7 @@ from structlearn.ground.params import Parameters
 
 
 class PostprocessingParameters(Parameters):
-    """What acts of a model's coupling term.
-
-    Attributes:
-        passed_decay_per_m2: k; 0 leaves the coupling term on past the obstacle.
-        end_limit_m: distance from the baseline that feedback may leave at the prescribed end; None for any.
-        late_limit_m: the same at a later time; None for any.
-        late_factor: that time in durations.
-        return_coupling: of a length that may be needed to keep these limits (`goal_reach`); a tenth of the
-            largest that people use.
-    """
+    """What acts of a model's coupling term. Fields: `params.yaml`, `obstacle_evaluation.postprocessing`."""
 
     passed_decay_per_m2: float = Field(ge=0)
     end_limit_m: float | None = Field(gt=0)

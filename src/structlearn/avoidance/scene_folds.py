@@ -11,7 +11,6 @@ import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AXES
 from structlearn.avoidance.look_ahead import nearest_distance
-from structlearn.avoidance.path_comparison import nearest_path_distance, same_gaps
 from structlearn.avoidance.scene_learning import samples_of_nearest, samples_of_scene, scene_states
 from structlearn.avoidance.scene_models import (
     ENSEMBLE,
@@ -25,8 +24,7 @@ from structlearn.avoidance.scene_models import (
     reach_scenes,
     reach_through,
 )
-from structlearn.avoidance.scene_parameters import SceneLearningParameters
-from structlearn.avoidance.scene_reaches import SceneReach
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
 from structlearn.avoidance.scene_unroll import Scenes
 
 MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
@@ -191,3 +189,39 @@ def _pictures(
         "paths": pd.concat(paths, ignore_index=True) if paths else none,
         "shapes": pd.DataFrame(shapes, columns=names),
     }
+
+
+def nearest_path_distance(first: np.ndarray, second: np.ndarray) -> float:
+    """Symmetric mean distance of two paths, whatever the times at which they are where they are.
+
+    Args:
+        first: (T, D) m.
+        second: (S, D) m.
+
+    Returns:
+        m: mean distance of the points of one to the nearest of the other, averaged over both directions.
+    """
+    distances = np.linalg.norm(first[:, None] - second[None], axis=-1)
+    return float(0.5 * (distances.min(axis=0).mean() + distances.min(axis=1).mean()))
+
+
+def same_gaps(first: np.ndarray, second: np.ndarray, centres: Sequence[np.ndarray]) -> bool:
+    """Whether two paths in a plane pass every obstacle on the same side.
+
+    They do if the closed curve there along one and back along the other winds round none of the centres: then
+    one can be moved into the other without crossing any.
+
+    Args:
+        first: (T, 2) m.
+        second: (S, 2) m, from about the same start to about the same goal.
+        centres: (O, 2) m.
+    """
+    loop = np.vstack([first, second[::-1], first[:1]])
+    return not any(_winding(loop - centre) for centre in centres)
+
+
+def _winding(loop: np.ndarray) -> int:
+    """How often a closed curve (T, 2) winds round the origin."""
+    angle = np.arctan2(loop[:, 1], loop[:, 0])
+    turns = (np.diff(angle) + np.pi) % (2.0 * np.pi) - np.pi
+    return round(float(turns.sum()) / (2.0 * np.pi))

@@ -18,8 +18,7 @@ from structlearn.avoidance.scene_learning import (
     scene_states,
     with_mirror_images,
 )
-from structlearn.avoidance.scene_parameters import SceneLearningParameters
-from structlearn.avoidance.scene_reaches import SceneReach
+from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
 from structlearn.avoidance.scene_unroll import (
     Scenes,
     feedback_of_nearest,

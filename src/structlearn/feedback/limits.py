@@ -22,14 +22,10 @@ def _cautious() -> dict[Axis, float]:
 
 
 class FadingParameters(Parameters):
-    """How soon feedback fades, and when it has to.
+    """How soon feedback fades, and when it has to. Fields: `params.yaml`, `write_skill`.
 
-    Attributes:
-        fade_s: time in which the largest coupling may fade out, or in; it bounds |dc/dt| within a primitive.
-            Where the next one begins c is 0 at once, and the evolving goal takes up what it was (eq. IV.14):
-            acceleration, the robot's own measure, goes on as it was.
-        stale_after_s: age of the newest good sensor sample at which the coupling begins to fade.
-        offset_within_s: time from the start in which the samples of the offset must have come.
+    `fade_s` bounds |dc/dt| within a primitive. Where the next one begins c is 0 at once, and the evolving
+    goal takes up what it was (eq. IV.14): acceleration, the robot's own measure, goes on as it was.
     """
 
     fade_s: float = Field(gt=0)

@@ -52,11 +52,7 @@ READINGS = (
 
 
 class SkillParameters(FadingParameters):
-    """What a skill file says beyond what was learned.
-
-    Attributes:
-        workspace_margin_m: how far outside the box of the demonstrations runs may start and have goals.
-    """
+    """What a skill file says beyond what was learned."""
 
     workspace_margin_m: float = Field(gt=0)
 

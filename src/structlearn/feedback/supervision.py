@@ -7,7 +7,7 @@ samples in between would be interpolations that count twice.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -34,19 +34,14 @@ from structlearn.primitives.trajectory import (
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
 
+Setting = TypeVar("Setting", float, str)
+
 Cuts = Mapping[str, pd.DataFrame]
 """Segments by the primitive's name: index demonstration, columns `start_s` and `end_s`."""
 
 
 class ExpectedTracesParameters(Parameters):
-    """Nominal executions in the default setting, and the expected traces learned from them.
-
-    Attributes:
-        runs: number of executions.
-        level_runs: further ones; nothing is expected from them, but feedback may learn from them that on the
-            level board nothing is to be corrected.
-        smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
-    """
+    """Nominal executions in the default setting, and the expected traces learned from them."""
 
     runs: int = Field(ge=1, le=1000)
     level_runs: int = Field(ge=0, le=1000)
@@ -62,18 +57,7 @@ WRENCH_CHANNELS = 6
 
 
 class CorrectionParameters(Parameters):
-    """How corrections become supervised data.
-
-    Attributes:
-        primitives: which primitives get a feedback model.
-        axes: along and about which they correct, of the base frame.
-        sensors: what the model feels; a sample has their channels in this order.
-        smoothing_hz: low-pass of poses before they are differentiated twice, about that with which the
-            nominal primitive was fitted: what is smoothed more differs from it by a ripple.
-        target_hz: low-pass of the coupling target itself, from which the nominal movement has cancelled;
-            people correct in submovements of half a second and more, the rest is tremor times tau^2.
-        rate_hz: samples per second that are kept.
-    """
+    """How corrections become supervised data. Fields: `params.yaml`, `coupling_dataset`."""
 
     primitives: tuple[str, ...] = Field(min_length=1)
     axes: tuple[Axis, ...] = Field(min_length=1)
@@ -91,11 +75,7 @@ class CorrectionParameters(Parameters):
 
 
 class SupervisionParameters(CorrectionParameters):
-    """The same on a board that tilts.
-
-    Attributes:
-        settings_deg: settings whose corrections are learned from; the others test generalisation.
-    """
+    """The same on a board that tilts; settings that are not learned from test generalisation."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
 
@@ -280,8 +260,8 @@ def require_parts(
 
 
 def coupling_dataset(
-    demonstrations: Mapping[float | str, Sequence[Demonstration]],
-    cuts: Mapping[float | str, pd.DataFrame],
+    demonstrations: Mapping[Setting, Sequence[Demonstration]],
+    cuts: Mapping[Setting, pd.DataFrame],
     primitive: PosePrimitive,
     expected: VectorPrimitive,
     parameters: CorrectionParameters,

@@ -14,17 +14,7 @@ MODELS = (POINTWISE, LEVEL, UNROLLED)
 
 
 class TrainingParameters(Parameters):
-    """How a feedback model is trained.
-
-    Attributes:
-        steps: gradient steps.
-        batch_size: samples per model and step.
-        learning_rate: of RMSProp.
-        dropout: probability with which a hidden node is left out of a step (IV.9.1.4).
-        evaluate_every: steps between two evaluations, which are where training can stop.
-        chunk_samples: consecutive samples that are split together; 1 is the text.
-        seed: of initial weights, splits, batches and dropout.
-    """
+    """How a feedback model is trained sample by sample. Fields: `params.yaml`, `compare_models`."""
 
     steps: PositiveInt
     batch_size: PositiveInt
@@ -36,15 +26,7 @@ class TrainingParameters(Parameters):
 
 
 class UnrolledTrainingParameters(Parameters):
-    """Parameters of training inside the unroll.
-
-    Attributes:
-        steps: largest number of steps of the optimiser (Adam).
-        learning_rate: of the optimiser.
-        dropout: probability with which a hidden node is left out of a step.
-        coupling_loss_weight: of the loss on the coupling terms themselves, beside that on the path.
-        seed: of the batches and the dropout masks.
-    """
+    """Training inside the unroll. Fields: `params.yaml`, `train_feedback.unrolled`."""
 
     steps: int = Field(ge=1)
     learning_rate: float = Field(gt=0)
@@ -54,12 +36,7 @@ class UnrolledTrainingParameters(Parameters):
 
 
 class NetworkParameters(Parameters):
-    """Which feedback network is trained.
-
-    Attributes:
-        network: module of `feedback.models`.
-        hidden: nodes of its regular hidden layers.
-    """
+    """Which feedback network is trained."""
 
     network: Name
     hidden: tuple[int, ...]
@@ -73,13 +50,7 @@ class NetworkParameters(Parameters):
 
 
 class FeedbackParameters(NetworkParameters):
-    """Training of the final models.
-
-    Attributes:
-        pointwise: training sample by sample.
-        unrolled: training inside the unroll.
-        validation_share: of the demonstration numbers, on which training inside the unroll is stopped.
-    """
+    """Training of the final models, sample by sample and inside the unroll."""
 
     pointwise: TrainingParameters
     unrolled: UnrolledTrainingParameters

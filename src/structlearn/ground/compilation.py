@@ -44,16 +44,11 @@ def _kept_in(package: Path) -> Path:
     return Path(own.name)
 
 
-def sources_digest(package: Path, mark: bytes = MARK) -> str:
-    """Digest of source files, names and contents: 16 hexadecimal digits.
-
-    Args:
-        package: their folder.
-        mark: files that contain it count, by default those with compiled functions.
-    """
+def sources_digest(package: Path) -> str:
+    """Digest of a folder's files with compiled functions, names and contents: 16 hexadecimal digits."""
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         content = path.read_bytes()
-        if mark in content:
+        if MARK in content:
             digest.update(path.relative_to(package).as_posix().encode() + b"\0" + content)
     return digest.hexdigest()[:16]

@@ -13,22 +13,18 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from functools import partial
-from itertools import islice
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TypeVar
 from urllib.parse import urlsplit
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
-from structlearn.ground.wall_clock import SharedWork, shared_works
-
-if TYPE_CHECKING:
-    from distributed import Client
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -36,7 +32,6 @@ Result = TypeVar("Result")
 BACKEND = "STRUCTLEARN_BACKEND"
 PROCESSES = "STRUCTLEARN_PROCESSES"
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
-
 UNENCRYPTED = "STRUCTLEARN_UNENCRYPTED_DASK"
 
 ANSWER_S = 10.0
@@ -57,10 +52,9 @@ def parallel_map(
 ) -> list[Result]:
     """Apply a function to every item, in processes, and keep the order.
 
-    A process may die: killed for want of memory, or by a crash in compiled code. With `lost` the results so
-    far are kept, the items that may be to blame run once more, one at a time, and the rest goes on in
-    parallel. So only an item that ends its process also when it runs alone is lost, whatever the number of
-    processes.
+    A process may die: killed for want of memory, or by a crash in compiled code. With `lost`, items without a
+    result then run once more, one at a time. So only an item that ends its process also when it runs alone is
+    lost, whatever the number of processes.
 
     Args:
         function: a picklable function of one item; randomness must come from a seed in the item.
@@ -77,128 +71,67 @@ def parallel_map(
         RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
-    run = _backend(local)
+    backend = os.environ.get(BACKEND, "fork")
+    if backend not in ("fork", "dask", "sequential"):
+        raise InputError(f"{BACKEND}={backend}: is not one of fork, dask, sequential")
+    bar = partial(tqdm, desc=description, leave=False, disable=None)  # none where nobody watches
+    if backend == "sequential":
+        return [function(item) for item in bar(work)]
     results: dict[int, Result] = {}
-    started_s, taken_s = time.perf_counter(), [0.0]
-    # `disable=None`: no bar where nobody watches.
-    with tqdm(total=len(work), desc=description, leave=False, disable=None) as bar:
+    with bar(total=len(work)) as progress:
 
         def take(places: Iterable[int]) -> None:
-            for place, (result, item_s) in run(
-                partial(_timed, function), {place: work[place] for place in places}
-            ):
-                results[place] = result
-                taken_s.append(item_s)
-                bar.update()
-
-        while len(results) < len(work):
+            """Enter the results of items; those whose process died have none."""
+            pool, death = _cluster() if backend == "dask" and not local else (_processes(), BrokenProcessPool)
+            running: dict[Future, int] = {}
             try:
-                take(place for place in range(len(work)) if place not in results)
-            except _ProcessDied as death:
-                if lost is None:
-                    numbers = ", ".join(str(place + 1) for place in death.places)
-                    raise RuntimeError(
-                        f"{description}: a process died; of {len(work)} items it worked on one of {numbers}"
-                    ) from death
-                for place in death.places:
-                    try:
-                        take([place])
-                    except _ProcessDied:
-                        results[place] = lost(work[place])
-                        bar.update()
-    shared_works.append(SharedWork(time.perf_counter() - started_s, sum(taken_s), max(taken_s)))
+                with suppress(death):  # a pool that has broken takes no more
+                    for place in places:
+                        running[pool.submit(partial(function, work[place]))] = place
+                for future in as_completed(running):
+                    with suppress(death):
+                        results[running[future]] = future.result()
+                        progress.update()
+            finally:
+                for future in running:
+                    future.cancel()
+            if any(place not in results for place in places):
+                _end_processes()
+
+        take(range(len(work)))
+        for place in [place for place in range(len(work)) if place not in results]:
+            if lost is None:
+                raise RuntimeError(
+                    f"{description}: a process died; of {len(work)} items number {place + 1} has no result"
+                )
+            take([place])
+            if place not in results:
+                results[place] = lost(work[place])
+                progress.update()
     return [results[place] for place in range(len(work))]
-
-
-class _ProcessDied(Exception):  # noqa: N818 - it says what happened, and no caller sees it
-    """Some process ended while it worked; `places` are those of the items that may be to blame."""
-
-    def __init__(self, places: Iterable[int]):
-        super().__init__()
-        self.places = sorted(places)
-
-
-def _timed(function: Callable[[Item], Result], item: Item) -> tuple[Result, float]:
-    """Result, and what it took of the processor in s."""
-    started_s = time.process_time()
-    return function(item), time.process_time() - started_s
-
-
-def _backend(local: bool) -> Callable[[Callable, Mapping[int, Any]], Iterator[tuple[int, Any]]]:
-    """What runs a function on items by place, and gives places and results as they come."""
-    if _works_for_another:
-        return _in_a_loop  # the cores have their processes already
-    name = os.environ.get(BACKEND, "fork")
-    backends = {
-        "fork": _in_processes,
-        "dask": _in_processes if local else _on_cluster,
-        "sequential": _in_a_loop,
-    }
-    if name not in backends:
-        raise InputError(f"{BACKEND}={name}: is not one of {', '.join(backends)}")
-    return backends[name]
-
-
-def _in_a_loop(function: Callable[[Item], Result], work: Mapping[int, Item]) -> Iterator[tuple[int, Result]]:
-    return ((place, function(item)) for place, item in work.items())
-
-
-def _in_processes(
-    function: Callable[[Item], Result], work: Mapping[int, Item]
-) -> Iterator[tuple[int, Result]]:
-    """By processes of this machine; no more items are handed out than keep them busy, so few are to blame."""
-    count = _process_count()
-    pool = _processes(count)
-    waiting = iter(work.items())
-    running: dict[Future, int] = {}
-    try:
-        while True:
-            for place, item in islice(waiting, 2 * count - len(running)):
-                running[pool.submit(function, item)] = place
-            if not running:
-                return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                result = future.result()
-                yield running.pop(future), result
-    except BrokenProcessPool as error:
-        _end_processes()
-        raise _ProcessDied(running.values()) from error
-    finally:
-        for future in running:
-            future.cancel()
-
-
-def _process_count() -> int:
-    """Processes at a time."""
-    given = os.environ.get(PROCESSES, "")
-    if given and not (given.isdecimal() and int(given)):
-        raise InputError(f"{PROCESSES}={given}: is no number of processes")
-    if given:
-        return int(given)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 _pools: dict[int, ProcessPoolExecutor] = {}
 """By its number of processes; there is one at a time."""
 
-_works_for_another = False
-"""Whether this process is one of a pool."""
 
-
-def _processes(count: int) -> ProcessPoolExecutor:
+def _processes() -> ProcessPoolExecutor:
+    """Processes of this machine, those of the work before where they are as many."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    given = os.environ.get(PROCESSES) or str(cores or 1)
+    if not (given.isdecimal() and int(given)):
+        raise InputError(f"{PROCESSES}={given}: is no number of processes")
+    count = int(given)
     if count not in _pools:
         _end_processes()
         context = multiprocessing.get_context("fork")
-        _pools[count] = ProcessPoolExecutor(
-            count, mp_context=context, initializer=_begin_to_work, initargs=(os.getpid(),)
-        )
+        _pools[count] = ProcessPoolExecutor(count, context, _begin_to_work, (os.getpid(),))
     return _pools[count]
 
 
 def _end_processes() -> None:
     while _pools:
-        _, pool = _pools.popitem()
-        pool.shutdown(cancel_futures=True)
+        _pools.popitem()[1].shutdown(cancel_futures=True)
 
 
 def _begin_to_work(parent: int) -> None:
@@ -206,11 +139,10 @@ def _begin_to_work(parent: int) -> None:
 
     BLAS and OpenMP, so torch too, whose threads did not survive the fork, take one thread.
     """
-    global _works_for_another
-    _works_for_another = True
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     threadpool_limits(1)
     os.environ["OMP_NUM_THREADS"] = "1"  # of libraries that are loaded later
+    os.environ[BACKEND] = "sequential"  # the cores have their processes already
 
 
 def _end_with(parent: int) -> None:
@@ -220,47 +152,20 @@ def _end_with(parent: int) -> None:
     os._exit(1)
 
 
-def _on_cluster(function: Callable[[Item], Result], work: Mapping[int, Item]) -> Iterator[tuple[int, Result]]:
-    """Places and results as they come, by Dask, which tries four times where a worker's process dies."""
-    client = _connected()
-    from distributed import KilledWorker, as_completed
-
-    places = {client.submit(partial(function, item), pure=False): place for place, item in work.items()}
-    killed = {}
-    for future in as_completed(places):
-        place = places.pop(future)
-        try:
-            result = future.result()
-        except KilledWorker as error:
-            killed[place] = error
-        else:
-            yield place, result
-    if killed:
-        raise _ProcessDied(killed) from next(iter(killed.values()))
-
-
-def _private(address: str) -> bool:
-    """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
-    given = urlsplit(address if "://" in address else f"tcp://{address}")
-    local = given.hostname == "localhost" or str(given.hostname).startswith("127.")
-    return local or given.scheme not in ("tcp", "ws")
-
-
-def _connected() -> "Client":
-    """The client of this process, connected at the first call.
+def _cluster() -> tuple[Executor, type[Exception]]:
+    """The cluster, connected at the first call, and its error where a worker's process has died four times.
 
     Raises:
         InputError: Dask is not installed, the scheduler has no address or does not answer, or has no workers.
     """
     try:
         import dask
-        from distributed import Client
+        from distributed import Client, KilledWorker
     except ImportError as error:
         raise InputError(f"{BACKEND}=dask needs the package `distributed`, of the extra `cluster`") from error
-    try:
-        return Client.current()
-    except ValueError:
-        address = dask.config.get("scheduler-address", None)
+    with suppress(ValueError):
+        return Client.current().get_executor(pure=False), KilledWorker
+    address = dask.config.get("scheduler-address", None)
     if not address:
         raise InputError(f"{BACKEND}=dask needs the scheduler's address in {SCHEDULER}, e.g. tcp://host:8786")
     if not (_private(address) or os.environ.get(UNENCRYPTED) == "yes"):
@@ -280,4 +185,11 @@ def _connected() -> "Client":
     except TimeoutError as error:
         client.close()
         raise InputError(f"{SCHEDULER}={address}: no worker has joined within {WORKERS_S:.0f} s") from error
-    return client
+    return client.get_executor(pure=False), KilledWorker
+
+
+def _private(address: str) -> bool:
+    """Whether nobody else can speak to a scheduler: it is encrypted, or on this machine only."""
+    given = urlsplit(address if "://" in address else f"tcp://{address}")
+    local = given.hostname == "localhost" or str(given.hostname).startswith("127.")
+    return local or given.scheme not in ("tcp", "ws")

@@ -13,11 +13,9 @@ Seeds = Annotated[list[NonNegativeInt], Field(min_length=1)]
 
 
 class Population(Parameters):
-    """Seeds of a testbed's population.
+    """Seeds of a testbed's population: constants were chosen on `tuning`, verdicts rest on `test`.
 
-    Attributes:
-        tuning: on which its constants were chosen; the first is who recordings and first figures show.
-        test: on which verdicts rest, and nothing was chosen.
+    The first of `tuning` is who recordings and first figures show.
     """
 
     tuning: Seeds

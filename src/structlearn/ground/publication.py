@@ -51,15 +51,6 @@ def publish(target: str | Path) -> Iterator[Path]:
                 shutil.rmtree(workspace, ignore_errors=True)
 
 
-def discard(folder: Path) -> None:
-    """Delete a folder that may not be there; a killed process leaves all of it at its place, or nothing."""
-    aside = folder.with_name(f".discard-{folder.name}")
-    shutil.rmtree(aside, ignore_errors=True)  # left by a killed process
-    if folder.exists():
-        folder.rename(aside)
-        shutil.rmtree(aside, ignore_errors=True)
-
-
 OF_THE_DISK = {
     getattr(errno, name)
     for name in ("ENOSPC", "EDQUOT", "EFBIG", "EROFS", "EACCES", "EPERM", "ENAMETOOLONG", "ENOTDIR")

@@ -10,9 +10,9 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, astuple, dataclass, fields
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.publication import publish
@@ -24,57 +24,16 @@ RUN_BY_DVC = "DVC_STAGE"
 """Environment variable that DVC sets while a stage runs."""
 
 
-@dataclass(frozen=True)
-class SharedWork:
-    """What a loop over processes took.
-
-    Attributes:
-        wall_s: on the clock.
-        items_s: of the processor, all items together.
-        longest_s: likewise, of the longest item, which no number of processes makes shorter.
-    """
-
-    wall_s: float
-    items_s: float
-    longest_s: float
-
-
-shared_works: list[SharedWork] = []
-"""All loops of this process, which `structlearn.ground.parallel` enters."""
-
-
-@dataclass(frozen=True)
-class StageTime:
-    """What one run of a stage took, from the start of Python; by Amdahl's law what more cores would bring.
-
-    On n equal cores it takes the serial part and, loop by loop, an n-th of the items, but no less than the
-    longest of them.
+class StageTime(NamedTuple):
+    """What one run of a stage took, from the start of Python.
 
     Attributes:
         wall_s: on the clock.
         cpu_s: of the processor, worker processes on this machine included.
-        serial_s: on the clock, outside all loops over processes.
-        shared_s: of the processor, the items of these loops.
-        cores_4_s: on the clock of four cores.
-        cores_16_s: likewise.
-        cores_64_s: likewise.
     """
 
     wall_s: float
     cpu_s: float
-    serial_s: float
-    shared_s: float
-    cores_4_s: float
-    cores_16_s: float
-    cores_64_s: float
-
-
-def stage_time(wall_s: float, cpu_s: float, works: Sequence[SharedWork]) -> StageTime:
-    """Times of a stage from what was measured: the clock, the processor, its loops over processes."""
-    serial_s = max(wall_s - sum(work.wall_s for work in works), 0.0)
-    shared_s = sum(work.items_s for work in works)
-    cores_s = (serial_s + sum(max(work.items_s / n, work.longest_s) for work in works) for n in (4, 16, 64))
-    return StageTime(wall_s, cpu_s, serial_s, shared_s, *cores_s)
 
 
 def timed(main: Callable[[], None]) -> None:
@@ -86,7 +45,7 @@ def timed(main: Callable[[], None]) -> None:
     if RUN_BY_DVC in os.environ:
         # by its command: DVC's name of a stage depends on the folder that DVC is called in
         command, wall_s = shlex.join(sys.argv), _since_start_s()
-        atexit.register(lambda: record(command, stage_time(wall_s, _cpu_s(), shared_works)))
+        atexit.register(lambda: record(command, StageTime(wall_s, sum(os.times()[:4]))))
 
 
 def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
@@ -97,9 +56,8 @@ def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
         taken: rounded to 0.1 s.
         path: of the file, which is made anew where it is missing or damaged.
     """
-    rounded = StageTime(*(round(value, 1) for value in astuple(taken)))
-    times = {**read_times(path), command: rounded}
-    entries = {name: asdict(times[name]) for name in sorted(times)}
+    times = {**read_times(path), command: StageTime(*(round(value, 1) for value in taken))}
+    entries = {name: times[name]._asdict() for name in sorted(times)}
     try:
         with publish(path) as target:
             target.write_text(json.dumps(entries, indent=2) + "\n")
@@ -110,19 +68,10 @@ def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
 def read_times(path: Path = TIMES) -> dict[str, StageTime]:
     """Times by command; none where the file is missing or damaged."""
     try:
-        entries = json.loads(path.read_text())
-        return {
-            command: StageTime(*(float(entry[field.name]) for field in fields(StageTime)))
-            for command, entry in entries.items()
-        }
+        entries = json.loads(path.read_text()).items()
+        return {name: StageTime(float(its["wall_s"]), float(its["cpu_s"])) for name, its in entries}
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return {}
-
-
-def _cpu_s() -> float:
-    """Of this process and its children that have ended."""
-    used = os.times()
-    return used.user + used.system + used.children_user + used.children_system
 
 
 def _since_start_s() -> float:

@@ -10,14 +10,7 @@ from structlearn.ground.params import Parameters
 
 
 class AdamParameters(Parameters):
-    """Parameters of the optimiser.
-
-    Attributes:
-        rate: learning rate.
-        batch: samples per step.
-        second_moment_decay: per step, of the running mean of squared gradients. Gradients of inertias fall by
-            five powers of ten in a few hundred steps; torch's 0.999 goes on dividing by the first ones.
-    """
+    """The optimiser. Fields: `params.yaml`, `train_dynamics.learning.networks`."""
 
     rate: float = Field(gt=0)
     batch: int = Field(ge=1)

@@ -35,18 +35,7 @@ FEWEST_ROLLOUTS = 2
 
 
 class PI2Parameters(Parameters):
-    """How the search distribution is sampled and updated.
-
-    Attributes:
-        samples: rollouts per update, K.
-        averaging: of the time steps' weights of a sample: `per_weight`, for every parameter over the steps at
-            which it acts; `per_policy`, over all steps for all parameters, as in the text.
-        horizon: share of the time steps, from each on, over which its cost-to-go is summed; 1 is the text.
-        kl_bound: nat, largest divergence of the samples' weights from uniform ones, at every time step.
-        temperature: of the normalised costs, instead of the bound; None: by the bound.
-        temperature_floor: smallest temperature that the bound may ask for.
-        covariance: how the covariance follows.
-    """
+    """How the search distribution is sampled and updated. Fields: `params.yaml`, `refine.search`."""
 
     samples: int = Field(ge=FEWEST_ROLLOUTS)
     averaging: Literal["per_weight", "per_policy"]

@@ -51,19 +51,7 @@ KNOWN = 5
 
 
 class RefinementParameters(Parameters):
-    """Parameters of the refinement.
-
-    Attributes:
-        iterations: so many.
-        search: of PI2-CMA.
-        evaluation_runs: executions with the network per iteration.
-        added_runs: executions of the improved policy that are added to the data; the text adds one, the
-            author's public code eight. No two executions feel the same: the more there are, the less the
-            network mistakes how the tool happened to be held for the setting.
-        training: of the network before.
-        retraining_dropout: dropout when it is trained anew; the text has one for both. Without, the network
-            tells the settings better apart that it has felt executed.
-    """
+    """Refinement of a feedback model by trial. Fields: `params.yaml`, `refine`."""
 
     iterations: int = Field(ge=1, le=100)
     search: PI2Parameters
@@ -201,7 +189,6 @@ def refine(
     parameters: RefinementParameters,
     exploration: float,
     seed: int,
-    resume: Progress | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
     """Refine a feedback model.
@@ -213,16 +200,13 @@ def refine(
         parameters: see there.
         exploration: standard deviation of the policy's weights at first.
         seed: of the exploration.
-        resume: state to go on from, of a run that was cut off.
         report: called with the state after every iteration, the 0th included.
 
     Returns:
         The last state.
     """
-    progress = resume
-    if progress is None:
-        progress = start(environment, initial, parameters, exploration)
-        report(progress)
+    progress = start(environment, initial, parameters, exploration)
+    report(progress)
     while progress.iteration < parameters.iterations:
         progress = improve(environment, progress, initial, demonstrations, parameters, seed)
         report(progress)

@@ -35,13 +35,7 @@ SEARCHED, JUDGED = 3, 4
 
 
 class ComparisonParameters(Parameters):
-    """How the searches are compared.
-
-    Attributes:
-        budget: rollouts per search.
-        seeds: searches per method.
-        evaluation_runs: executions of the mean policy after every update, beyond the budget.
-    """
+    """How the searches are compared."""
 
     budget: int = Field(ge=1)
     seeds: int = Field(ge=1)

@@ -23,14 +23,7 @@ from structlearn.recordings.demonstration import Demonstration
 
 
 class FitParameters(Parameters):
-    """Parameters of the primitives.
-
-    Attributes:
-        smoothing_hz: low-pass of positions and orientations before they are differentiated twice.
-        kernel_count: N, number of phase kernels.
-        regression: `joint` least squares over all kernels, as in the text, or `local`, each kernel alone.
-        scaled_axes: local axes (x along the reach) whose forcing term scales with the reach.
-    """
+    """Parameters of the primitives."""
 
     smoothing_hz: float = Field(gt=0)
     kernel_count: int = Field(ge=2, le=200)
@@ -85,6 +78,18 @@ def segment_paths(
     if len({orientation is None for _, orientation in segments}) > 1:
         raise InputError("some demonstrations have an orientation and some have none")
     return segments
+
+
+def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
+    """Orientations of segments that all have one.
+
+    Raises:
+        InputError: one has none.
+    """
+    found = [orientation for _, orientation in segments if orientation is not None]
+    if len(found) < len(segments):
+        raise InputError("a segment has no orientation")
+    return found
 
 
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:

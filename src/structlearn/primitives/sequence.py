@@ -71,14 +71,7 @@ class SequencePath:
 
 
 class GeneraliseParameters(Parameters):
-    """A new situation in which a learned sequence is unrolled.
-
-    Attributes:
-        start_offset_m: added to the start, base frame.
-        goal_offset_m: added to every goal, base frame.
-        goal_turn_deg: about the vertical, added to every goal orientation.
-        duration_factor: times the demonstrations' mean duration.
-    """
+    """A new situation in which a learned sequence is unrolled."""
 
     start_offset_m: tuple[float, float, float]
     goal_offset_m: tuple[float, float, float]

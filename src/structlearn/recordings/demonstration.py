@@ -65,6 +65,17 @@ class Demonstration:
         """Sampling interval in s."""
         return float(self.time[-1] - self.time[0]) / (len(self.time) - 1)
 
+    def signal(self, name: str) -> np.ndarray:
+        """One of `SIGNALS`.
+
+        Raises:
+            InputError: it was not recorded.
+        """
+        values = getattr(self, name)
+        if values is None:
+            raise InputError(f"{self.name}: has no {name}")
+        return values
+
     @property
     def simulated(self) -> bool:
         """Whether the data come from a simulation."""

@@ -10,7 +10,7 @@ equal bytes: no dates, no versions, no wall times.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -23,7 +23,6 @@ from markupsafe import Markup
 from structlearn.ground.params import Parameters
 from structlearn.reporting import prose
 from structlearn.reporting.claims import VERDICTS, Judged, OnRecordings, verdict_counts
-from structlearn.reporting.parameter_table import parameter_table
 
 MISSING = "\N{EN DASH}"
 
@@ -260,3 +259,35 @@ def cell(value: object, number_format: str = "") -> str:
             number_format = number_format or ".6g"  # digits beyond depend on the processor
         return format(value, number_format).replace("-", "\N{MINUS SIGN}")
     return str(value)
+
+
+def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
+    """One row per parameter, named as for `dvc exp run --temp -S`.
+
+    Args:
+        parameters: by their key in `params.yaml`.
+    """
+    rows = [row for key, model in parameters.items() for row in _rows(key, model.model_dump(mode="json"))]
+    return pd.DataFrame(rows, columns=["parameter", "value"])
+
+
+def _rows(key: str, value: Any) -> Iterator[tuple[str, str]]:
+    """Dotted name and value of every leaf; lists of plain values are one leaf, as are named entries."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _rows(f"{key}.{name}", inner)
+    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
+        for place, inner in enumerate(value):
+            yield f"{key}.{place}", ", ".join(f"{name} {_text(leaf)}" for name, leaf in inner.items())
+    else:
+        yield key, _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_text(inner) for inner in value) or "\N{EN DASH}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return "\N{EN DASH}"
+    return f"{value:g}" if isinstance(value, float) else str(value)

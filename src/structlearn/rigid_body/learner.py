@@ -36,14 +36,7 @@ SHARED = ("input_mean", "input_scale", "output_mean", "output_scale", "row", "co
 
 
 class LearningParameters(Parameters):
-    """Parameters of learning a dynamics model.
-
-    Attributes:
-        hidden: nodes of each hidden layer of the networks.
-        networks: optimiser of the networks.
-        structures: optimiser of the inertias.
-        threshold: NMSE of every joint at which a model is good enough.
-    """
+    """Parameters of learning a dynamics model."""
 
     hidden: tuple[int, ...] = Field(min_length=1)
     networks: AdamParameters

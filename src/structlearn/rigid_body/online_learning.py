@@ -39,15 +39,7 @@ EMPTY_FRICTION: tuple[FrictionTerm, ...] = ("viscous", "coulomb")
 
 
 class PayloadLearningParameters(Parameters):
-    """Parameters of following a payload.
-
-    Attributes:
-        structure: of the links.
-        empty_s: from the start of a log, in which the empty arm is identified.
-        batch: samples between two fits.
-        memory_s: after this time a sample's weight has fallen to a half.
-        iterations: of L-BFGS per fit.
-    """
+    """How a payload is followed. Fields: `params.yaml`, `online.payload`."""
 
     structure: Structure
     empty_s: float = Field(gt=0)
@@ -57,15 +49,7 @@ class PayloadLearningParameters(Parameters):
 
 
 class OnlineParameters(Parameters):
-    """Parameters of online learning.
-
-    Attributes:
-        models: kinds that go through the motion.
-        seeds: models of each kind.
-        losses: each with all of them.
-        stride: errors of networks are taken on every so manieth sample.
-        payload: how a payload is followed.
-    """
+    """Parameters of online learning: each kind of model learns with each of the losses."""
 
     models: tuple[Kind, ...]
     seeds: tuple[NonNegativeInt, ...]

@@ -35,12 +35,7 @@ DAMPING = 1e-6
 
 
 class VelocityControlParameters(Parameters):
-    """Gains of the controller.
-
-    Attributes:
-        tool_1_s: K_x, of the tool's position.
-        posture_1_s: K_n, towards the posture in the null space.
-    """
+    """Gains of the controller. Fields: `params.yaml`, `track.reaching.control`."""
 
     tool_1_s: float = Field(gt=0)
     posture_1_s: float = Field(ge=0)

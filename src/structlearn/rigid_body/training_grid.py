@@ -65,30 +65,14 @@ Seeds = Annotated[tuple[NonNegativeInt, ...], Field(min_length=1)]
 
 
 class EpochLimits(Parameters):
-    """At most so many epochs, whatever the kind and the form.
-
-    Attributes:
-        simulation: the text's slowest network takes 58.
-        robot: on a robot's log; all of them are run, since no model of rigid bodies explains it in full.
-    """
+    """At most so many epochs, whatever the kind and the form."""
 
     simulation: int = Field(ge=1)
     robot: int = Field(ge=1)
 
 
 class DynamicsTrainingParameters(Parameters):
-    """Parameters of the trainings.
-
-    Attributes:
-        models: kinds to train.
-        forms: in which they are.
-        seeds: of the models in simulation, of a kind and form; robots have one model each.
-        learning: the text's form.
-        ours: optimiser of our form, of all kinds.
-        stride: errors of networks are taken on every so manieth sample until they seem good enough.
-        epochs: how long.
-        smoothing_hz: low-pass of robots' logs.
-    """
+    """Parameters of the trainings."""
 
     models: tuple[Kind, ...]
     forms: tuple[Form, ...]

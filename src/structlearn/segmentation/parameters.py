@@ -87,21 +87,8 @@ MOST = 100
 class SegmentParameters(Parameters):
     """Parameters of the segmentation.
 
-    Attributes:
-        primitives: in order of time; their number, their names, or what is known of each.
-        reference: name of the demonstration that is cut first; None: the first one, or where runs of motion
-            are assigned (`assigns_runs`) the one that the others are most like.
-        guess_cutoff_hz: low-pass of the speed that finds a movement.
-        cut_cutoff_hz: low-pass of the speed that places its cut points.
-        align_cutoff_hz: low-pass of positions and velocities for the alignment.
-        bridge_s: a dip in speed up to this long is a hesitation, not an end.
-        extension_s: delta, by which a segment is extended on both sides before the alignment.
-        downsampling: g, every g-th sample is aligned (appendix C).
-        near_zero: fraction of the largest speed below which a pair is dropped.
-        decay: k of the weights exp(-k |v_ref - v_guess|).
-        crossing_weight: weight of the crossings as correspondences, relative to all other pairs together.
-        crossing_tolerance_s: distance from the alignment at which a crossing has half that weight.
-        skip_failures: go on without demonstrations that cannot be cut; the report lists them.
+    Without a `reference` the first demonstration is cut first, or, where runs of motion are assigned
+    (`assigns_runs`), the one that the others are most like.
     """
 
     primitives: Annotated[tuple[PrimitiveParameters, ...], BeforeValidator(_in_full)] = Field(

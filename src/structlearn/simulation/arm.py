@@ -76,12 +76,7 @@ def carrying(inertias: LinkInertias, payload: Payload) -> LinkInertias:
 
 
 class ArmParameters(Parameters):
-    """Which arm.
-
-    Attributes:
-        urdf: a path, or a file of `pybullet_data`, e.g. `kuka_iiwa/model.urdf`.
-        locked_joints: joints held at zero, e.g. a gripper's fingers.
-    """
+    """Which arm."""
 
     urdf: str = Field(min_length=1)
     locked_joints: tuple[str, ...]

@@ -64,31 +64,7 @@ CLOCK_START_NS = 10**9
 
 
 class ToucherParameters(Parameters):
-    """The person who demonstrates touch; `params.yaml` asks for about as many samples as the text has.
-
-    Attributes:
-        skin: name of the skin (`tactile.electrodes.SKINS`).
-        seed: of the person.
-        sensor_seed: of what tells one electrode from another.
-        areas: of the skin, per part.
-        rotations: demonstrations per area.
-        translations: demonstrations per area.
-        rate_hz: of the robot.
-        along_mm: range along the finger that swipes cover, and in which the areas of rotations lie.
-        across_deg: half the range of the turns, and of the areas of swipes, about the core of the skin; with
-            0 only the core is covered, as suits a flat skin.
-        rotation_s: median time of a turn, in contact.
-        translation_s: median time of a swipe, in contact.
-        time_cv: standard deviation of the log of these.
-        load_n: range of the mean load of a contact.
-        waver: standard deviation of the load within a contact, relative.
-        tilt_deg: standard deviation of how the finger is held, pitch and yaw.
-        rest_s: range of the rests in the air, before, between and after contacts.
-        noise_mm: standard deviation per axis of the hand's sway, motor noise and tremor in the air.
-        handle_radius_mm: of the handle.
-        handle_half_mm: half its length; a flat skin, which would lie on a bar with a whole line, needs a knob
-            of no length.
-    """
+    """The person who demonstrates touch; `params.yaml` asks for about as many samples as the text has."""
 
     skin: Literal["biotac", "flat_pad", "sphere"]
     seed: int = Field(ge=0)

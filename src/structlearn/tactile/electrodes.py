@@ -97,7 +97,7 @@ class Skin:
         """Outward unit normals at points of the surface. Shape (..., 3) -> (..., 3)."""
         return (points - self.core(points)) / self.radius
 
-    def surface(self, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+    def surface(self, along: np.ndarray | float, across: np.ndarray | float) -> np.ndarray:
         """Points of the surface at two surface coordinates.
 
         Args:
@@ -190,3 +190,36 @@ def _over_core(
 
 SKINS: Mapping[str, Skin] = {skin.name: skin for skin in (biotac(), flat_pad(), sphere())}
 """All skins by name."""
+
+
+SEGMENTS = 16
+"""Of a shortest path; over a quarter of a circle, chords are 0.04 % too short."""
+
+ROUNDS = 300
+"""Of shortening; the longest wave of a path of 16 segments falls to 1/e in 50."""
+
+
+def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarray:
+    """Length of the shortest path on a skin between points of it.
+
+    This is what a servoed contact could have travelled. A path of points is pulled taut: every point moves to
+    the middle of its neighbours and back to the skin.
+
+    Args:
+        first: (B, 3) m, on the skin.
+        second: (B, 3) m, on the skin.
+        skin: convex, as all skins here are.
+
+    Returns:
+        (B,) m.
+    """
+    part = np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None, None]
+    path = skin.project((1 - part) * first + part * second)  # (SEGMENTS + 1, B, 3)
+    for _ in range(ROUNDS):
+        path[1:-1] = skin.project(0.5 * (path[:-2] + path[2:]))
+    return path_length(path)
+
+
+def path_length(path: np.ndarray) -> np.ndarray:
+    """Length (...) of paths (N, ..., 3) along their first axis."""
+    return np.linalg.norm(np.diff(path, axis=0), axis=-1).sum(axis=0)

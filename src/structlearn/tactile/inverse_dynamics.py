@@ -23,7 +23,7 @@ from structlearn.tactile.forward_dynamics import (
     NonLinearDynamics,
     applied,
 )
-from structlearn.tactile.latent_variants import NEGATIVE_GRADIENT
+from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
 
 
 @dataclass(frozen=True)

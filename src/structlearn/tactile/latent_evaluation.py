@@ -15,8 +15,8 @@ from structlearn.tactile.autoencoder import map_distance
 from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.latent_training import encoded
-from structlearn.tactile.latent_variants import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.touch_dataset import TouchDataset
 from structlearn.tactile.units import LINEAR, TouchUnits
 

@@ -19,8 +19,13 @@ from structlearn.tactile.forward_dynamics import (
     LocallyLinearDynamics,
     NonLinearDynamics,
 )
-from structlearn.tactile.latent_parameters import NetworkParameters
-from structlearn.tactile.latent_variants import LOCALLY_LINEAR, NONLINEAR, STRUCTURES, TRAINED_WITH
+from structlearn.tactile.latent_parameters import (
+    LOCALLY_LINEAR,
+    NONLINEAR,
+    STRUCTURES,
+    TRAINED_WITH,
+    NetworkParameters,
+)
 
 NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
 """Names of a stack's networks in files."""

@@ -1,18 +1,46 @@
-"""What is chosen for the training of latent spaces and their dynamics, and for the distances on the skin."""
+"""What is chosen for latent spaces, their dynamics and distances on the skin; names of what is compared."""
+
+from typing import Final, Literal
 
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
 
+STRUCTURES = (True, False)
+"""Whether the latent space has structure: L_MDS and L_CDP in its loss."""
+
+InverseModel = Literal["LL", "NG", "NJ"]
+
+LOCALLY_LINEAR: InverseModel = "LL"
+NEGATIVE_GRADIENT: InverseModel = "NG"
+JACOBIAN: InverseModel = "NJ"
+"""Names of the inverse models."""
+
+NONLINEAR = "NL"
+"""Name of the other forward model, beside `LOCALLY_LINEAR`."""
+
+UNCHANGED = "unchanged"
+"""The prediction that nothing moves, beside the forward models."""
+
+NO_INVERSE: Final = "none"
+"""Trained with L_LFD alone."""
+
+TRAINED_WITH: dict[str, tuple[InverseModel | Literal["none"], ...]] = {
+    LOCALLY_LINEAR: (NO_INVERSE, LOCALLY_LINEAR),
+    NONLINEAR: (NO_INVERSE, NEGATIVE_GRADIENT, JACOBIAN),
+}
+"""Per forward model, the inverse models whose loss L_ID it is trained with, in the order of its stack."""
+
+FORWARD_OF: dict[InverseModel, str] = {
+    LOCALLY_LINEAR: LOCALLY_LINEAR,
+    NEGATIVE_GRADIENT: NONLINEAR,
+    JACOBIAN: NONLINEAR,
+}
+"""Per inverse model, the forward model that it shares its parameters with."""
+
 
 class NetworkParameters(Parameters):
-    """Sizes of the networks (II.4.1.3).
-
-    Attributes:
-        encoder_hidden: nodes of the encoder's hidden layers; the decoder mirrors them.
-        locally_linear_hidden: nodes of the hidden layers of the LL model.
-        nonlinear_hidden: nodes of the hidden layer of the NL model.
-    """
+    """Sizes of the networks (II.4.1.3). Fields: `params.yaml`, `train_latent.networks`."""
 
     encoder_hidden: tuple[PositiveInt, ...]
     locally_linear_hidden: tuple[PositiveInt, ...]
@@ -22,12 +50,7 @@ class NetworkParameters(Parameters):
 class LossWeights(Parameters):
     """Weights of the losses (eq. II.23, II.24), for quantities in the units of `TouchUnits`.
 
-    Attributes:
-        reconstruction: w_AER.
-        distances: w_MDS.
-        pressure: w_CDP.
-        forward: w_LFD.
-        inverse: w_ID.
+    Fields: `params.yaml`, `train_latent.training.weights`.
     """
 
     reconstruction: float = Field(ge=0)
@@ -38,18 +61,7 @@ class LossWeights(Parameters):
 
 
 class LatentTrainingParameters(Parameters):
-    """How latent spaces and dynamics are trained.
-
-    Attributes:
-        steps: of both optimisers.
-        batch_size: pairs of samples, and chains, per model and step.
-        learning_rate: of RMSProp at the start; it falls to zero.
-        decay: of RMSProp's running mean of squared gradients.
-        weights: of the losses.
-        action_penalty: beta of the inverse models (eq. II.12), in the units of `TouchUnits`.
-        evaluate_every: steps between two points of the learning curve.
-        seed: of initial weights and batches.
-    """
+    """How latent spaces and dynamics are trained. Fields: `params.yaml`, `train_latent.training`."""
 
     steps: PositiveInt
     batch_size: PositiveInt
@@ -62,20 +74,7 @@ class LatentTrainingParameters(Parameters):
 
 
 class LatentParameters(Parameters):
-    """What is trained, and how it is compared.
-
-    Attributes:
-        seeds: of the latent spaces with and without structure, and their dynamics.
-        stacks: the seeds train in so many processes.
-        starts: draws of initial weights of the autoencoders, of which the best is trained.
-        start_steps: of training, after which starts are compared.
-        map_unit_m: m on the skin per unit of the latent map; the losses then are of comparable size.
-        networks: sizes.
-        training: of all of them.
-        pair_pool: pairs of samples from which the batches are drawn.
-        evaluation_pairs: pairs per split on which map and geodesic distances are compared (II.4.3).
-        longest_chain: steps of prediction to which the forward models are tested.
-    """
+    """What is trained, and how it is compared."""
 
     seeds: PositiveInt
     stacks: PositiveInt
@@ -90,15 +89,7 @@ class LatentParameters(Parameters):
 
 
 class LatentSpaceParameters(Parameters):
-    """How latent spaces are learned from a small set.
-
-    Attributes:
-        seeds: of the latent spaces with and without structure; all are one stack.
-        networks: sizes; the dynamics are not trained.
-        training: of the autoencoders.
-        pair_pool: pairs of samples from which the batches are drawn.
-        evaluation_pairs: pairs on which map and geodesic distances are compared.
-    """
+    """How latent spaces are learned from a small set. Fields: `params.yaml`, `train_latent`."""
 
     seeds: PositiveInt
     networks: NetworkParameters
@@ -108,16 +99,7 @@ class LatentSpaceParameters(Parameters):
 
 
 class GeodesicParameters(Parameters):
-    """The neighbour graph.
-
-    Attributes:
-        neighbours: M nearest neighbours of every point.
-        bin_size: N' points per bin.
-        bins: at most so many bins; None: as many as the samples fill.
-        bridge_mm: gap between two patches of points that may be bridged by its shortest edge; a wider one is
-            an error.
-        seed: of the bins.
-    """
+    """The neighbour graph."""
 
     neighbours: int = Field(ge=2)
     bin_size: int = Field(ge=3)

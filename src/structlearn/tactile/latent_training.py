@@ -23,8 +23,7 @@ from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_parameters import LatentTrainingParameters
-from structlearn.tactile.latent_variants import FORWARD_OF, TRAINED_WITH
+from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import Chains, TouchSamples
 from structlearn.tactile.units import TouchUnits
 

@@ -30,7 +30,7 @@ from structlearn.tactile.forward_dynamics import (
 )
 from structlearn.tactile.inverse_dynamics import LatentStep, receding_horizon_action
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_variants import NEGATIVE_GRADIENT
+from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo, as_states
 from structlearn.tactile.units import TouchUnits
 

@@ -11,7 +11,6 @@ go in and out as numpy arrays in SI units and counts; inside, everything is in d
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
@@ -27,7 +26,13 @@ from structlearn.tactile.inverse_dynamics import (
     receding_horizon_action,
 )
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_variants import FORWARD_OF, NEGATIVE_GRADIENT, NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    NEGATIVE_GRADIENT,
+    NO_INVERSE,
+    STRUCTURES,
+    InverseModel,
+)
 from structlearn.tactile.units import TouchUnits
 
 
@@ -44,7 +49,7 @@ class ServoParameters(Parameters):
         horizon: steps ahead for LL and NJ; 1 is the dissertation.
     """
 
-    inverse: Literal["LL", "NG", "NJ"] = "NJ"
+    inverse: InverseModel = "NJ"
     trained_with_inverse: bool = True
     action_penalty: float = Field(default=0.01, gt=0)
     gradient_gain: float = Field(default=10.0, gt=0)

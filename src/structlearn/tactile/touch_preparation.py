@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.touch_dataset import (
     OTHER,
@@ -26,20 +25,7 @@ MOTIONS: Mapping[str | None, int] = {"rotation": ROTATION, "translation": TRANSL
 
 
 class TouchDataParameters(Parameters):
-    """From recorded counts and poses to samples.
-
-    Attributes:
-        rate_hz: samples per second, the electrodes' own rate.
-        cutoff_hz: low-pass of counts and velocities.
-        air_s: at the start of each recording, in the air; the mean of the counts there is their offset.
-        touched_counts: pressure p from which on something touches; in the air a skin that still creeps back
-            keeps up to 8 counts after a contact, so contact points below are of the last contact.
-        pressed_counts: pressure from which on a sample counts in the dynamics.
-        contact_s: shorter contacts are left out.
-        validation_share: of the contacts.
-        test_share: of the contacts.
-        seed: of the splits.
-    """
+    """From recorded counts and poses to samples."""
 
     rate_hz: float = Field(ge=10, le=1000)
     cutoff_hz: float = Field(gt=0)
@@ -61,11 +47,25 @@ class TouchDataParameters(Parameters):
 class GuidedTouch(Protocol):
     """A recording on one uniform clock, as `recordings.Demonstration` is; the finger's pose and counts."""
 
-    name: str
-    position: np.ndarray  # (T, 3) m
-    orientation: np.ndarray | None  # (T, 4)
-    tactile: np.ndarray | None  # (T, E) counts
-    provenance: Mapping[str, str]
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """(T, 3) m."""
+
+    @property
+    def orientation(self) -> np.ndarray | None:
+        """(T, 4)."""
+
+    @property
+    def tactile(self) -> np.ndarray | None:
+        """(T, E) counts."""
+
+    @property
+    def provenance(self) -> Mapping[str, str]:
+        """What is known of the origin."""
 
     @property
     def dt(self) -> float:
@@ -197,3 +197,35 @@ def _checked(
     if len(demonstration.tactile) < max(shortest, 5):
         raise InputError(f"{name}: {len(demonstration.tactile)} samples are too few for air and a contact")
     return demonstration.tactile, demonstration.orientation
+
+
+def contact_points(signals: np.ndarray, skin: Skin) -> np.ndarray:
+    """Points of contact, estimated from the electrodes (Lin et al. 2013, II.3.3).
+
+    Each is the centroid of the electrodes by their squared negative changes, projected to the skin.
+    Only electrodes whose counts fell take part: there the fluid is thinned; where it bulges counts rise.
+
+    Args:
+        signals: (N, E) counts less their offset.
+        skin: with the E electrodes.
+
+    Returns:
+        (N, 3) m, frame of the finger.
+
+    Raises:
+        InputError: the number of channels is not that of the electrodes, a value is NaN or infinite, or no
+            electrode of a row fell, so that nothing touches; the message names the row, from 0.
+    """
+    if signals.ndim != 2 or signals.shape[1] != len(skin.electrodes):
+        raise InputError(
+            f"touch: signals have shape {signals.shape}, the skin '{skin.name}' has "
+            f"{len(skin.electrodes)} electrodes"
+        )
+    if not np.isfinite(signals).all():
+        row, column = np.argwhere(~np.isfinite(signals))[0]
+        raise InputError(f"touch: row {row}, electrode {column + 1}: value is {signals[row, column]}")
+    weight = np.minimum(signals, 0.0) ** 2
+    total = weight.sum(axis=1)
+    if not (total > 0).all():
+        raise InputError(f"touch: row {np.argmin(total > 0)}: nothing touches, no electrode's counts fell")
+    return skin.project(weight @ skin.electrodes / total[:, None])

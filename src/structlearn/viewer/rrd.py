@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from rerun.error_utils import set_strict_mode, strict_mode
 
 from structlearn.ground import quaternion
-from structlearn.palette import AXIS_COLOURS, primitive_colour
+from structlearn.palette import AXIS_COLOURS, ORANGE, SKY, primitive_colour
 from structlearn.recordings.demonstration import Demonstration
 
 TIME = "time"
@@ -44,6 +44,9 @@ ELEVATION = np.radians(25.0)
 GROUND = (13, 13, 13)
 """Colour behind drawings and plots, rgb: the palette's light colours are for a dark ground, also in browsers
 whose theme is light."""
+
+RESTING = "#565d66"
+"""Colour of an electrode that reads as expected."""
 
 
 @contextmanager
@@ -99,6 +102,11 @@ def blended(share: np.ndarray, colours: Sequence[str]) -> np.ndarray:
     places = np.linspace(0.0, 1.0, len(stops))
     red, green, blue = (np.interp(share, places, stops[:, part]).astype(np.uint32) for part in range(3))
     return (red << 24) | (green << 16) | (blue << 8) | 0xFF
+
+
+def deviation_colours(deviation: np.ndarray, scale: float) -> np.ndarray:
+    """Colours 0xRRGGBBAA of deviations, (...) -> (...): blue below the expected reading, orange above."""
+    return blended(0.5 + 0.5 * deviation / scale, (SKY, RESTING, ORANGE))
 
 
 def origin_label(demonstrations: Sequence[Demonstration]) -> str:

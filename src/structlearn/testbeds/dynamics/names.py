@@ -4,6 +4,8 @@ Names of the models for people are those of `rigid_body.model_names`. The colour
 page's white ground and on the viewer's dark one.
 """
 
+from typing import Any
+
 from structlearn.palette import BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT
 from structlearn.rigid_body.training_grid import OURS, TEXT
@@ -48,6 +50,6 @@ def colour(model: str) -> str:
     return WITH_COULOMB if model.endswith(COULOMB) else LOOKS[model][0]
 
 
-def look(model: str) -> dict[str, str]:
+def look(model: str) -> dict[str, Any]:
     """Colour and line of a model, for matplotlib."""
     return {"color": colour(model), "linestyle": LOOKS[model.removesuffix(COULOMB)][1]}

@@ -86,7 +86,7 @@ def _file(file: FileSeen) -> Iterator[str]:
     known = start > SECONDS_OF_A_YEAR  # else the clock counts from some start of its own
     when = datetime.fromtimestamp(start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if known else f"{start:.2f} s"
     yield f"{file.name}: {FORMATS[file.file.format]}, {end - start:.2f} s from {when}, {count} messages"
-    rows = [HEADINGS]
+    rows: list[tuple[str, ...]] = [HEADINGS]
     for topic, seen in file.topics.items():
         rows.append((topic, seen.type, *(_clock(seen.clocks) if seen.clocks else ("0", *[""] * 7))))
     yield from _indented(_aligned(rows, RIGHT))

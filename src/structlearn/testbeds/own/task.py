@@ -30,11 +30,10 @@ from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.own.files import NAME_RULE, is_name, local_path
+from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters, RobotParameters
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
-from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
-from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
 
@@ -46,23 +45,7 @@ OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise", "skill")
 
 
 class TaskParameters(Parameters):
-    """One task, its defaults merged in.
-
-    Attributes:
-        source: file or folder of the demonstrations; None: there are none.
-        topics: which topic of the bags carries which signal.
-        stamps: which clock stamps a message, and what becomes of stamps that do not increase.
-        clock: on which everything is read.
-        segment: how demonstrations are cut into primitives.
-        fit: how primitives are learned.
-        generalise: a new situation in which they are unrolled.
-        skill: bounds that go into the skill's file.
-        feedback: what is learned from corrections.
-        robot: that the skill is checked on.
-        motion: logs of an arm that is identified.
-        touch: touches of a skin.
-        obstacles: reaches past obstacles.
-    """
+    """One task, its defaults merged in. Fields: `stages/own/params.yaml`, `defaults`."""
 
     source: str | None = Field(min_length=1)
     topics: TopicMap | None
@@ -88,7 +71,7 @@ class TaskParameters(Parameters):
                 raise ValueError(
                     "names no recordings: a source of demonstrations, motion, touch or obstacles"
                 )
-        if self.feedback is not None:
+        if self.feedback is not None and self.segment is not None:
             known = [primitive.name for primitive in self.segment.primitives]
             for name in self.feedback.primitives:
                 if name not in known:
@@ -101,7 +84,7 @@ class TaskParameters(Parameters):
     def sources(self) -> dict[str, tuple[str, ...]]:
         """Files and folders that the task comes from, as they are written, by what they are for."""
         found: dict[str, tuple[str, ...]] = dict.fromkeys(SOURCES, ())
-        if self.source is not None:
+        if self.source is not None and self.topics is not None:
             computed = (self.topics.pose.urdf,) if isinstance(self.topics.pose, JointPose) else ()
             found["demonstrations"] = (self.source, *computed)
         if self.feedback is not None:
@@ -198,5 +181,9 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def _check() -> None:
+    read_task(sys.argv[1])
+
+
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
-    run(lambda: read_task(sys.argv[1]), in_times=False)
+    run(_check, in_times=False)

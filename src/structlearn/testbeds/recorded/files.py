@@ -13,6 +13,7 @@ from structlearn.primitives.primitive_files import read_primitives, read_vector_
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings import read_demonstrations
+from structlearn.recordings.clock import MAX_GAP_S
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.drive_log import DriveLog, read_drive_log
 
@@ -104,9 +105,11 @@ class RecordedFiles:
 
     data: Path = Path("data")
 
-    def demonstrations(self, name: str, **clock: float) -> list[Demonstration]:
-        """A set of movements; `clock` as for `recordings.read_demonstrations`."""
-        return read_demonstrations(self.data / "raw/recorded" / name, **clock)
+    def demonstrations(
+        self, name: str, rate_hz: float | None = None, max_gap_s: float = MAX_GAP_S
+    ) -> list[Demonstration]:
+        """A set of movements, see `recordings.read_demonstrations`."""
+        return read_demonstrations(self.data / "raw/recorded" / name, rate_hz=rate_hz, max_gap_s=max_gap_s)
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Those of `TABLES` for which there were data."""

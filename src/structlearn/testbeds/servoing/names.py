@@ -1,17 +1,22 @@
 """Names, order and colours of what servoing compares: one of each, for its page and its recordings."""
 
 from structlearn.palette import BLACK, BLUE, GREEN, GREY, LIGHT_GREY, ORANGE, PURPLE, SKY, VERMILION
-from structlearn.tactile.latent_variants import (
+from structlearn.tactile.latent_parameters import (
     JACOBIAN,
     LOCALLY_LINEAR,
     NEGATIVE_GRADIENT,
     NO_INVERSE,
     TRAINED_WITH,
     UNCHANGED,
+    InverseModel,
 )
 from structlearn.testbeds.servoing.protocol.servo_variants import PUBLISHED, RESTING, Variant
 
-INVERSE_COLOURS = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
+INVERSE_COLOURS: dict[InverseModel, str] = {
+    LOCALLY_LINEAR: GREEN,
+    NEGATIVE_GRADIENT: PURPLE,
+    JACOBIAN: BLUE,
+}
 """Inverse models, in the order of the text."""
 
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}

@@ -1,6 +1,7 @@
 """Figures of the dynamics testbed; every panel is a figure of its own, in colours and lines of `names`."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -45,7 +46,7 @@ MARKERS = {"nostr": "x", "symm": "+", "spd": "s", "tri": "^", "cov": "o"}
 SHOWN_JOINTS = (1, 2, 4, 6)
 """Of which friction is drawn: large and small ones, one of a kind."""
 
-WIDE = {"color": names.REFERENCE, "linewidth": 4.0}
+WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}
 """Of what a model is held against."""
 
 
@@ -133,7 +134,7 @@ def _tracking(results: DynamicsResults, robot: str) -> Figure:
     panel.set_xscale("log")
     panel.invert_yaxis()
     panel.grid(axis="y", visible=False)
-    mark = {"markersize": 4, "linestyle": "", "color": BLACK}
+    mark: dict[str, Any] = {"markersize": 4, "linestyle": "", "color": BLACK}
     handles = [
         Line2D([], [], label=FORM_TITLES[form], marker=marker, **mark)
         for form, marker in FORM_MARKERS.items()
@@ -176,8 +177,8 @@ def _bodies(results: DynamicsResults, table: pd.DataFrame, columns: tuple[str, s
     its = table[(table["form"] == TEXT) & first].set_index("model")
     for model, marker in MARKERS.items():
         rows = its[its.index == model]
-        marked = {"marker": marker, "fillstyle": "none", "color": colour(model), "label": NAMES[model]}
-        panel.plot(rows[true], rows[learned], linestyle="", markersize=5, **marked)
+        marked: dict[str, Any] = {"marker": marker, "fillstyle": "none", "linestyle": "", "markersize": 5}
+        panel.plot(rows[true], rows[learned], color=colour(model), label=NAMES[model], **marked)
     ends = [table[true].min(), table[true].max()]
     panel.plot(ends, ends, color=GREY, linewidth=0.9, zorder=0)
     if learned == "value":  # from 0.001 to 10 of either sign
@@ -194,8 +195,8 @@ def _friction(results: DynamicsResults, joint: int) -> Figure:
     its = results.residuals[results.residuals["joint"] == joint].sort_values("velocity_rad_s")
     speed, measured = its["velocity_rad_s"], its["residual_n_m"]
     panel.plot(speed, measured, ".", color=GREY, markersize=3.0, alpha=0.4, label="measured")
-    learned = {"color": colour(f"cov{COULOMB}"), "linewidth": 2.0, "label": "learned: viscous and Coulomb"}
-    panel.plot(speed, its["friction_n_m"], **learned)
+    learned, label = colour(f"cov{COULOMB}"), "learned: viscous and Coulomb"
+    panel.plot(speed, its["friction_n_m"], color=learned, linewidth=2.0, label=label)
     limit = 1.3 * measured.abs().quantile(0.995)
     panel.set_ylim(-limit, limit)
     legend_above(figure, panel)
@@ -212,7 +213,7 @@ def _payload(results: DynamicsResults) -> Figure:
     panel.plot(time, np.where(time < results.pick_up_s, 0.0, 1.0), label="carried", **WIDE)
     for place, (_, its) in enumerate(payload.groupby("seed")):
         moment = np.linalg.norm(its[[f"moment_{axis}_kg_m" for axis in "xyz"]], axis=1)
-        thin = {"color": colour("cov"), "linewidth": 0.9}
+        thin: dict[str, Any] = {"color": colour("cov"), "linewidth": 0.9}
         label = ("mass", "first moment") if place == 0 else (None, None)
         panel.plot(its["time_s"], its["mass_kg"] / mass, label=label[0], **thin)
         panel.plot(its["time_s"], moment / truth, linestyle=":", label=label[1], **thin)

@@ -1,6 +1,6 @@
 """The page of the dynamics testbed: what its sentences name, and where that comes from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from structlearn.ground.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
 from structlearn.reporting.document import Document, Source, Table, environment
+from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
@@ -19,10 +20,10 @@ from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE,
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/raw/dynamics/stand_in", "record_motion"),
-    "models": Source("data/dynamics/models", "train_dynamics"),
-    "scores": Source("data/dynamics/tracking", "track"),
-    "online": Source("data/dynamics/online", "online"),
+    "log": Source("data/raw/dynamics/stand_in", "dynamics_record_motion"),
+    "models": Source("data/dynamics/models", "dynamics_train"),
+    "scores": Source("data/dynamics/tracking", "dynamics_track"),
+    "online": Source("data/dynamics/online", "dynamics_online"),
 }
 
 
@@ -41,7 +42,7 @@ def dynamics_page(
     return Document(
         template="dynamics.html.jinja",
         package=__package__,
-        stage="report_dynamics",
+        stage="dynamics_report",
         facts=named,
         tables=shown,
         judged=judge(claims, evidence(results), environment(__package__), named),
@@ -65,7 +66,7 @@ def publish_dynamics(
     """
     shown, numbers = tables(results), metrics(results)
     page = dynamics_page(results, shown, parameters)
-    drawn = {"still": still} | drawings(results)
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {"still": still, **drawings(results)}
     publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers))
 
 

@@ -8,13 +8,13 @@ import pandas as pd
 from structlearn.ground.metrics import nmse
 from structlearn.rigid_body.compiled_dynamics import friction_rows
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
-from structlearn.rigid_body.friction import friction_columns
+from structlearn.rigid_body.friction import FrictionTerm, friction_columns
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Mechanics
 
-TERMS = ("viscous", "coulomb")
+TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")
 """Of friction that a true robot has."""
 
 RESIDUAL_RATE_HZ = 10.0

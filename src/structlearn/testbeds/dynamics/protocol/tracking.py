@@ -40,14 +40,7 @@ KNOWN = ""
 
 
 class TrackingParameters(Parameters):
-    """Models and tasks.
-
-    Attributes:
-        models: those that are tracked with on all arms, in each form.
-        robot_models: tracked with on robots only: those with Coulomb friction.
-        sine_s: first part of the sines that is tracked.
-        reaching: the reaches.
-    """
+    """Models and tasks."""
 
     models: tuple[str, ...]
     robot_models: tuple[str, ...]
@@ -177,11 +170,11 @@ def _follow_sines(testbed: Testbed, model: InverseDynamics) -> tuple[Run, JointP
     reference = sine_path(testbed.arm.robot.tree, testbed.motion)
     q, qd = reference.q, reference.qd
     moved = run(testbed.arm, sine_controller(model, reference, testbed.feedback), q[0], qd[0])
-    errors = tuple(
+    position, velocity = (
         float(np.mean(_squared_error(moved, found, wanted) / wanted.var(axis=0)))
         for found, wanted in ((moved.q, q), (moved.qd, qd))
     )
-    return moved, reference, errors
+    return moved, reference, (position, velocity)
 
 
 def _reach(
@@ -194,11 +187,11 @@ def _reach(
     controller = reaching_controller(tree, model, reference, testbed.feedback, parameters)
     moved = run(testbed.arm, controller, posture, np.zeros_like(posture))
     x, xd = tool_motion(tree, parameters.tool_m, moved.q, moved.qd)
-    errors = tuple(
+    position, velocity = (
         float(_squared_error(moved, found, wanted).sum() / wanted.var(axis=0).sum())
         for found, wanted in ((x, reference.x), (xd, reference.xd))
     )
-    return moved, reference.x, errors
+    return moved, reference.x, (position, velocity)
 
 
 def _true_model(testbed: Testbed) -> InverseDynamics:
@@ -239,7 +232,8 @@ def _path(testbed: Testbed, candidate: Candidate, task: str, moved: Run, wanted:
     tree = testbed.arm.robot.tree
     q, qd = moved.q[::every], moved.qd[::every]
     tool, _ = tool_motion(tree, testbed.reaching.tool_m, q, qd)
-    columns = {"robot": testbed.name, "model": candidate.name, "form": candidate.form, "task": task}
+    columns: dict[str, str | np.ndarray] = {"robot": testbed.name, "model": candidate.name}
+    columns |= {"form": candidate.form, "task": task}
     columns["time_s"] = np.arange(len(q)) * every / testbed.motion.rate_hz
     columns |= dict(zip(tree.names, q.T, strict=True))
     for place, letter in enumerate("xyz"):

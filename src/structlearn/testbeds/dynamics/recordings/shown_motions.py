@@ -19,16 +19,7 @@ from structlearn.viewer.rrd import thinning
 
 
 class DynamicsViewParameters(Parameters):
-    """What the recordings show.
-
-    Attributes:
-        models: that reach with the arm; each has an arm of its own in the recording.
-        robot_models: that reach with the stand-in.
-        torque_models: whose torques are shown beside measured ones, learned from the robot's log.
-        torques_s: of the robot's log, from its start.
-        rate_hz: of torques and of the payload's motion.
-        payload_s: before and after the pick-up.
-    """
+    """What the recordings show."""
 
     models: tuple[str, ...] = Field(min_length=1)
     robot_models: tuple[str, ...] = Field(min_length=1)

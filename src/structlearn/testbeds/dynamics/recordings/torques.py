@@ -63,7 +63,7 @@ def _blueprint(shown: ShownTorques, title: str) -> rrb.Blueprint:
             model: float(nmse(torques[:, number], shown.measured[:, number]))
             for model, torques in shown.predicted.items()
         }
-        best = min(errors, key=errors.get)
+        best = min(errors, key=lambda model: errors[model])
         heading = f"{joint} (N m); best: {model_name(best)}, NMSE {errors[best]:.2g}"
         view = plot(heading, [f"{entity('torque', joint)}/**"], legend=False)
         # models that are far off would hide the measured torque

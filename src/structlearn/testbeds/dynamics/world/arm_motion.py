@@ -24,26 +24,14 @@ from structlearn.testbeds.dynamics.world.controlled_arm import Controller
 
 
 class FeedbackParameters(Parameters):
-    """Linear feedback of the joints.
-
-    Attributes:
-        stiffness_n_m_rad: of each joint; an arm with fewer joints takes the first ones. A light joint must
-            not swing faster than control can follow: 2 N m/rad on 0.001 kg m^2 are 45 rad/s.
-        damping_ratio: of each joint alone, with the URDF's inertia in the middle of its range.
-    """
+    """Linear feedback of the joints. Fields: `params.yaml`, `arm_motion.feedback`."""
 
     stiffness_n_m_rad: tuple[float, ...]
     damping_ratio: float = Field(gt=0)
 
 
 class SineMotion(Parameters):
-    """Sines in all joints at once.
-
-    Attributes:
-        duration_s: of the motion.
-        periods_s: of each joint's sine; an arm with fewer joints takes the first ones.
-        amplitudes: share of each joint's half range, about the middle of its range.
-    """
+    """Sines in all joints at once. Fields: `params.yaml`, `arm_motion.tuning`."""
 
     duration_s: float = Field(gt=0, le=3600)
     periods_s: tuple[float, ...]
@@ -51,12 +39,7 @@ class SineMotion(Parameters):
 
 
 class SineParameters(SineMotion):
-    """A motion, and how it is tracked.
-
-    Attributes:
-        rate_hz: of control and log.
-        feedback: of the joints.
-    """
+    """A motion, and how it is tracked."""
 
     rate_hz: float = Field(ge=100, le=2000)
     feedback: FeedbackParameters
@@ -67,15 +50,7 @@ class SineParameters(SineMotion):
 
 
 class ArmMotionParameters(Parameters):
-    """The motion on which schedules are chosen, and the one that is scored.
-
-    Attributes:
-        use: which of them arms are moved along.
-        tuning: of trials.
-        test: of the dissertation; no joint swings as in `tuning`.
-        rate_hz: of control and log.
-        feedback: of the joints.
-    """
+    """The motion on which schedules are chosen, and the one that is scored."""
 
     use: Literal["tuning", "test"]
     tuning: SineMotion

@@ -27,14 +27,7 @@ STAND_IN = "stand-in with friction, ripple, latency and other inertias"
 
 
 class PayloadParameters(Parameters):
-    """A body that the arm picks up while it moves.
-
-    Attributes:
-        mass_kg: its mass.
-        point_m: its centre of mass in the last joint's frame.
-        radius_m: of gyration.
-        at_share: share of the log after which it is picked up.
-    """
+    """A body that the arm picks up while it moves."""
 
     mass_kg: float = Field(gt=0)
     point_m: tuple[float, float, float]
@@ -48,11 +41,7 @@ class PayloadParameters(Parameters):
 
 
 class RecordMotionParameters(Parameters):
-    """What is recorded beside the sines.
-
-    Attributes:
-        payload: picked up by the stand-ins in logs of their own.
-    """
+    """What is recorded beside the sines."""
 
     payload: PayloadParameters
 

@@ -19,18 +19,7 @@ from structlearn.testbeds.dynamics.world.controlled_arm import Controller
 
 
 class ReachingParameters(Parameters):
-    """The reaching tasks.
-
-    Attributes:
-        goals: reaches in a row, each from where the one before was to end.
-        move_s: of the minimum-jerk movement.
-        rest_s: at its goal.
-        half_box_m: goals are drawn evenly from a box of this half size about the tool's first place.
-        posture: first posture and that of the null space, share of each joint's half range from its middle;
-            an arm with fewer joints takes the first ones, one with more has the others at their middle.
-        tool_m: tool point in the last joint's frame.
-        control: gains.
-    """
+    """The reaching tasks."""
 
     goals: int = Field(ge=1)
     move_s: float = Field(gt=0)

@@ -23,20 +23,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import of_joints
 
 
 class StandInParameters(Parameters):
-    """The stand-in; reasons are in the module's header.
-
-    Attributes:
-        log_s: of each robot's logs, the first part of the motion; the text's is about 240 s of one robot.
-        latency_ticks: control ticks between command and torque.
-        rated_n_m: torque of each joint's drive; an arm with fewer joints takes the first ones.
-        viscous_share: viscous friction at 1 rad/s, share of the rated torque.
-        coulomb_share: Coulomb friction, share of the rated torque.
-        ripple_share: amplitude of the ripple, share of the rated torque.
-        noise_share: std of a torque reading, share of the rated torque.
-        ripple_per_turn: periods of the ripple per turn of a joint, two per turn of a harmonic drive's motor.
-        mass_spread: std of the log of a link's mass over the URDF's.
-        centre_spread_m: std per axis of a link's centre of mass about the URDF's.
-    """
+    """The stand-in; reasons are in the module's header."""
 
     log_s: float = Field(gt=0)
     latency_ticks: int = Field(ge=0, le=20)

@@ -99,7 +99,8 @@ def _people_within(results: ObstacleResults) -> dict[str, Evidence]:
     for source in (*SHAPES, ALL):
         hits, _ = results.hits_by_person(UNSEEN, OURS, source)
         count = int((hits <= FEW_HITS).sum())
-        cases[source] = Evidence(*[count / len(hits)] * 3, len(hits), count)
+        share = count / len(hits)
+        cases[source] = Evidence(share, share, share, len(hits), count)
     return cases
 
 

@@ -3,8 +3,9 @@
 Paths are seen from the side and from above, in the local frame of the reach, in mm.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -52,8 +53,9 @@ MOMENTS = 5
 BALL = UNSEEN_RADIUS_M / HALF_SIZE_M["sphere"][0] * obstacle("sphere", np.zeros(3)).cloud(100)
 """An unseen sphere about its centre, (P, 3) m."""
 
-DASHED = {"linestyle": "--", "linewidth": 1.2}
-THIN = {"linewidth": 0.7}
+DASHED: Mapping[str, Any] = {"linestyle": "--", "linewidth": 1.2}
+THIN: Mapping[str, Any] = {"linewidth": 0.7}
+WIDE: Mapping[str, Any] = {"linewidth": 1.9}
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Curve:
     points: np.ndarray
     colour: str
     label: str | None = None
-    style: dict[str, object] = field(default_factory=dict)
+    style: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,12 @@ def figures(results: ObstacleResults, largest_nmse: float) -> dict[str, Drawing 
     """All figures of the page by name; `largest_nmse` is the published one."""
     setting = example_setting(results.found.scores, results.population.shown)
     kinds = (NETWORK, HUMAN_INSPIRED)
-    contenders = ((NO_MODEL, "", [""]), (HUMAN_INSPIRED, "per setting", [SETTING]))
-    contenders += ((NETWORK, "per setting", [SETTING]), (ENSEMBLE, "per shape", SHAPES))
+    contenders: list[tuple[str, str, Sequence[str]]] = [
+        (NO_MODEL, "", [""]),
+        (HUMAN_INSPIRED, "per setting", [SETTING]),
+        (NETWORK, "per setting", [SETTING]),
+        (ENSEMBLE, "per shape", SHAPES),
+    ]
     example = _to_scale([_example_panel(results, shape, setting) for shape in SHAPES])
     closest = closest_panel(results, setting)
     closest.set_figheight(example[0].get_figheight())
@@ -271,8 +277,8 @@ def people_panel(results: ObstacleResults, kind: str, words: str, sources: Seque
     scored = results.rows(TRAINED, kind, sources).set_index(keys)
     for shape, marker in zip(SHAPES, "os^", strict=True):
         its = scored.loc[scored.index.get_level_values("obstacle") == shape, "obstacle_distance"]
-        look = {"markersize": 3, "markeredgewidth": 0, "alpha": 0.5, "color": KINDS[kind].colour}
-        panel.plot(people.loc[its.index], its, marker, label=shape, **look)
+        look: dict[str, Any] = {"markersize": 3, "markeredgewidth": 0, "alpha": 0.5}
+        panel.plot(people.loc[its.index], its, marker, label=shape, color=KINDS[kind].colour, **look)
     # most of what matters is below two radii: a scale that is linear there and shrinks the rest
     panel.set(xlim=(-1, top), ylim=(-1, top))
     panel.set_xscale("symlog", linthresh=2.0, linscale=1.0)
@@ -344,7 +350,8 @@ def _to_scale(figures: Sequence[Figure]) -> list[Figure]:
     for figure in figures:
         for panel, its in zip(figure.axes, limits, strict=True):
             panel.set(xlim=(x[:, 0].min(), x[:, 1].max()), ylim=its)
-        figure.axes[0].get_gridspec().set_height_ratios(extents)
+        grid = figure.axes[0].get_gridspec()
+        grid.set_height_ratios(extents)  # type: ignore[union-attr]  # never None for axes of `subplots`
         figure.set_figheight((PANEL_WIDTH - 0.9) * sum(extents) / np.ptp(x) + 1.15)
     return list(figures)
 
@@ -359,5 +366,5 @@ def _reach(
 def _curves(results: ObstacleResults, reach: Reach, colour: str, name: str) -> list[Curve]:
     """A path until the prescribed time, and as a thin line what comes after it."""
     points, after = to_local(reach.position, results.baseline), reach.time >= results.baseline.duration
-    style = DASHED if reach.model == NO_MODEL else {"linewidth": 1.9}
+    style = DASHED if reach.model == NO_MODEL else WIDE
     return [Curve(points[~after], colour, name, style), Curve(points[after], colour, style=THIN)]

@@ -42,11 +42,11 @@ STUDIES = ("members", "displaced", "clearance")
 """That the page quotes."""
 
 SOURCES = {
-    "recorded": Source(files.RAW, "obstacle_demonstrate"),
-    "people": Source(files.PEOPLE_FILE, "obstacle_dataset"),
-    "errors": Source(files.ERRORS_FILE, "obstacle_train"),
-    "scores": Source(files.SCORES_FILE, "obstacle_evaluate"),
-    "paths": Source(files.PATHS_FILE, "obstacle_evaluate"),
+    "recorded": Source(files.RAW, "obstacles_demonstrate"),
+    "people": Source(files.PEOPLE_FILE, "obstacles_dataset"),
+    "errors": Source(files.ERRORS_FILE, "obstacles_train"),
+    "scores": Source(files.SCORES_FILE, "obstacles_evaluate"),
+    "paths": Source(files.PATHS_FILE, "obstacles_evaluate"),
 }
 
 
@@ -66,7 +66,7 @@ def document(results: ObstacleResults) -> Document:
     return Document(
         template="obstacles.html.jinja",
         package=PACKAGE,
-        stage="report_obstacles",
+        stage="obstacles_report",
         facts=named,
         tables=shown,
         judged=judge(claims, found, environment(PACKAGE), named),

@@ -48,8 +48,10 @@ HEADINGS = {
     **{f"{source}_text": f"{SOURCES[source].name}, text" for source in (*SHAPES, ALL)},
     **{f"{source}_ours": "ours" for source in (*SHAPES, ALL)},
 }
-COMPARED = ("obstacle", "model", "source", "nmse_train", "nmse_test", "goal_max", "goal_mean")
-COMPARED += ("late_goal_max", "obstacle_min", "obstacle_mean", "hits", "of")
+COMPARED = (
+    *("obstacle", "model", "source", "nmse_train", "nmse_test", "goal_max", "goal_mean"),
+    *("late_goal_max", "obstacle_min", "obstacle_mean", "hits", "of"),
+)
 """Columns of the tables that stand beside the dissertation's, in their order."""
 
 Row = dict[str, Any]

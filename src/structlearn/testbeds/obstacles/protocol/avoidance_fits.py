@@ -8,6 +8,7 @@ than all the rest, so settings are dealt out: each is learned by one person (`ow
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -27,6 +28,8 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
+
+Stack = TypeVar("Stack", AvoidanceNetworks, HumanInspiredModels)
 
 
 @dataclass(frozen=True)
@@ -144,9 +147,7 @@ def _training(lessons: Sequence[_Lesson]) -> list[AvoidanceDataset]:
     return [one.training for one in lessons]
 
 
-def _models(
-    lessons: Sequence[_Lesson], stack: AvoidanceNetworks | HumanInspiredModels, person: int
-) -> dict[str, AvoidanceNetworks | HumanInspiredModels]:
+def _models(lessons: Sequence[_Lesson], stack: Stack, person: int) -> dict[str, Stack]:
     """The models of one person in a stack with one per lesson, by what they learned from."""
     places: dict[str, list[int]] = {}
     for place, one in enumerate(lessons):
@@ -159,11 +160,12 @@ def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -
     """Errors on every lesson of the models that learned it, or more."""
     keys, scored = [], []
     for (person, source), same in groupby(lessons, key=lambda one: (one.person, one.learned_from)):
+        kinds, own = models[person].kinds, models[person].per_scenario
         for place, one in enumerate(same):
-            for kind, found in models[person].kinds.items():
+            for kind, found in kinds.items():
                 for name in (source, ALL) if source != SETTING else (source,):
                     if name in found:
-                        model = found[name].take([place]) if source == SETTING else found[name]
+                        model = own[kind].take([place]) if source == SETTING else found[name]
                         names = (person, kind, name, one.obstacle, one.setting)
                         keys.append(dict(zip(KEYS, names, strict=True)))
                         scored.append((one.dataset, one.test, model))

@@ -46,18 +46,7 @@ PAIR_SPACING_M = 0.2
 
 
 class AvoidanceEvaluationParameters(Parameters):
-    """How the models are put to the test.
-
-    Attributes:
-        rate_hz: of the unrolls; hits are looked for at every sample.
-        kept_every: of these samples, those whose path is written.
-        speeds_m_s: of moving spheres, half of them to either side.
-        pairs: of spheres.
-        pair_seed: which pairs.
-        goal_change_s: when the goal moves, after the start.
-        goal_shift_m: by how much, in the local frame of the reach.
-        postprocessing: what acts of a model's coupling term.
-    """
+    """How the models are put to the test."""
 
     rate_hz: float = Field(ge=25, le=1000)
     kept_every: PositiveInt
@@ -239,11 +228,12 @@ def contenders(learner: Learner, situation: Situations) -> Iterator[Contender]:
     every = np.ones(len(situation.numbers), dtype=bool)
     yield Contender(NO_MODEL, "", no_coupling, every)
     shapes = SHAPES if situation.scenarios is None else (situation.obstacle,)
+    own = learner.models.per_scenario
     for kind, found in learner.models.kinds.items():
-        if situation.scenarios is not None and SETTING in found:
+        if situation.scenarios is not None and kind in own:
             rows = np.isin(situation.scenarios, learner.own)
             if rows.any():
-                stack = found[SETTING].take(np.searchsorted(learner.own, situation.scenarios[rows]))
+                stack = own[kind].take(np.searchsorted(learner.own, situation.scenarios[rows]))
                 yield Contender(kind, SETTING, stack, rows)
         yield from (Contender(kind, name, found[name], every) for name in (*shapes, ALL) if name in found)
 

@@ -5,7 +5,8 @@ hits when it is 0 or less. That is exact for spheres only; the distance to the c
 metres, stands beside it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -124,7 +125,9 @@ def demonstration_scores(
     return pd.DataFrame(rows, columns=["obstacle_distance", "hit", "clearance_m", "goal_distance_m"])
 
 
-def summary(rows: pd.DataFrame, nmse_train: float | None = None, nmse_test: float | None = None) -> Mapping:
+def summary(
+    rows: pd.DataFrame, nmse_train: float | None = None, nmse_test: float | None = None
+) -> dict[str, Any]:
     """One row of the tables: extremes and means over scenarios.
 
     Args:

@@ -8,16 +8,7 @@ from structlearn.ground.params import Parameters
 
 
 class AvoidanceTrainingParameters(Parameters):
-    """How the models are trained.
-
-    Attributes:
-        split: which demonstrations test.
-        per_setting: network of one scenario.
-        across_settings: network of all scenarios with one shape, or of all scenarios.
-        ensemble: likewise, the mean of several.
-        phase_modulated: training of the phase-modulated networks.
-        phase_modulated_hidden: nodes of their regular hidden layers.
-    """
+    """How the models are trained."""
 
     split: SplitParameters
     per_setting: NetworkParameters

@@ -81,8 +81,9 @@ def reaches_by_situation(
     for key, places in rows:  # thousands: a frame of each would take longer than all else
         time, position, coupling = np.split(numbers.take(places, axis=1), [1, 4])
         time, position, coupling = time[0], position.T, coupling.T
-        reach = Reach(*key[4:], time, position, coupling, coupling @ axes.T, **scored[key])
-        reaches.setdefault(SituationKey(*key[:4]), []).append(reach)
+        *situation, model, learned_from = key
+        reach = Reach(model, learned_from, time, position, coupling, coupling @ axes.T, **scored[key])
+        reaches.setdefault(SituationKey(*situation), []).append(reach)
     return reaches
 
 

@@ -4,6 +4,7 @@ Everything is in the base frame. No robot is shown: the hand is a point, as moti
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -52,7 +53,7 @@ def send_obstacle(
     """Log an obstacle at rest: its solid, and its cloud (P, 3) in m, base frame."""
     from scipy.spatial.transform import Rotation
 
-    pose = {
+    pose: dict[str, Any] = {
         "centers": [solid.centre],
         "quaternions": [Rotation.from_matrix(solid.rotation).as_quat()],  # x, y, z, w
         "colors": rgba([colour], SOLID_OPACITY),
@@ -60,7 +61,7 @@ def send_obstacle(
     }
     if solid.shape == "cylinder":
         radius, _, half_height = solid.half_size
-        body = rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
+        body: rr.AsComponents = rr.Cylinders3D(lengths=[2.0 * half_height], radii=[radius], **pose)
     else:
         drawn = rr.Boxes3D if solid.shape == "cube" else rr.Ellipsoids3D
         body = drawn(half_sizes=[solid.half_size], **pose)

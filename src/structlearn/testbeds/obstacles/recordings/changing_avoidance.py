@@ -70,7 +70,7 @@ def write_changing_avoidance(
                 for index in shown_reaches(groups)
             ]
             shares = [4] * len(cells) + [3]
-            views = (*cells, notes_view(protocol))
+            views: list[rrb.Container | rrb.View] = [*cells, notes_view(protocol)]
             tabs.append(rrb.Horizontal(*views, column_shares=shares, name=SITUATIONS[protocol]))
         stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))
 

@@ -16,11 +16,7 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario
 
 
 class ObstacleViewParameters(Parameters):
-    """What the recordings of demonstrations and of models show.
-
-    Attributes:
-        scenarios: names, `shape/setting`; each has a tab.
-    """
+    """What the recordings of demonstrations and of models show."""
 
     scenarios: tuple[str, ...] = Field(min_length=1)
 

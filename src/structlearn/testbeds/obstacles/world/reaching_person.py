@@ -54,33 +54,7 @@ Spread = Annotated[float, Field(ge=0, le=0.1)]
 
 
 class AvoiderParameters(Parameters):
-    """The person, and the motion capture that records the hand; spreads are std between trials.
-
-    Attributes:
-        baseline_count: demonstrations without obstacle.
-        count: demonstrations per scenario.
-        seed: of the person that is recorded and shown; with scenario and number it seeds each demonstration
-            on its own. The others are people with other seeds (`obstacle_people`).
-        rate_hz: of motion capture.
-        movement_s: median duration of the movement itself.
-        movement_cv: its std of the log; timed movements vary by 5 to 10 %.
-        rest_s: range of the rests before and after it that are recorded as well. Recorded reaches last
-            1.609 s with them; the spread of tau v in the public samples says that 0.7 of that is movement.
-        lift_m: height of the reach above the straight line, halfway.
-        bow_spread_m: of the deviation from the straight line halfway, sideways and upwards.
-        end_spread_m: of start and goal, per axis.
-        clearance_m: of the tracked point on the hand from the obstacle's surface; in the public samples the
-            closest point of an obstacle is never nearer than 0.10 m.
-        clearance_spread: relative.
-        perception_m: of the perceived place of the obstacle, per axis.
-        preferred_deg: side that the person likes best, across the reach: 0 is to the left, 90 upwards.
-        preference_m: a detour there may be so much longer than one at right angles to it. With little of it
-            neighbouring settings are often passed on different sides, and a network learns the mean of both,
-            which leads into the obstacle.
-        indecision_m: scale of the chance in that choice, as a length of detour.
-        motor_noise_m: std per axis at the fastest moment; in proportion to speed (Harris & Wolpert 1998).
-        marker_noise_m: std per axis of a reading of motion capture.
-    """
+    """The person, and the motion capture that records the hand; spreads are std between trials."""
 
     baseline_count: int = Field(ge=1, le=1000)
     count: int = Field(ge=1, le=1000)
@@ -209,7 +183,7 @@ def _avoiding(
     closest = np.clip(distance.argmin(axis=1), FIXED_POINTS, PLAN_POINTS - FIXED_POINTS - 1)
     each = np.arange(len(paths))
     detour = _detour(paths[each, closest], solid, clearance, axes, person, chance)
-    hindered = (distance < clearance).any(axis=1)
+    hindered = np.any(distance < clearance, axis=1)
     via = metric[closest] / metric[closest, closest][:, None]  # least jerk through the via point
     paths = paths + np.where(hindered[:, None], detour, 0.0)[:, None] * via[..., None]
     for _ in range(DESCENT_STEPS):

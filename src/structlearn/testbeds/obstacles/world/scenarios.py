@@ -46,16 +46,7 @@ UNSEEN_RADIUS_M = 0.05
 
 
 class SceneParameters(Parameters):
-    """Reach and obstacles.
-
-    Attributes:
-        start_m: where the reach starts, base frame.
-        goal_m: where it ends; recorded reaches are 0.664 m long.
-        settings: positions of the obstacle; each is used with every shape.
-        near_share: of the settings, whose obstacle is near the line of the reach.
-        seed: of the positions.
-        tuning_seed: of other positions, on which constants were chosen.
-    """
+    """Reach and obstacles."""
 
     start_m: Metres
     goal_m: Metres
@@ -210,7 +201,7 @@ def _positions(parameters: SceneParameters) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(parameters.seed)
     near = round(parameters.near_share * parameters.settings)
     yaws = rng.uniform(0.0, 2.0 * np.pi, parameters.settings)
-    places = []
+    places: list[np.ndarray] = []
     while len(places) < parameters.settings:
         number = len(places)
         local = (

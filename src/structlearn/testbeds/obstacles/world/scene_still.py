@@ -82,6 +82,6 @@ def _solid(obstacle: Obstacle, shift: np.ndarray) -> Solid:
 
     kind = {"sphere": "sphere", "cube": "box", "cylinder": "cylinder"}[obstacle.shape]
     half = obstacle.half_size
-    size = {"sphere": (half[0],), "box": half, "cylinder": (half[0], 2.0 * half[2])}[kind]
+    sizes = {"sphere": half[:1], "box": half, "cylinder": np.array([half[0], 2.0 * half[2]])}
     turn = Rotation.from_matrix(obstacle.rotation).as_quat(scalar_first=True)
-    return Solid(kind, size, obstacle.centre + shift, turn, OBSTACLE)
+    return Solid(kind, sizes[kind], obstacle.centre + shift, turn, OBSTACLE)

@@ -9,8 +9,8 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import WIDTH, canvas, styled
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
+from structlearn.testbeds.own.protocol.arm_parameters import RobotParameters
 from structlearn.testbeds.own.protocol.check_results import KINDS, THIN, SkillCheck, overall, read_check
-from structlearn.testbeds.own.protocol.robot_parameters import RobotParameters
 
 HEADINGS = {
     "where": "joint or links",

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from structlearn.feedback.axes import Axis, unit
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.ground import signals
+from structlearn.ground.errors import InputError
 from structlearn.palette import CATEGORICAL_COLOURS
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
@@ -31,6 +32,8 @@ def section(files: TaskFiles) -> Section:
     """Of a task with corrections."""
     parameters = files.part("feedback", OwnFeedbackParameters)
     learned = read_own_feedback(files.folder / "feedback")
+    if learned is None:
+        raise InputError(f"{files.folder / 'feedback'}: was written without feedback; run its stage")
     scores, checks = learned.scores, learned.checks
     own = scores[scores["learned"]].groupby(["primitive", "axis"], sort=False)["nmse"].mean()
     measures = [name for name in checks.columns if name.split("_")[0] in CHECKED]

@@ -1,5 +1,8 @@
 """The arm of a task: models asked about motion that they did not learn from, and whether to trust them."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -11,7 +14,7 @@ from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, rounded
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
-from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
+from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters
 
 BEST = ("cov", "coulomb")
 """The model that becomes a URDF."""
@@ -36,7 +39,7 @@ def section(files: TaskFiles) -> Section:
     excitation = tables["excitation"].iloc[0]
     best = of_model(errors, BEST)
     unsure = tables["base"].query("low < 0 < high")["parameter"]
-    facts = {
+    facts: dict[str, Any] = {
         "logs": len(tables["logs"]),
         "learned_s": tables["logs"]["learned_s"].sum(),
         "tested_s": tables["logs"]["tested_s"].sum(),
@@ -67,7 +70,7 @@ def of_model(errors: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:
     return errors[(errors["model"] == key[0]) & (errors["friction"] == key[1])]
 
 
-def motion_metrics(best: pd.DataFrame, facts: dict[str, object]) -> Metrics:
+def motion_metrics(best: pd.DataFrame, facts: Mapping[str, Any]) -> Metrics:
     """Errors of the model that is written, and how much the motion excites."""
     values: Metrics = {"motion_nmse_worst": facts["worst"]["nmse"], "motion_nmse_urdf": facts["urdf_worst"]}
     if facts["condition"] < float("inf"):

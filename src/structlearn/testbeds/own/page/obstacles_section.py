@@ -32,7 +32,7 @@ def section(files: TaskFiles) -> Section:
         "blocked": int(own["blocked"].sum()),
         "left_out": len(left_out),
         "fewest": FEWEST,
-        "touches": {way: percent(its.count, its.n) for way, its in hits.items()},
+        "touches": {way: percent(int(found.of(way)["hit"].sum()), its.n) for way, its in hits.items()},
         "path_mm": path_mm,
         "goal_mm": own["left_mm"].max(),
     }

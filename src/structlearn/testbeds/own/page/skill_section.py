@@ -4,6 +4,7 @@ import pandas as pd
 
 from structlearn.feedback.axes import unit
 from structlearn.feedback.skill_file import SkillParameters, read_skill
+from structlearn.ground.errors import InputError
 from structlearn.primitives.sequence import default_start
 from structlearn.reporting.document import Table
 from structlearn.testbeds.own.files import TaskFiles
@@ -13,11 +14,14 @@ from structlearn.testbeds.own.page.section import Section
 def section(files: TaskFiles) -> Section:
     """Of a task with demonstrations."""
     skill, parameters = read_skill(files.skill), files.part("skill", SkillParameters)
+    workspace = skill.workspace
+    if workspace is None:
+        raise InputError(f"{files.skill}: has no workspace")
     box = pd.DataFrame(
         {
             "axis": list("xyz"),
-            "low_m": skill.workspace.low,
-            "high_m": skill.workspace.high,
+            "low_m": workspace.low,
+            "high_m": workspace.high,
             "start_m": default_start(skill.primitives).position,
         }
     )

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from structlearn.ground.artefacts import Metrics
 from structlearn.palette import place_colours
 from structlearn.reporting.claims import Evidence, mean
 from structlearn.reporting.document import Table
@@ -57,7 +58,7 @@ def section(files: TaskFiles) -> Section:
         "reconstruction_components": of_folds(errors, COMPONENTS, "reconstruction"),
         "file": f"{files.folder}/touch/latent.safetensors",
     }
-    metrics = {f"touch_{name}": its.value for name, its in found.items()}
+    metrics: Metrics = {f"touch_{name}": its.value for name, its in found.items()}
     return Section(
         "touch",
         "The skin",
@@ -82,7 +83,7 @@ def errors_table(errors: pd.DataFrame) -> Table:
     """One row per model."""
     rows = []
     for model in MODELS:
-        row = {"model": model}
+        row: dict[str, str | None] = {"model": model}
         for name, measure in MEASURES.items():
             its = of_folds(errors, model, name)
             ends = interval(max(its.low, 0.0), its.high, measure.number)
@@ -99,9 +100,12 @@ def map_panels(lies: pd.DataFrame) -> list[Raster]:
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
     half = 0.6 * np.ptp(places, axis=0).max()
     colours, figures = place_colours(places) / 255.0, []
-    for title, points in (("Where touches were", places), ("Where they lie in the map", mapped)):
+    for title, points in (
+        ("Where touches were", places - middle),
+        ("Where they lie in the map", mapped - middle),
+    ):
         figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         axes.set(xlim=(-half, half), ylim=(-half, half))
-        axes.scatter(*(points - middle).T, s=5.0, c=colours, linewidths=0)
+        axes.scatter(points[:, 0], points[:, 1], s=5.0, c=colours, linewidths=0)
         figures.append(Raster(figure))
     return figures

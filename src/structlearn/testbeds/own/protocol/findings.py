@@ -39,7 +39,8 @@ def find_out(source: str, urdf: str | None = None) -> Findings:
         InputError: as `look_at`.
     """
     seen = look_at(source, urdf)
-    hand, *others = candidates(seen.files) or [None]
+    found = candidates(seen.files)
+    hand, others = (found[0] if found else None), found[1:]
     motion = survey_motion(hand.paths) if hand is not None and hand.moves else None
     proposal = propose(seen, hand, others, motion) if hand is not None else None
     answers = fitness(seen, hand, motion, proposal.read if proposal is not None else ())

@@ -230,7 +230,7 @@ def _of_signals(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[An
     }
     if turned:
         largest = max(turned, key=turned.__getitem__)
-        verdict = "yes" if turned[largest] <= MOST_TURNED else "doubtful"
+        verdict: Verdict = "yes" if turned[largest] <= MOST_TURNED else "doubtful"
         advice = "" if verdict == "yes" else f"degrees? look at {largest}"
         yield Answer("Are joints' positions in rad?", verdict, f"to {turned[largest]:.3g}", advice)
 
@@ -368,5 +368,6 @@ def _motion(name: str, joints: JointSeries, names: Sequence[str]) -> Motion:
         raise InputError(f"{name} has the joints {', '.join(joints.names)}, others have {', '.join(names)}")
     order = [joints.names.index(one) for one in names]
     stamps, places = np.unique(joints.stamps, return_index=True)
-    signals = (joints.values[kind][places][:, order] for kind in JOINT_KINDS)
-    return measured_motion(name, 1e-9 * (stamps - stamps[0]), *signals, cutoff_hz=EXCITATION_HZ)
+    positions, velocities, torques = (joints.values[kind][places][:, order] for kind in JOINT_KINDS)
+    time = 1e-9 * (stamps - stamps[0])
+    return measured_motion(name, time, positions, velocities, torques, cutoff_hz=EXCITATION_HZ)

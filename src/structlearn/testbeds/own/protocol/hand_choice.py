@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.recordings.topics import TransformPose
+from structlearn.recordings.topics import JointPose, TransformPose
 from structlearn.rigid_body.urdf_links import HANDS
 from structlearn.testbeds.own.protocol.hand_paths import HandPath
 from structlearn.testbeds.own.protocol.inspection import FileSeen, PoseSource
@@ -46,7 +46,9 @@ class Candidate:
     @property
     def words(self) -> str:
         """What it is; while the robot is not known, its joints."""
-        return pose_words(self.source) if self.unit == "m" else f"joints in {self.source.topic}"
+        if isinstance(self.source, JointPose) and self.unit == "rad":
+            return f"joints in {self.source.topic}"
+        return pose_words(self.source)
 
 
 def pose_words(source: PoseSource) -> str:

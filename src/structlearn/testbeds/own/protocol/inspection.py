@@ -190,7 +190,9 @@ def _topic_seen(where: str, topic: str, types: Sequence[str], messages: RawMessa
     if messages is None:
         return TopicSeen(names, None)
     clocks = topic_clocks(messages)
-    joints, links, series, fault = [], [], [clocks.own], ""
+    joints: Sequence[JointSeries] = ()
+    links: Sequence[TransformSeries] = ()
+    series, fault = [clocks.own], ""
     try:
         if set(names) <= READERS["joint_states"].keys():
             joints, mended = joint_series(where, topic, messages, AS_THEY_COME)
@@ -258,10 +260,10 @@ def frame_pairs(
 def clocks_of(files: Sequence[FileSeen], topics: Sequence[str]) -> list[tuple[str, str, TopicClocks]]:
     """Clocks of those of the topics that have messages, each with its file and topic."""
     return [
-        (file.name, topic, file.topics[topic].clocks)
+        (file.name, topic, clocks)
         for file in files
         for topic in topics
-        if topic in file.topics and file.topics[topic].clocks
+        if topic in file.topics and (clocks := file.topics[topic].clocks)
     ]
 
 

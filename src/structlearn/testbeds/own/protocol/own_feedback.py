@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.feedback.axes import Axis
+from structlearn.feedback.axes import AXES, Axis
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_axes_table, to_axes_table
 from structlearn.feedback.coupling_model import CouplingModel, read_networks, train_final, write_networks
 from structlearn.feedback.supervision import coupling_dataset, learn_expected, require_parts
@@ -165,7 +165,7 @@ def read_own_feedback(source: str | Path) -> OwnFeedback | None:
     networks: dict[str, dict[Axis, CouplingModel]] = {}
     for key, network in read_networks(folder / NETWORKS).items():
         name, _, axis = key.rpartition(".")
-        networks.setdefault(name, {})[axis] = network
+        networks.setdefault(name, {})[AXES[AXES.index(axis)]] = network
     traces = sorted((folder / "expected").glob("*.safetensors"))
     tables = {name: read_table(folder / f"datasets/{name}.parquet") for name in networks}
     return OwnFeedback(

@@ -8,15 +8,9 @@ from structlearn.recordings.settings import Setting
 
 
 class OwnFeedbackParameters(CorrectionParameters, NetworkParameters):
-    """Executions and corrected ones, and the feedback that is learned from them.
+    """Executions and corrected ones, and the feedback learned from them.
 
-    Attributes:
-        executions: file or folder of nominal executions in the default setting; topics are the task's.
-        corrections: folder with a sub-folder of corrected demonstrations per setting, named by its label.
-        settings: those that are learned from; others that are there only test.
-        expected_hz: low-pass of the expected traces; about 12 / duration is what 25 kernels resolve.
-        training: of the networks.
-        parts: into which the demonstrations are put where a lone setting cannot be left out.
+    Fields: `stages/own/params.yaml`, `feedback`.
     """
 
     executions: str = Field(min_length=1)

@@ -28,7 +28,7 @@ from structlearn.rigid_body.motion import Motion, excited, measured_motion
 from structlearn.rigid_body.torque_blocks import block_table, drawn_nmse
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, joint_order
-from structlearn.testbeds.own.protocol.own_motion_parameters import MotionParameters
+from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters
 
 TEST = "test"
 
@@ -136,8 +136,12 @@ def identify_own_arm(
 def own_motion(robot: Robot, log: JointLog, parameters: MotionParameters) -> Motion:
     """The longest motion of a log, in the order of the robot's joints."""
     order = joint_order(robot.tree, log.joints, log.name)
-    signals = (values[:, order] for values in (log.positions, log.velocities, log.torques))
-    motion = measured_motion(log.name, log.time, *signals, parameters.rate_hz, parameters.smoothing_hz)
+    positions, velocities, torques = (
+        values[:, order] for values in (log.positions, log.velocities, log.torques)
+    )
+    motion = measured_motion(
+        log.name, log.time, positions, velocities, torques, parameters.rate_hz, parameters.smoothing_hz
+    )
     rest = round(parameters.rest_s * parameters.rate_hz)
     return motion.part(excited(log.name, motion.qd, parameters.rest_rad_s, rest))
 

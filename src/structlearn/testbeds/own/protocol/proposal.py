@@ -113,7 +113,7 @@ def _topics(
     source = hand.source
     topics: dict[str, Any] = {"pose": source if isinstance(source, str) else source.model_dump()}
     doubts: dict[str, list[str]] = {"topics.pose": list(_pose_doubts(seen, hand, others))}
-    arms = [arm[0] for file in seen.files if (arm := arm_of(file.topics))]
+    arms = [found[0] for file in seen.files if (found := arm_of(file.topics))]
     if arms:
         arm = max(sorted(set(arms)), key=arms.count)
         if arm in _of_types(seen.files, READERS["joint_states"]):

@@ -15,6 +15,7 @@ Every run is followed by inverse kinematics from near the same rest configuratio
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,8 +26,8 @@ from structlearn.ground.errors import InputError
 from structlearn.rigid_body.inverse_kinematics import Arm, JointPath, follow, read_arm, rest_for
 from structlearn.rigid_body.self_collision import LinkShapes, link_distances, read_shapes
 from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.own.protocol.arm_parameters import Bound, RobotParameters
 from structlearn.testbeds.own.protocol.check_results import NOT_TESTED, THIN, SkillCheck, verdict
-from structlearn.testbeds.own.protocol.robot_parameters import Bound, RobotParameters
 from structlearn.testbeds.own.protocol.skill_unrolls import Unroll, unrolls
 
 RATE_HZ = 200.0
@@ -71,7 +72,7 @@ def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck
     for run in runs:
         followed = follow(arm, run.position, run.orientation, 1.0 / RATE_HZ, rest)
         found = margins(arm, followed, bounds, shapes)
-        rows += [{"kind": run.kind, "run": run.name} | row for row in found]
+        rows += [{"kind": run.kind, "run": run.name, **row} for row in found]
     return SkillCheck(pd.DataFrame(rows), dict(zip(arm.tree.names, rest.tolist(), strict=True)), notes)
 
 
@@ -140,7 +141,7 @@ def margins(
         Rows of `check_results.SkillCheck.margins`, but for the run.
     """
     tree, dt = arm.tree, 1.0 / RATE_HZ
-    units = np.where(tree.prismatic, "m", "rad")
+    units = ["m" if prismatic else "rad" for prismatic in tree.prismatic]
     velocity = signals.derivative(path.joints, dt)
     acceleration = signals.derivative(velocity, dt)
     jerk = signals.derivative(acceleration, dt)
@@ -192,7 +193,11 @@ def _unwatched(shapes: LinkShapes) -> tuple[str, ...]:
 
 
 def _at_most(
-    quantity: str, values: np.ndarray, bound: Sequence[float], names: Sequence[str], units: Sequence[str]
+    quantity: str,
+    values: np.ndarray,
+    bound: np.ndarray | Sequence[float],
+    names: Sequence[str],
+    units: Sequence[str],
 ) -> dict[str, str | float]:
     """The row of values (T, K) that must not exceed bounds (K,)."""
     return _row(quantity, values, np.asarray(bound), 1.0 - values / bound, names, units)
@@ -227,9 +232,9 @@ def _row(
     names: Sequence[str],
     units: Sequence[str],
     every: int = 1,
-) -> dict[str, str | float]:
+) -> dict[str, Any]:
     """Where the margin (T, K) is least; one above 1 says no more than 1."""
-    sample, place = np.unravel_index(np.argmin(left), left.shape)
+    sample, place = map(int, np.unravel_index(np.argmin(left), left.shape))
     margin = min(float(left[sample, place]), 1.0)
     return {
         "quantity": quantity,
@@ -238,6 +243,6 @@ def _row(
         "bound": float(bound[place]),
         "unit": units[place],
         "margin": margin,
-        "time_s": float(sample) * every / RATE_HZ,
+        "time_s": sample * every / RATE_HZ,
         "verdict": verdict(margin),
     }

@@ -6,15 +6,15 @@ title in `PAGES`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.resources import files as package_files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics, read_csv
 from structlearn.ground.params import read_values
-from structlearn.reporting.claims import NOT_TESTED, Judged, judge, unknown, verdict_in
+from structlearn.reporting.claims import NOT_TESTED, Found, Judged, judge, unknown, verdict_in
 from structlearn.reporting.document import Document, Source, Table, anchor, environment
 from structlearn.reporting.figure_style import Drawing
 from structlearn.testbeds.recorded.files import TABLES
@@ -105,7 +105,7 @@ def recorded_report(results: RecordedResults, reports: Path = Path("reports")) -
     found = {name: value for part in there for name, value in part.metrics(results).items()}
     metrics = {name: value for name, value in found.items() if known(value)}
     tables = {name: table for part in there for name, table in part.tables(results).items()}
-    facts = {"published": published()} | found
+    facts: dict[str, Any] = {"published": published()} | found
     for part in there:
         facts |= part.facts(results)
     simulated = simulated_claims(reports)
@@ -153,7 +153,7 @@ def judged_part(
     part: Part, results: RecordedResults, facts: Mapping[str, object], simulated: Mapping[str, pd.DataFrame]
 ) -> list[Judged]:
     """A part's claims, not tested where there are no data of it, with verdicts on their counterparts."""
-    found = {claim.evidence: unknown("not recorded here") for claim in part.claims}
+    found: dict[str, Found] = {claim.evidence: unknown("not recorded here") for claim in part.claims}
     if part.there(results):
         found = {
             name: its or unknown("nothing recorded decides it")
@@ -185,4 +185,4 @@ def source(path: str, stage: str = "") -> Source:
 
 def published() -> dict[str, float]:
     """What the dissertation prints."""
-    return read_values(package_files(PACKAGE) / "published.yaml")
+    return read_values(Path(__file__).with_name("published.yaml"))

@@ -58,11 +58,17 @@ def amplitude_panel(electrodes: pd.DataFrame, name: str, title: str) -> Figure:
     """A column's magnitude for every finger of both sets of scraping, electrodes in falling order."""
     figure, axes = panel(title, xlabel="electrodes of a finger, sorted", ylabel="counts", yscale="log")
     for group, width, opacity in ((SIMULATED, 0.7, 0.6), (REFERENCE, 1.8, 1.0)):
-        label = group
+        label: str | None = group
         for _, finger in electrodes[electrodes["group"] == group].groupby(["run", "finger"], sort=False):
             values = np.maximum(np.sort(finger[name].abs().to_numpy())[::-1], 0.3)
-            style = {"color": TOUCH_WORLDS[group], "linewidth": width, "alpha": opacity}
-            axes.plot(np.arange(1, len(values) + 1), values, label=label, **style)
+            axes.plot(
+                np.arange(1, len(values) + 1),
+                values,
+                label=label,
+                color=TOUCH_WORLDS[group],
+                linewidth=width,
+                alpha=opacity,
+            )
             label = None
     axes.set_xticks([1, 5, 10, 15, 19])
     return legend(figure)
@@ -71,8 +77,8 @@ def amplitude_panel(electrodes: pd.DataFrame, name: str, title: str) -> Figure:
 @styled
 def noise_panel(electrodes: pd.DataFrame) -> Figure:
     """Distribution of the electrodes' noise in all sets."""
-    labels = {"xlabel": "standard deviation (counts)", "ylabel": "share of electrodes below"}
-    figure, axes = panel("Noise of the electrodes", xscale="log", xlim=(0.3, 6.0), **labels)
+    figure, axes = panel("Noise of the electrodes", xscale="log", xlim=(0.3, 6.0))
+    axes.set(xlabel="standard deviation (counts)", ylabel="share of electrodes below")
     for group, its in electrodes.groupby("group", sort=False):
         values = np.sort(its["noise"].to_numpy())
         axes.plot(values, np.linspace(0.0, 1.0, len(values)), color=TOUCH_WORLDS[group], label=group)
@@ -84,8 +90,8 @@ def noise_panel(electrodes: pd.DataFrame) -> Figure:
 @styled
 def spectrum_panel(spectra: pd.DataFrame, name: str) -> Figure:
     """Power density of the `strongest` or the `median` electrode of a finger, in all sets."""
-    labels = {"xlabel": "frequency (Hz)", "ylabel": "counts² / Hz"}
-    figure, axes = panel(f"{name.capitalize()} electrode", xscale="log", yscale="log", **labels)
+    figure, axes = panel(f"{name.capitalize()} electrode", xscale="log", yscale="log")
+    axes.set(xlabel="frequency (Hz)", ylabel="counts² / Hz")
     for group, its in spectra.groupby("group", sort=False):
         axes.plot(its["frequency_hz"], its[name], color=TOUCH_WORLDS[group], label=group)
     axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
@@ -96,11 +102,11 @@ def spectrum_panel(spectra: pd.DataFrame, name: str) -> Figure:
 @styled
 def components_panel(components: pd.DataFrame, variance: float) -> Figure:
     """Variance that is left after some principal components of a finger's electrodes, in all sets."""
-    labels = {"xlabel": "principal components of a finger", "ylabel": "share of variance left"}
-    figure, axes = panel("Dimensions of the movement", yscale="log", ylim=(1e-5, 1.3), **labels)
+    figure, axes = panel("Dimensions of the movement", yscale="log", ylim=(1e-5, 1.3))
+    axes.set(xlabel="principal components of a finger", ylabel="share of variance left")
     for group, its in components.groupby("group", sort=False):
-        style = {"color": TOUCH_WORLDS[group], "marker": "o", "markersize": 3.5}
-        axes.plot(its["components"], its["left"], label=group, **style)
+        colour = TOUCH_WORLDS[group]
+        axes.plot(its["components"], its["left"], label=group, color=colour, marker="o", markersize=3.5)
     axes.axhline(1 - variance, color=BLACK, linewidth=0.8, linestyle=":")
     axes.set_xlim(-0.2, 12.2)
     return legend(figure)

@@ -1,7 +1,7 @@
 """What the page of simulated beside recorded touch shows: its tables, metrics, claims and document."""
 
 from collections.abc import Mapping
-from importlib.resources import files as package_files
+from pathlib import Path
 
 import pandas as pd
 
@@ -116,7 +116,7 @@ def calibration_document(
     parameters: Mapping[str, CalibrationParameters],
 ) -> Document:
     """The page, which says so where nothing was recorded; parameters by their key in `params.yaml`."""
-    claims = read_claims(package_files(PACKAGE) / "calibration_claims.yaml")
+    claims = read_claims(Path(__file__).with_name("calibration_claims.yaml"))
     constants = {
         "factor": parameters["calibrate"].factor,
         "active_counts": parameters["calibrate"].active_counts,

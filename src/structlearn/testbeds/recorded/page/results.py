@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import pandas as pd
 
-from structlearn.ground.params import Parameters
-from structlearn.primitives.fitting import Segment, segment_paths, whole
+from structlearn.primitives.fitting import FitParameters, Segment, segment_paths, whole
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.recorded import files
@@ -22,20 +22,20 @@ class RecordedResults:
         tables: of the stages, by the names of `files.TABLES`, those for which there were data; they are what
             the protocols return.
         reach_segments: the reaches.
-        reach_primitive: learned from all of them.
+        reach_primitives: the one that is learned from all of them.
         unscrewing_segments: the logs.
-        unscrewing_primitive: learned from all of them.
+        unscrewing_primitives: the one that is learned from all of them.
         execution: recorded parts of the scraping execution in order.
         parameters: that they were made with, by their key in `params.yaml`.
     """
 
     tables: Mapping[str, pd.DataFrame]
     reach_segments: Sequence[Segment] = ()
-    reach_primitive: PosePrimitive | None = None
+    reach_primitives: Sequence[PosePrimitive] = ()
     unscrewing_segments: Sequence[Segment] = ()
-    unscrewing_primitive: PosePrimitive | None = None
+    unscrewing_primitives: Sequence[PosePrimitive] = ()
     execution: Sequence[Demonstration] = ()
-    parameters: Mapping[str, Parameters] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]
@@ -46,18 +46,19 @@ class RecordedResults:
         return {name.removeprefix(prefix): table for name, table in found if name.startswith(prefix)}
 
 
-def read_results(stored: files.RecordedFiles, parameters: Mapping[str, Parameters]) -> RecordedResults:
+def read_results(stored: files.RecordedFiles, parameters: Mapping[str, Any]) -> RecordedResults:
     """What the stages wrote; parameters by their key in `params.yaml`."""
-    found: dict[str, object] = {}
-    fits = {
-        files.REACHES: parameters["recorded_reaches"].fit,
-        files.UNSCREWING: parameters["recorded_unscrewing"],
-    }
-    for (name, fit), prefix in zip(fits.items(), ("reach", "unscrewing"), strict=True):
-        if stored.learned(name):
-            movements = stored.demonstrations(name)
-            segments = segment_paths(movements, whole(movements), fit.smoothing_hz)
-            found |= {f"{prefix}_segments": segments, f"{prefix}_primitive": stored.primitives(name)[0]}
-    if stored.learned(files.SCRAPING):
-        found["execution"] = stored.demonstrations(files.SCRAPING)
-    return RecordedResults(stored.tables(), **found, parameters=parameters)
+    reaches = _movements(stored, files.REACHES, parameters["recorded_reaches"].fit)
+    turns = _movements(stored, files.UNSCREWING, parameters["recorded_unscrewing"])
+    execution = stored.demonstrations(files.SCRAPING) if stored.learned(files.SCRAPING) else ()
+    return RecordedResults(stored.tables(), *reaches, *turns, execution, parameters)
+
+
+def _movements(
+    stored: files.RecordedFiles, name: str, fit: FitParameters
+) -> tuple[Sequence[Segment], Sequence[PosePrimitive]]:
+    """A set of movements and its primitive; nothing where there were no data."""
+    if not stored.learned(name):
+        return (), ()
+    movements = stored.demonstrations(name)
+    return segment_paths(movements, whole(movements), fit.smoothing_hz), stored.primitives(name)

@@ -21,7 +21,7 @@ WORDS = {"way": "model", "max": "largest", "nmse": "NMSE", "rms": "RMS"}
 """Of columns' names, that a heading writes otherwise."""
 
 
-def shown(frame: pd.DataFrame, strong: frozenset[int] = frozenset(), **formats: str) -> Table:
+def shown(frame: pd.DataFrame, strong: frozenset[int] = frozenset(), /, **formats: str) -> Table:
     """A table whose headings and formats follow from the names of its columns; `formats` are exceptions."""
     headings, found = {}, {}
     for name in frame:

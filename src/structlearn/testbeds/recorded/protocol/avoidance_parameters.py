@@ -8,16 +8,7 @@ from structlearn.ground.params import Parameters
 
 
 class RecordedAvoidanceParameters(Parameters):
-    """Parameters of the recorded samples.
-
-    Attributes:
-        folds: blocks of consecutive rows.
-        ridge_decay: of the linear model on standardised inputs.
-        network: the feed-forward network; its members make the ensemble, the first of them alone is the
-            network. What it sees is varied.
-        pmnn: training of the phase-modulated network.
-        pmnn_hidden: its regular hidden layers.
-    """
+    """Parameters of the recorded samples."""
 
     folds: int = Field(ge=2)
     ridge_decay: float = Field(gt=0)

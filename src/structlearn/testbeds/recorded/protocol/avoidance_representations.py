@@ -158,7 +158,9 @@ def _ridge(training: AvoidanceDataset, inputs: str, decay: float) -> CouplingMod
     regression = make_pipeline(StandardScaler(), Ridge(alpha=decay))
     seen = selected_inputs(training.features, training.phase, training.phase_velocity, columns)
     regression.fit(seen, training.target)
-    return lambda *states: regression.predict(selected_inputs(*states, columns))
+    return lambda features, phase, phase_velocity: regression.predict(
+        selected_inputs(features, phase, phase_velocity, columns)
+    )
 
 
 def _predicted(model: CouplingModel, dataset: AvoidanceDataset) -> np.ndarray:

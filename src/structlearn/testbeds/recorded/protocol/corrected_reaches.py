@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling import position_target
+from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
 from structlearn.primitives import canonical, kernels, regression
 from structlearn.primitives.position import PositionPrimitive, in_local_frame
@@ -26,7 +27,7 @@ from structlearn.recordings.demonstration import Demonstration
 AXES = ("x", "y", "z")
 """Of the local frame: x from start to goal, z upwards, y to the side."""
 
-Networks = Sequence[tuple[str, PhaseModulatedNetwork]]
+Networks = Sequence[tuple[str, CouplingModel]]
 """One network per local axis, by its name in `AXES`."""
 
 

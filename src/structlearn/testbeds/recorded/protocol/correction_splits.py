@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.ground import signals
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import nmse
@@ -38,16 +37,7 @@ phase-modulated network can say."""
 
 
 class CorrectionParameters(Parameters):
-    """Parameters of the corrected reaches.
-
-    Attributes:
-        smoothing_hz: low-pass of the positions before they are differentiated twice.
-        kernel_count: N, phase features of the network.
-        incomplete_m: a reach that starts or ends farther than this from the nominal one is left aside.
-        learned_share: of the complete reaches, which the network learns from; all others are left out.
-        splits: random choices of these reaches.
-        seed: of the choices.
-    """
+    """Parameters of the corrected reaches."""
 
     smoothing_hz: float = Field(gt=0)
     kernel_count: int = Field(ge=2, le=200)
@@ -88,7 +78,7 @@ class CorrectionResults:
 
 def learn_corrections(
     reaches: Sequence[CorrectedReach], nominal: VectorPrimitive, parameters: CorrectionParameters
-) -> tuple[list[tuple[str, CouplingModel]], CorrectionResults]:
+) -> tuple[Networks, CorrectionResults]:
     """Learn the coupling from some reaches and reproduce the others, for several random choices.
 
     Args:
@@ -135,7 +125,7 @@ class _Outcome:
     """One split: M reaches left out, S samples of normalised time."""
 
     left_out: np.ndarray  # (M,) their places
-    networks: list[tuple[str, CouplingModel]]
+    networks: Networks
     adapted: np.ndarray  # (M, S, 3) nominal primitive with learned coupling, m
     distances_mm: dict[str, np.ndarray]  # by column of `CorrectionResults.distances`: (M, S)
 

@@ -27,17 +27,7 @@ from structlearn.segmentation.segments import cut
 
 
 class ReachParameters(Parameters):
-    """Parameters of the reach protocols.
-
-    Attributes:
-        segment: how the reaches are found.
-        fit: how the primitive is learned.
-        noise_mm: levels of the smooth noise added to the recordings.
-        noise_hz: its cut-off.
-        rest_s: range of the rests put before and after each reach.
-        seeds: draws of rests and noise per level.
-        fold: reaches left out at a time in the cross-validation, at most half of them.
-    """
+    """Parameters of the reach protocols."""
 
     segment: SegmentParameters
     fit: FitParameters

@@ -15,7 +15,7 @@ from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, lea
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import NetworkChoiceParameters
+from structlearn.testbeds.recorded.protocol.arm_parameters import NetworkChoiceParameters
 
 Candidate = tuple[Kind, LearningParameters]
 
@@ -43,7 +43,7 @@ def choose_networks(
     work: list[Candidate] = sorted(product(NETWORKS, settings), key=lambda item: item[0] != "delan")
     parts = motion.split(parameters.train_share)
     results = parallel_map(partial(_tried, tree=tree, parts=parts, parameters=parameters), work, "networks")
-    rows, chosen = [], {}
+    rows, chosen = [], dict[Kind, tuple[float, int, NetworkTraining]]()
     for (kind, setting), errors in zip(work, results, strict=True):
         hidden = "-".join(map(str, setting.hidden))
         for epochs, error in zip(sorted(parameters.epochs), errors, strict=True):

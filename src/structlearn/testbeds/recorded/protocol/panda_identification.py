@@ -19,7 +19,7 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.tree import Robot
-from structlearn.testbeds.recorded.protocol.panda_parameters import RecordedDynamicsParameters
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedDynamicsParameters
 
 TEST = "test"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.ground import metrics, quaternion
+from structlearn.ground import metrics
 from structlearn.ground.params import Parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
@@ -14,15 +14,11 @@ from structlearn.primitives.sensor_traces import expected, fit_expected_traces, 
 from structlearn.primitives.sequence import PoseGoal, PosePrimitive, SequencePath
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.recorded.protocol.unscrewing import angular_errors
 
 
 class ExecutionParameters(Parameters):
-    """Parameters of the recorded execution.
-
-    Attributes:
-        fit: of the pose primitives.
-        tactile_smoothing_hz: low-pass of the electrodes before they are differentiated.
-    """
+    """Learning from the recorded execution."""
 
     fit: FitParameters
     tactile_smoothing_hz: float = Field(gt=0)
@@ -39,7 +35,7 @@ def learn_execution(
 
     Returns:
         The primitives, the unrolled sequence, and per primitive the distance from the recording: `mean_mm`,
-        `max_mm`, `end_mm`, `mean_deg`, `max_deg`, `end_deg`.
+        `max_mm`, `end_mm`, and with orientations `mean_deg`, `max_deg`, `end_deg`.
     """
     segments = [segment_paths([part], whole([part]), parameters.smoothing_hz)[0] for part in parts]
     primitives = [
@@ -47,25 +43,24 @@ def learn_execution(
         for part, segment in zip(parts, segments, strict=True)
     ]
     goals = [
-        PoseGoal(position.position[-1], orientation.orientation[-1]) for position, orientation in segments
+        PoseGoal(position.position[-1], None if orientation is None else orientation.orientation[-1])
+        for position, orientation in segments
     ]
     path = sequence.unroll(primitives, parts[0].dt, goals=goals)
     rows = []
     for part, first, last in zip(parts, path.switches[:-1], path.switches[1:], strict=True):
         here = slice(first, last + 1)
         distance = 1e3 * np.linalg.norm(path.position.position[here] - part.position, axis=1)
-        angle = np.degrees(quaternion.angle_between(path.orientation.orientation[here], part.orientation))
-        rows.append(
-            {
-                "primitive": part.name,
-                "mean_mm": distance.mean(),
-                "max_mm": distance.max(),
-                "end_mm": distance[-1],
-                "mean_deg": angle.mean(),
-                "max_deg": angle.max(),
-                "end_deg": angle[-1],
-            }
-        )
+        row = {
+            "primitive": part.name,
+            "mean_mm": distance.mean(),
+            "max_mm": distance.max(),
+            "end_mm": distance[-1],
+        }
+        if path.orientation is not None:
+            turned, recorded = path.orientation.orientation[here], part.signal("orientation")
+            row |= angular_errors(turned, recorded)
+        rows.append(row)
     return primitives, path, pd.DataFrame(rows)
 
 
@@ -87,7 +82,7 @@ def learn_traces(
     """
     primitives, scores, traces = [], [], []
     for part in parts:
-        recorded = without_offset(part.tactile, parts[0].tactile)
+        recorded = without_offset(part.signal("tactile"), parts[0].tactile)
         primitive = fit_expected_traces([recorded], part.dt, parameters.tactile_smoothing_hz)
         unrolled = expected(primitive, len(recorded), part.dt)
         primitives.append(primitive)

@@ -8,6 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.eflesh import ProbeRun
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin_force import force_errors
 from structlearn.testbeds.recorded.protocol.skin_map import (
     LearnedSkin,
@@ -15,7 +16,6 @@ from structlearn.testbeds.recorded.protocol.skin_map import (
     map_errors,
     other_run_errors,
 )
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin_servoing import servo_trials
 
 

@@ -13,13 +13,13 @@ import pandas as pd
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.eflesh import ProbeRun
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin_map import (
     NEW_RUN,
     PROCESS,
     gaussian_process,
     polynomial,
 )
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 
 QUADRATIC, PRESSURE = "channels and their products", "pressure alone"
 """Models beside the Gaussian process: ridge regression on 16 channels and their products, and a polynomial of

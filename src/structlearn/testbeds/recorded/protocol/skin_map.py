@@ -31,7 +31,7 @@ from structlearn.tactile.pressed_skin import (
 from structlearn.tactile.sensor_description import SensorDescription
 from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains
 from structlearn.tactile.units import TouchUnits, touch_units
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 
 STRUCTURED, PLAIN, COMPONENTS, PROCESS = (
     "structured",
@@ -173,9 +173,9 @@ def other_run_errors(
         table = block_scores(found, learned.units, asked, block, parameters)
         names = {"learned_from": run.name, "asked_about": other.name}
         tables.append(table.assign(**names, new=NEW_RUN))
-        lies = np.column_stack([asked.place, found[0].laid, found[0].pressure])
-        columns = ["x_m", "y_m", "z_m", "map_x_m", "map_y_m", "pressure"]
-        maps.append(pd.DataFrame(lies, columns=columns).assign(**names))
+        lies = pd.DataFrame(asked.place, columns=["x_m", "y_m", "z_m"], dtype=float)
+        lies[["map_x_m", "map_y_m"]] = found[0].laid
+        maps.append(lies.assign(pressure=found[0].pressure, **names))
     return tuple(pd.concat(one, ignore_index=True) if one else pd.DataFrame() for one in (tables, maps))
 
 
@@ -244,9 +244,9 @@ def readings(
     known, new = (learned.units.signals(skin.signals) for skin in (taught, asked))
     middle = known.mean(axis=0)
     axes = np.linalg.svd(known - middle, full_matrices=False)[2][:DIMENSIONS]
-    components = [(signals - middle) @ axes.T for signals in (known, new)]
-    one = _space_reading(COMPONENTS, *components, taught, parameters)
-    found.append(replace(one, decoded=components[1] @ axes + middle))
+    taught_components, components = ((signals - middle) @ axes.T for signals in (known, new))
+    one = _space_reading(COMPONENTS, taught_components, components, taught, parameters)
+    found.append(replace(one, decoded=components @ axes + middle))
     read = gaussian_process(known, taught.place, parameters.rival_samples)(new)
     found.append(Reading(PROCESS, 0, read[:, :PLANE], read[:, :PLANE], read[:, PLANE]))
     if np.std(taught.place[:, PLANE]) < NEVER_VARIES:  # a run of one depth teaches nothing of others
@@ -366,7 +366,7 @@ def block_scores(
     place, depth = asked.place[:, :PLANE], asked.place[:, PLANE]
     distance = np.linalg.norm(place[first] - place[second], axis=1)
     pressure, signals = units.pressure(asked.pressure), units.signals(asked.signals)
-    depth = depth if np.std(depth) > NEVER_VARIES else None
+    differing = depth if np.std(depth) > NEVER_VARIES else None
     tables = []
     for one in found:
         apart = np.linalg.norm(one.coordinates[first] - one.coordinates[second], axis=1)
@@ -376,7 +376,7 @@ def block_scores(
                 "map_nmse": missed / np.var(distance),
                 "pressure_nmse": _normalised(one.pressure, pressure),
                 "signal_nmse": _normalised(one.decoded, signals),
-                "depth_nmse": _normalised(one.depth, depth),
+                "depth_nmse": _normalised(one.depth, differing),
                 "laid_mm": _away_mm(one.laid, place),
                 "latent_mm": _away_mm(one.place, place),
             }

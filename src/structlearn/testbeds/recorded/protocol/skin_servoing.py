@@ -6,16 +6,16 @@ import numpy as np
 import pandas as pd
 
 from structlearn.recordings.eflesh import ProbeRun
-from structlearn.tactile.latent_variants import STRUCTURES
+from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
 from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, pressed_skin
 from structlearn.tactile.resting_servo import Caution, RestingServo
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
 from structlearn.tactile.table_servoing import servo_on_table
 from structlearn.tactile.touch_dataset import TEST
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin_map import NEVER_VARIES, PLAIN, STRUCTURED, LearnedSkin
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
 
-TEXT = ("LL", "NG", "NJ")
+TEXT: tuple[InverseModel, ...] = ("LL", "NG", "NJ")
 CORRECTED = "NJ, corrected"
 """Controllers: the text's, and ours that rests where it is and learns from what its steps missed."""
 
@@ -85,11 +85,12 @@ def table_of(learned: LearnedSkin, run: ProbeRun, other: ProbeRun, parameters: S
 
 def controllers(learned: LearnedSkin, parameters: SkinParameters) -> Iterator[tuple[bool, str, TactileServo]]:
     """Structure, name and controller of all that are compared."""
+    compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT), (CORRECTED, "NJ")]
     chosen, beta = parameters.servo, parameters.spaces.training.action_penalty
     for structure in STRUCTURES:
-        for inverse in (*TEXT, CORRECTED):
+        for name, inverse in compared:
             settings = ServoParameters(
-                inverse=inverse[:2],
+                inverse=inverse,
                 trained_with_inverse=True,
                 action_penalty=beta,
                 gradient_gain=chosen.gradient_gain,
@@ -97,11 +98,11 @@ def controllers(learned: LearnedSkin, parameters: SkinParameters) -> Iterator[tu
                 horizon=1,
             )
             given = learned.models, learned.units, structure, settings, 1.0 / STEP_S
-            if inverse == CORRECTED:
+            if name == CORRECTED:
                 caution = Caution(by_likelihood=True, spread=SPREAD, correction=chosen.correction)
-                yield structure, inverse, RestingServo(*given, actions_per_step=1, caution=caution)
+                yield structure, name, RestingServo(*given, actions_per_step=1, caution=caution)
             else:
-                yield structure, inverse, TactileServo(*given)
+                yield structure, name, TactileServo(*given)
 
 
 def _path_table(path: np.ndarray, target: np.ndarray) -> pd.DataFrame:

@@ -29,17 +29,7 @@ PLACES = {
 
 
 class SlideParameters(Parameters):
-    """Parameters of the slides.
-
-    Attributes:
-        rate_hz: of the clock on which all streams are put.
-        max_gap_s: longest hole that is bridged.
-        material: the expected traces are those of this one; where there is no trial of it, of the material
-            with most trials.
-        left_out: names of trials that are never learned from.
-        strong_counts: an electrode whose median range over the trials of a material is larger is strong.
-        smoothing_hz: low-pass of the electrodes before they are differentiated.
-    """
+    """Parameters of the slides."""
 
     rate_hz: float = Field(gt=0)
     max_gap_s: float = Field(gt=0)
@@ -106,7 +96,7 @@ def learn_slides(
         MissingInputError: there is no trial to learn from.
     """
     groups = trial_groups([one.name for one in demonstrations], parameters)
-    traces = {one.name: without_offset(one.tactile) for one in demonstrations}
+    traces = {one.name: without_offset(one.signal("tactile")) for one in demonstrations}
     dt = demonstrations[0].dt
     learned = [traces[name] for name, group in groups.items() if group == "learned"]
     if not learned:
@@ -204,7 +194,7 @@ def _by_material(
     found: dict[str, dict[str, np.ndarray]] = {}
     for one in demonstrations:
         if one.name not in parameters.left_out:
-            found.setdefault(material_of(one.name), {})[one.name] = without_offset(one.tactile)
+            found.setdefault(material_of(one.name), {})[one.name] = without_offset(one.signal("tactile"))
     return found
 
 

@@ -23,17 +23,7 @@ BANDS = (("power_slow", 0.4, 2.0), ("power_middle", 2.0, 10.0), ("power_fast", 1
 
 
 class CalibrationParameters(Parameters):
-    """Parameters of the comparison.
-
-    Attributes:
-        rate_hz: the sensor's own; a log that holds its values at a higher rate is thinned to it.
-        settling_s: time after the first primitive until force control holds; contact counts from there on.
-        average_s: length of the means before and after contact.
-        active_counts: an electrode is active if it moves by more than this in contact.
-        variance: share of the variance that the principal components must hold.
-        segment_s: length of the windows of the spectra.
-        factor: two medians agree if neither is larger than the other by more than this factor.
-    """
+    """Parameters of the comparison."""
 
     rate_hz: float = Field(gt=0)
     settling_s: float = Field(ge=0)

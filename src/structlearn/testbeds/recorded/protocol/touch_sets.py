@@ -15,11 +15,11 @@ from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.slide import material_of
-from structlearn.tactile.contact_point import contact_points
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
 from structlearn.tactile.latent_parameters import GeodesicParameters
 from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, TouchDataset
+from structlearn.tactile.touch_preparation import contact_points
 
 RECORDED = (SLIDES, UNSCREWING) = ("slides", "unscrewing")
 SIMULATED = "simulated"
@@ -46,7 +46,7 @@ class TouchSet:
     geodesics: Geodesics
     groups: tuple[str, ...]
 
-    def without(self, trials: Sequence[int]) -> TouchDataset:
+    def without(self, trials: Sequence[int] | np.ndarray) -> TouchDataset:
         """The samples with these trials as the test split, all others to be learned from."""
         return replace(self.samples, split=np.where(np.isin(self.samples.trial, trials), TEST, TRAIN))
 
@@ -63,17 +63,17 @@ def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: f
         InputError: the number of electrodes is not the skin's, or nothing touches in a sample.
     """
     parts = []
-    for trial, one in enumerate(demonstrations):
-        orientation = quaternion.normalised(signals.low_pass(one.orientation, one.dt, cutoff_hz))
+    for number, one in enumerate(demonstrations):
+        orientation = quaternion.normalised(signals.low_pass(one.signal("orientation"), one.dt, cutoff_hz))
         position = signals.low_pass(one.position, one.dt, cutoff_hz)
         velocity = signals.derivative(position, one.dt), quaternion.angular_velocity(orientation, one.dt)
         parts.append(
             {
-                "signals": -signals.low_pass(one.tactile, one.dt, cutoff_hz),
+                "signals": -signals.low_pass(one.signal("tactile"), one.dt, cutoff_hz),
                 "velocity": np.hstack(velocity),
                 "orientation": orientation,
                 "time": one.time,
-                "trial": np.full(len(one.time), trial),
+                "trial": np.full(len(one.time), number),
             }
         )
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

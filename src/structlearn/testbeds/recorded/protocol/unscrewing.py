@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 
 from structlearn.ground import quaternion, signals
-from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
-from structlearn.primitives.sequence import PosePrimitive
+from structlearn.ground.errors import InputError
+from structlearn.primitives.fitting import FitParameters, learn_primitive, orientations, segment_paths, whole
+from structlearn.primitives.sequence import OrientationPrimitive, PosePrimitive
 from structlearn.primitives.twist_swing import largest_turn
 from structlearn.recordings.demonstration import Demonstration
 
@@ -29,24 +30,24 @@ def learn_unscrewing(
     """
     segments = segment_paths(demonstrations, whole(demonstrations), parameters.smoothing_hz)
     rows = []
-    for demonstration, segment in zip(demonstrations, segments, strict=True):
-        primitive = learn_primitive("unscrew", [segment], parameters)
-        path = segment[1]
-        turn = primitive.orientation.unroll(path.dt, path.orientation[0], path.orientation[-1], path.duration)
+    paths = orientations(segments)
+    for demonstration, segment, path in zip(demonstrations, segments, paths, strict=True):
+        primitive = turning(learn_primitive("unscrew", [segment], parameters))
+        turn = primitive.unroll(path.dt, path.orientation[0], path.orientation[-1], path.duration)
         rows.append(
             {
                 "learned_from": demonstration.name,
                 "compared_with": demonstration.name,
                 "turn_deg": np.degrees(largest_turn([path])),
-                **angular_errors(turn.orientation, demonstration.orientation),
+                **angular_errors(turn.orientation, demonstration.signal("orientation")),
             }
         )
     joint = learn_primitive("unscrew", segments, parameters)
-    turn = joint.orientation.unroll(segments[0][1].dt)
+    turn = turning(joint).unroll(paths[0].dt)
     mean = mean_orientation_path(
-        [demonstration.orientation for demonstration in demonstrations], len(turn.time)
+        [demonstration.signal("orientation") for demonstration in demonstrations], len(turn.time)
     )
-    turns = np.degrees([largest_turn([path]) for _, path in segments])
+    turns = np.degrees([largest_turn([path]) for path in paths])
     rows.append(
         {
             "learned_from": "all",
@@ -56,6 +57,17 @@ def learn_unscrewing(
         }
     )
     return joint, pd.DataFrame(rows)
+
+
+def turning(primitive: PosePrimitive) -> OrientationPrimitive:
+    """How a primitive turns the hand.
+
+    Raises:
+        InputError: it was learned without orientations.
+    """
+    if primitive.orientation is None:
+        raise InputError(f"{primitive.name}: was learned without orientations")
+    return primitive.orientation
 
 
 def angular_errors(path: np.ndarray, reference: np.ndarray) -> dict[str, float]:

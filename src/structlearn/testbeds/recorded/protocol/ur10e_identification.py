@@ -32,9 +32,9 @@ from structlearn.rigid_body.online_learning import PayloadLearningParameters, le
 from structlearn.rigid_body.torque_blocks import block_table
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.protocol.network_choice import choose_networks
 from structlearn.testbeds.recorded.protocol.ur10e_logs import CARRIES, logs_that_are_there, moving_logs
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
 
 AT_REST, IN_MOTION, DELAY = "gain at rest", "gain in motion", "delay"
 """Quantities of drives, in N m/A and s."""
@@ -173,17 +173,19 @@ def _drives(
         cut = excited(
             name, log.velocities, parameters.rest_rad_s, round(parameters.rest_s * parameters.rate_hz)
         )
-        asked = [values[cut] for values in (log.desired_currents, log.target_torques, log.velocities)]
-        found[IN_MOTION, name] = moving_gains(*asked, *bootstrap)
+        found[IN_MOTION, name] = moving_gains(
+            log.desired_currents[cut], log.target_torques[cut], log.velocities[cut], *bootstrap
+        )
         _, positions, velocities, currents = on_clock(log, parameters.rate_hz, tried)
         states, cut = _cut(name, positions, velocities, currents[0], parameters)
         counts[name] = block_count(len(states), parameters.block)
         smooth = [
             signals.low_pass(its, 1.0 / parameters.rate_hz, parameters.cutoff_hz)[cut] for its in currents
         ]
-        *found[DELAY, name], squares = current_delays(
+        late, drawn_late, squares = current_delays(
             tree, states, np.stack(smooth), delays, FRICTION, *bootstrap
         )
+        found[DELAY, name] = late, drawn_late
         curves.append(_long({"log": name}, squares, "delay_s", delays, "squares"))
     values = [
         _long({"quantity": key[0], "log": key[1], "blocks": counts[key[1]]}, its[0][None])
@@ -197,7 +199,7 @@ def _drives(
 
 
 def _long(
-    keys: dict[str, str],
+    keys: dict[str, str | int],
     values: np.ndarray,
     row_name: str | None = None,
     rows: np.ndarray | None = None,
@@ -292,8 +294,14 @@ def _loads(
         for gain, values in gains.items()
         for name, chosen in asked.items()
     ]
-    bootstrap = {"length": parameters.block, "draws": blocks.draws, "seed": blocks.seed}
-    weigh = partial(identify_load, tree, friction=FRICTION, **bootstrap)
+    weigh = partial(
+        identify_load,
+        tree,
+        friction=FRICTION,
+        length=parameters.block,
+        draws=blocks.draws,
+        seed=blocks.seed,
+    )
     found = parallel_map(weigh, [both for _, _, both in work], "loads")
     rows, drawn = [], []
     for (name, gain, both), (load, draws) in zip(work, found, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 
 from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.drive_log import DriveLog
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 
 LOAD = "(?<!un)(?<!no)(?<!no.)load"
 """Not `unload` nor `no_load`."""

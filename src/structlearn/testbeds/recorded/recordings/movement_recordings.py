@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -93,7 +94,7 @@ def write_slides(
     learned = next(material_of(name) for name, group in groups.items() if group == "learned")
     order = sorted(trials, key=lambda trial: GROUPS.index(groups[trial.name]))  # the first ones have a tab
     deviating = [
-        replace(trial, tactile=deviation(expected, without_offset(trial.tactile), trial.dt))
+        replace(trial, tactile=deviation(expected, without_offset(trial.signal("tactile")), trial.dt))
         for trial in order
     ]
     note = (
@@ -112,12 +113,12 @@ def joined(parts: Sequence[Demonstration]) -> tuple[Demonstration, Segmentation]
     for part in parts:
         times.append(part.time + starts[-1])
         starts.append(times[-1][-1] + part.dt)
-    signals = {
+    signals: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name in SIGNALS
         if all(getattr(part, name) is not None for part in parts)
     }
-    nothing = {
+    nothing: dict[str, Any] = {
         one.name: None for one in fields(Demonstration) if one.name in SIGNALS and one.name not in signals
     }
     whole = replace(parts[0], name=EXECUTION, time=np.concatenate(times), **signals, **nothing)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -35,15 +36,15 @@ def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[s
         tuned_on: runs on which constants were chosen.
     """
     with recording(path, TITLE) as stream:
-        views = []
+        views: list[rrb.Container | rrb.View] = []
         if "maps" in tables:
             views.append(_send_maps(stream, shown_map(tables["maps"], tuned_on), tables["paths"]))
         if "traces" in tables:
             _send_forces(stream, tables["traces"])
             views.append(plot("force (N)", ["/force/**"]))
         send_notes(stream, _note())
-        views = rrb.Vertical(*views, row_shares=[3, 1][: len(views)]) if views else notes_view()
-        stream.send_blueprint(layout(rrb.Horizontal(views, notes_view(), column_shares=[4, 1])))
+        shown = rrb.Vertical(*views, row_shares=[3, 1][: len(views)]) if views else notes_view()
+        stream.send_blueprint(layout(rrb.Horizontal(shown, notes_view(), column_shares=[4, 1])))
 
 
 def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFrame) -> rrb.Horizontal:
@@ -66,7 +67,7 @@ def _send_maps(stream: rr.RecordingStream, maps: pd.DataFrame, paths: pd.DataFra
         ("probe", ["x_m", "y_m"], LIGHT_GREY),
         ("target", ["target_x_m", "target_y_m"], GREY),
     ):
-        look = {"colors": rgba([colour]), "draw_order": IN_FRONT}
+        look: dict[str, Any] = {"colors": rgba([colour]), "draw_order": IN_FRONT}
         stream.log(entity("plate", name), rr.Points2D.from_fields(radii=PROBE_MM, **look), static=True)
         places = rr.Points2D.columns(positions=drawn(ways[columns].to_numpy()))
         stream.send_columns(entity("plate", name), times, places)

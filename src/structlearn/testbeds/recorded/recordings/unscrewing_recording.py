@@ -13,6 +13,7 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
 from structlearn.testbeds.recorded.names import LEARNED, RECORDED
+from structlearn.testbeds.recorded.protocol.unscrewing import turning
 from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import entity, eye_view, layout, plot, recording, rgba, send_series, time_column
 
@@ -38,11 +39,11 @@ def write_unscrewing(path: Path, logs: Sequence[OrientationTrajectory], primitiv
         logs: the turning hand, smoothed.
         primitive: learned from all of them.
     """
-    axes, duration = dominant_axes(logs), primitive.orientation.duration
+    axes, learned = dominant_axes(logs), turning(primitive)
     shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
-    shown.append((LEARNED.name, primitive.orientation.unroll(logs[0].dt), LEARNED.colour))
-    samples = round(duration * RATE_HZ)
-    times = [time_column(np.linspace(0.0, duration, samples))]
+    shown.append((LEARNED.name, learned.unroll(logs[0].dt), LEARNED.colour))
+    samples = round(learned.duration * RATE_HZ)
+    times = [time_column(np.linspace(0.0, learned.duration, samples))]
     with recording(path, "Unscrewing and the primitive") as stream:
         stream.send_blueprint(_blueprint([name for name, _, _ in shown]))
         send_notes(stream, _note(logs))

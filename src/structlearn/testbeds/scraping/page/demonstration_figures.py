@@ -1,6 +1,7 @@
 """Figures of demonstrations, primitives and their sequences; a figure is a list of panels."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -40,14 +41,15 @@ LINES = ("-", (0, (4, 1.5)))
 
 def busiest_electrodes(runs: Sequence[Demonstration]) -> np.ndarray:
     """Channels whose counts change most in any of the runs, rising."""
-    moved = np.max([np.ptp(run.tactile, axis=0) for run in runs], axis=0)
+    moved = np.max([np.ptp(run.signal("tactile"), axis=0) for run in runs], axis=0)
     return np.sort(np.argsort(-moved, kind="stable")[:ELECTRODES_SHOWN])
 
 
-def draw_electrodes(panel: Axes, run: Demonstration, channels: Sequence[int]) -> None:
+def draw_electrodes(panel: Axes, run: Demonstration, channels: np.ndarray) -> None:
     """Counts of channels relative to their first reading."""
+    tactile = run.signal("tactile")
     for colour, channel in zip(CATEGORICAL_COLOURS, channels, strict=False):
-        counts = run.tactile[:, channel] - run.tactile[0, channel]
+        counts = tactile[:, channel] - tactile[0, channel]
         panel.plot(run.time, counts, color=colour, linewidth=1.0, label=f"{channel + 1}")
     headroom(panel)
     panel.legend(title="channel", ncols=4, loc="upper left")
@@ -60,13 +62,13 @@ def demonstrations_figure(results: SegmentationResults) -> list[Figure]:
     panels = [panel for figure in figures for panel in figure.subplots(2, 1, sharex=True)]
     for one in sorted(results.demonstrations, key=lambda one: one.name == results.reference.name):
         first = one.name == results.reference.name
-        look = {
+        look: dict[str, Any] = {
             "color": REFERENCE_COLOUR if first else DEMONSTRATION_COLOUR,
             "linewidth": 1.4 if first else 0.8,
+            "label": f"reference ({one.name})" if first else None,
         }
-        label = {"label": f"reference ({one.name})" if first else None}
         for panel, values in zip(panels, (*one.position.T, speed(one)), strict=True):
-            panel.plot(one.time, 1e3 * values, **look, **label)
+            panel.plot(one.time, 1e3 * values, **look)
     for panel, label in zip(panels, ("x (mm)", "y (mm)", "z (mm)", "speed (mm/s)"), strict=True):
         panel.set_ylabel(label)
     for panel in panels[1::2]:
@@ -79,13 +81,14 @@ def demonstrations_figure(results: SegmentationResults) -> list[Figure]:
 def one_demonstration_figure(demonstration: Demonstration, segmentation: Segmentation) -> list[Figure]:
     """Position, speed and, where recorded, force and touch of one demonstration with its cut points."""
     time, names = demonstration.time, segmentation.primitives
-    draws: list[Callable[[Axes], None]] = [
+    draws: list[Callable[[Axes], object]] = [
         lambda panel: draw_axes(panel, time, 1e3 * (demonstration.position - demonstration.position[0])),
         lambda panel: panel.plot(time, 1e3 * speed(demonstration), color=BLACK),
     ]
     labels = ["from start (mm)", "speed (mm/s)"]
-    if demonstration.wrench is not None:
-        draws.append(lambda panel: draw_axes(panel, time, demonstration.wrench[:, :3]))
+    wrench = demonstration.wrench
+    if wrench is not None:
+        draws.append(lambda panel: draw_axes(panel, time, wrench[:, :3]))
         labels.append("force (N)")
     if demonstration.tactile is not None:
         channels = busiest_electrodes([demonstration])
@@ -158,11 +161,16 @@ def orientation_fit_figure(results: SegmentationResults) -> list[Figure]:
         fit_panel(
             one.name,
             place,
-            [_from_goal(turn.orientation, turn.orientation[-1]) for _, turn in results.segments[one.name]],
+            [
+                _from_goal(turn.orientation, turn.orientation[-1])
+                for _, turn in results.segments[one.name]
+                if turn is not None
+            ],
             _from_goal(one.orientation.unroll(dt).orientation, one.orientation.goal),
             [f"about {axis} (°)" for axis in "xyz"],
         )
         for place, one in enumerate(results.primitives)
+        if one.orientation is not None
     ]
 
 

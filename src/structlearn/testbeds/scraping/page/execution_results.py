@@ -124,19 +124,20 @@ class ExecutionResults:
 
 def hand_roll_deg(run: Demonstration, axis: np.ndarray) -> np.ndarray:
     """Roll of the hand about an axis (3,) of the base frame, (T,); 0: the tool is flat on a level board."""
-    flat = np.broadcast_to(FLAT_ORIENTATION, run.orientation.shape)
-    return np.degrees(quaternion.difference(run.orientation, flat) @ axis)
+    orientation = run.signal("orientation")
+    flat = np.broadcast_to(FLAT_ORIENTATION, orientation.shape)
+    return np.degrees(quaternion.difference(orientation, flat) @ axis)
 
 
 def tool_roll_deg(run: Demonstration, axis: np.ndarray) -> np.ndarray:
     """Roll of the tool relative to the board, (T,); 0 where it lies flat."""
-    return np.degrees(quaternion.rotation_vector(run.tool_to_board) @ axis)
+    return np.degrees(quaternion.rotation_vector(run.signal("tool_to_board")) @ axis)
 
 
 def moments(run: Demonstration) -> list[int]:
     """Samples of an execution's start, and of the end of every primitive."""
     last = len(run.time) - 1
-    return [0, *(min(round(end / run.dt), last) for end in run.true_segments[:, 1])]
+    return [0, *(min(round(end / run.dt), last) for end in run.signal("true_segments")[:, 1])]
 
 
 def welch(first: np.ndarray, second: np.ndarray) -> Evidence:

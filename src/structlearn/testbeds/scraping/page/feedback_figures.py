@@ -1,6 +1,7 @@
 """Figures of what feedback is learned from, of the models compared, and of executions on the board."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -136,9 +137,12 @@ def models_figure(results: FeedbackResults, people: People | None) -> list[Figur
 def weights_figure(results: FeedbackResults) -> list[Figure]:
     """Figure IV.16, bottom: the hidden nodes that weigh most for each phase kernel."""
     figures, colours = [], ListedColormap([BLUE, "#f5d76e"])
-    for name in filter(results.dominant, results.adapted):
+    for name in results.adapted:
+        dominant = results.dominant(name)
+        if dominant is None:
+            continue
         figure, axes = panel(f"{name}: largest weights of every kernel", 2.6)
-        axes.imshow(results.dominant(name)[0], cmap=colours, aspect="auto", interpolation="nearest")
+        axes.imshow(dominant[0], cmap=colours, aspect="auto", interpolation="nearest")
         axes.set(xlabel="node of the hidden layer", ylabel="phase kernel")
         axes.grid(visible=False)
         figures.append(figure)
@@ -156,23 +160,23 @@ def executions_figure(board: BoardResults, names: Sequence[str]) -> list[Figure]
 
 
 def _execution_panel(
-    board: BoardResults, title: str, run: Demonstration, channels: Sequence[int], names: Sequence[str]
+    board: BoardResults, title: str, run: Demonstration, channels: np.ndarray, names: Sequence[str]
 ) -> Figure:
     figure = canvas(5.6, PANEL_WIDTH)
     roll, force, torque, touch = rows = figure.subplots(4, 1, sharex=True)
-    tool = board.example_deg + tool_roll_deg(run, board.axis)
+    tool, wrench = board.example_deg + tool_roll_deg(run, board.axis), run.signal("wrench")
     roll.plot(run.time, tool, color=VERMILION, linewidth=1.0, label="tool")
     roll.plot(run.time, hand_roll_deg(run, board.axis), color=BLUE, label="hand")
     roll.axhline(board.example_deg, color=BLACK, linestyle=":", linewidth=1.2, label="board")
     roll.legend(ncols=3)
     roll.set_title(f"{capitalised(title)}, board at {board.example_deg:g}°", pad=18)
-    force.plot(run.time, -run.wrench[:, 2], color=AXIS_COLOURS[2], linewidth=1.0)
+    force.plot(run.time, -wrench[:, 2], color=AXIS_COLOURS[2], linewidth=1.0)
     force.axhline(board.force_n, color=BLACK, linestyle=":", linewidth=1.2)
-    torque.plot(run.time, -1e3 * run.wrench[:, 3:] @ board.axis, color=GREY, linewidth=0.9)
+    torque.plot(run.time, -1e3 * wrench[:, 3:] @ board.axis, color=GREY, linewidth=0.9)
     draw_electrodes(touch, run, channels)
     labels = ("roll (°)", "force (N)", "torque (mN m)", "touch (counts)")
     for axes, label in zip(rows, labels, strict=True):
-        shade_primitives(axes, run.true_segments, names if axes is roll else ())
+        shade_primitives(axes, run.signal("true_segments"), names if axes is roll else ())
         axes.set_ylabel(label)
     touch.set(xlabel="time (s)", xlim=(run.time[0], run.time[-1]))
     figure.align_ylabels(rows)
@@ -201,7 +205,7 @@ def closed_loop_figure(results: FeedbackResults, primitive: str) -> list[Figure]
             for model in (NOMINAL, POINTWISE):
                 runs = here[here["model"] == model].groupby("run")[name]
                 for place, (_, run) in enumerate(runs):
-                    look = {"color": RUNS[model].colour, "linewidth": 0.7}
+                    look: dict[str, Any] = {"color": RUNS[model].colour, "linewidth": 0.7}
                     curve = signals.time_normalised(run.to_numpy(), SAMPLES)
                     axes.plot(*_over_time(curve), **look, label=RUNS[model].name if place == 0 else None)
             axes.set(ylabel=label, ylim=limits[name])
@@ -215,8 +219,8 @@ def closed_loop_figure(results: FeedbackResults, primitive: str) -> list[Figure]
 
 def _dots(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
     """One dot per person."""
-    look = {"markerfacecolor": "white", "markeredgecolor": BLACK, "markeredgewidth": 0.6, "zorder": 5}
-    axes.plot(x, y, linestyle="none", marker="o", markersize=2.8, **look)
+    edge: dict[str, Any] = {"markeredgecolor": BLACK, "markeredgewidth": 0.6, "zorder": 5}
+    axes.plot(x, y, linestyle="none", marker="o", markersize=2.8, markerfacecolor="white", **edge)
 
 
 def _over_time(curve: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -246,9 +250,9 @@ def roll_figure(results: FeedbackResults) -> list[Figure]:
         for place, model in enumerate(board.models):
             own = rows[rows["model"] == model]
             beside = 0.16 * (place - 0.5 * (len(board.models) - 1))  # so that points can be told apart
-            look = {"color": RUNS[model].colour, "linestyle": "none", "marker": "o", "markersize": 3.2}
-            roll = own["setting_deg"] + own["end_roll_deg"]
-            axes.plot(own["setting_deg"] + beside, roll, **look, alpha=0.7, label=RUNS[model].name)
+            look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.2, "alpha": 0.7}
+            roll, kind = own["setting_deg"] + own["end_roll_deg"], RUNS[model]
+            axes.plot(own["setting_deg"] + beside, roll, color=kind.colour, label=kind.name, **look)
         axes.set_xticks(board.settings_deg, [f"{setting:g}" for setting in board.settings_deg])
         axes.set(xlabel="roll of the board (°)", ylabel="roll of the tool (°)")
         axes.legend()
@@ -273,18 +277,19 @@ def cost_figure(
     """
     figures = []
     width = 0.8 / len(executed.models)
-    costs: Mapping = executed.costs.set_index(["primitive", "model"])
+    costs = executed.costs.set_index(["primitive", "model"])
     for primitive in executed.primitives:
         figure, axes = panel(primitive_title(names, primitive))
         for place, model in enumerate(executed.models):
             rows = costs.loc[[(primitive, model)]].sort_values("setting_deg")
             x = np.arange(len(rows)) + width * (place - 0.5 * (len(executed.models) - 1))
             axes.bar(x, rows["mean"], 0.92 * width, color=RUNS[model].colour, label=RUNS[model].name)
-            look = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
+            look: dict[str, Any] = {"color": BLACK, "linestyle": "none", "linewidth": 0.9, "capsize": 2.0}
             axes.errorbar(x, rows["mean"], np.nan_to_num(rows["std"]), **look)
-            for at, setting in zip(x, rows["setting_deg"], strict=True) if people is not None else ():
-                costs_of_people = people.cost(model, primitive, setting)
-                _dots(axes, np.full(len(costs_of_people), at), costs_of_people)
+            if people is not None:
+                for at, setting in zip(x, rows["setting_deg"], strict=True):
+                    costs_of_people = people.cost(model, primitive, setting)
+                    _dots(axes, np.full(len(costs_of_people), at), costs_of_people)
         ticks = [f"{setting:g}\n{note(setting)}" for setting in executed.settings_deg]
         axes.set_xticks(range(len(ticks)), ticks, fontsize=7.5)
         axes.grid(axis="x", visible=False)

@@ -106,7 +106,7 @@ class BoardResults(ExecutionResults):
             before = None
             for setting in self.settings_deg:
                 values = each[name, setting].to_numpy()
-                row = {"primitive": name, "setting_deg": setting, "mean": values.mean()}
+                row: dict[str, object] = {"primitive": name, "setting_deg": setting, "mean": values.mean()}
                 row |= {"std": np.std(values, ddof=1) if len(values) > 1 else np.nan}
                 if before is not None:
                     step = welch(values, before)
@@ -131,7 +131,7 @@ class BoardResults(ExecutionResults):
             for seen in (True, False):
                 part = wide[(wide["primitive"] == name) & (wide["seen"] == seen)]
                 if len(part):
-                    row = {"primitive": name, "seen": seen, "count": len(part)}
+                    row: dict[str, object] = {"primitive": name, "seen": seen, "count": len(part)}
                     for model in (POINTWISE, UNROLLED):
                         row |= {f"{model}_deg": part[model].mean(), f"{model}_std": part[model].std()}
                     lower, half_width = mean_interval((part[POINTWISE] - part[UNROLLED]).to_numpy())
@@ -280,17 +280,6 @@ class FeedbackResults:
         any_two = common[np.triu_indices(len(common), 1)]
         return dominant, float(np.diag(common, 1).mean()), float(any_two.mean())
 
-    def sharing_over_phase(self, primitive: str) -> float:
-        """Correlation of how many dominant nodes two phase kernels share with their distance, over all pairs.
-
-        Negative where nodes come and go with the phase. In permuted order, or with permuted weights, it is 0
-        on average, and 0 where the nodes are the same at every phase.
-        """
-        dominant = self.dominant(primitive)[0].astype(int)
-        first, second = np.triu_indices(len(dominant), 1)
-        shared = (dominant @ dominant.T)[first, second]
-        return float(np.corrcoef(shared, second - first)[0, 1]) if np.ptp(shared) else 0.0
-
     def metrics(self) -> Metrics:
         """Key figures.
 
@@ -315,8 +304,22 @@ class FeedbackResults:
         for name in self.networks:
             if dominant := self.dominant(name):
                 values[f"shared_nodes_prim{number(name)}"] = dominant[2]
-                values[f"shared_nodes_over_phase_prim{number(name)}"] = self.sharing_over_phase(name)
+                values[f"shared_nodes_over_phase_prim{number(name)}"] = sharing_over_phase(dominant[0])
         return values | self.board.metrics(number)
+
+
+def sharing_over_phase(dominant: np.ndarray) -> float:
+    """Correlation of how many dominant nodes two phase kernels share with their distance, over all pairs.
+
+    Negative where nodes come and go with the phase. In permuted order, or with permuted weights, it is 0 on
+    average, and 0 where the nodes are the same at every phase.
+
+    Args:
+        dominant: (N, H) of `dominant_features`.
+    """
+    first, second = np.triu_indices(len(dominant), 1)
+    shared = (dominant.astype(int) @ dominant.T.astype(int))[first, second]
+    return float(np.corrcoef(shared, second - first)[0, 1]) if np.ptp(shared) else 0.0
 
 
 def _smallest_step(values: np.ndarray) -> float:
@@ -348,7 +351,7 @@ def unroll_traces(results: FeedbackResults, primitive: str) -> tuple[np.ndarray,
     for run in results.unrolls:
         ends = results.unroll_cuts[primitive].loc[run.name, ["start_s", "end_s"]]
         first, last = (round(float(end) / run.dt) for end in ends)
-        part = sensor_traces.without_offset(run.tactile)[first : last + 1]
+        part = sensor_traces.without_offset(run.signal("tactile"))[first : last + 1]
         runs.append(signals.time_normalised(part, SAMPLES))
     learned = results.expected[primitive]
     return np.stack(runs), sensor_traces.expected(learned, SAMPLES, learned.duration / (SAMPLES - 1))

@@ -84,13 +84,11 @@ class People:
 
     def ratio(self, model: str, setting_deg: float, baseline: str = "nominal") -> np.ndarray:
         """(P,) accumulated cost of all primitives relative to that of another model, or of none."""
-        over, under = (
-            self.numbers(f"cost_ratio_{MODEL_KEYS[one]}_over_nominal_{level_name(setting_deg)}")
-            if one != "nominal"
-            else 1.0
-            for one in (model, baseline)
-        )
-        return over / under
+        over = self._over_nominal(model, setting_deg)
+        return over if baseline == "nominal" else over / self._over_nominal(baseline, setting_deg)
+
+    def _over_nominal(self, model: str, setting_deg: float) -> np.ndarray:
+        return self.numbers(f"cost_ratio_{MODEL_KEYS[model]}_over_nominal_{level_name(setting_deg)}")
 
     def number(self, primitive: str) -> str:
         """`prim2`, counted as in the dissertation."""

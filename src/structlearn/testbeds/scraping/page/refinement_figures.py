@@ -1,6 +1,7 @@
 """Figures of the refinement by trial: IV.19, what the search costs in rollouts, and IV.21 as a drawing."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -51,12 +52,13 @@ def learning_figure(results: RefinementResults, names: list[str]) -> list[Figure
     for name in results.refined:
         figure, axes = panel(primitive_title(names, name))
         own = results.history[results.history["primitive"] == name]
-        look = {"linestyle": "none", "color": ROLLOUTS[SAMPLE].colour, "marker": "o", "markersize": 3.0}
+        look: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markeredgewidth": 0}
+        colour = ROLLOUTS[SAMPLE].colour
         for iteration, rows in own[own["kind"] == SAMPLE].groupby("iteration"):
             # number by number from left to right: nothing is drawn at random
             x = iteration - 0.5 + CLOUD_WIDTH * (np.arange(len(rows)) / max(len(rows) - 1, 1) - 0.5)
             label = ROLLOUTS[SAMPLE].name if iteration == 1 else None
-            axes.plot(x, rows["cost_rad"], markeredgewidth=0, label=label, **look)
+            axes.plot(x, rows["cost_rad"], color=colour, label=label, **look)
         for kind, beside, marker, line in ((IMPROVED, -0.18, "D", "none"), (FEEDBACK, 0.0, "o", "-")):
             rows = results.curve(name, kind)
             look = {"color": ROLLOUTS[kind].colour, "marker": marker, "linestyle": line, "capsize": 3.0}
@@ -64,8 +66,8 @@ def learning_figure(results: RefinementResults, names: list[str]) -> list[Figure
             axes.errorbar(rows.index + beside, rows["mean"], bars, label=ROLLOUTS[kind].name, **look)
         failed = own[own["fault"] != ""]
         if len(failed):
-            edge = {"transform": axes.get_xaxis_transform(), "clip_on": False, "label": "failed rollouts"}
-            axes.plot(failed["iteration"] - 0.5, np.ones(len(failed)), "x", color=BLACK, **edge)
+            look = {"transform": axes.get_xaxis_transform(), "clip_on": False, "label": "failed rollouts"}
+            axes.plot(failed["iteration"] - 0.5, np.ones(len(failed)), "x", color=BLACK, **look)
         look = {"color": BLACK, "linestyle": ":", "linewidth": 1.0, "zorder": 1}
         axes.axvline(PUBLISHED_ITERATIONS, **look, label="converged, as published")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -169,7 +171,8 @@ def snapshots_figure(results: RefinementResults, names: list[str]) -> list[Figur
 
 def _draw_shot(axes: Axes, model: str, shot: Snapshot) -> None:
     """Hand and tool at one moment, pale before refinement."""
-    look = {"edgecolor": "white", "linewidth": 0.6, "alpha": 0.9 if model == BEFORE else 0.75}
+    opacity = 0.9 if model == BEFORE else 0.75
+    look: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.6, "alpha": opacity}
     for outline in PARTS:
         corners = shot.grasp + turned(outline, shot.hand_deg)
         axes.add_patch(Polygon(corners, facecolor=HAND_COLOURS[model], **look))

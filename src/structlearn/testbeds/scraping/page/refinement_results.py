@@ -147,7 +147,7 @@ class RefinementResults(ExecutionResults):
                         row = {"primitive": name, "model": model, "setting_deg": setting}
                         row |= {"below_deg": near[0], "above_deg": near[2]}
                         row |= dict(zip(("mean_below", "mean", "mean_above"), means, strict=True))
-                        found = [verdict(one.low, one.high) for one in self.margins(name, model, near)]
+                        found = [str(verdict(one.low, one.high)) for one in self.margins(name, model, near)]
                         rows.append(row | {"verdict": _worst(found)})
         return pd.DataFrame(rows)
 
@@ -234,7 +234,7 @@ class RefinementResults(ExecutionResults):
         Args:
             number: of a primitive, from 1.
         """
-        values: Metrics = {}
+        values: dict[str, float] = {}
         for name in self.refined if self.evaluated else ():
             before, after = (
                 float(self.run_costs(model, self.example_deg, name).mean()) for model in (BEFORE, AFTER)

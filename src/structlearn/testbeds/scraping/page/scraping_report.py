@@ -1,12 +1,13 @@
 """The scraping report: its pages with figures, tables and metrics."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from structlearn.feedback.training_parameters import POINTWISE
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters, read_values
+from structlearn.ground.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.reporting import movement_figures, segmentation_figures
 from structlearn.reporting.claims import UNKNOWN, Found, judge, quoted, read_claims
@@ -32,9 +33,9 @@ from structlearn.testbeds.scraping.page.segmentation_results import Segmentation
 from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.scene_still import scraping_still
 
-Drawings = dict[str, Drawing | list[Drawing]]
+Drawings = dict[str, Drawing | Sequence[Drawing]]
 PACKAGE = "structlearn.testbeds.scraping.page"
-STAGE = "report_scraping"
+STAGE = "scraping_report"
 PAGES = {"index": "Segmentation and primitives", "feedback": "Feedback", "refinement": "Refinement by trial"}
 """Title by file name."""
 
@@ -49,20 +50,20 @@ PARAMETERS = {
 """By page, keys of `params.yaml` that its results were made with."""
 
 SOURCES = {
-    "demonstrations": Source("data/raw/scraping/nominal", "record_nominal"),
-    "segments": Source("data/segments/scraping", "segment"),
-    "sweep": Source("data/segments/scraping_sweep", "segment_sweep"),
-    "primitives": Source("data/primitives/scraping", "fit_primitives"),
-    "expected": Source("data/feedback/scraping/expected", "expected_traces"),
-    "dataset": Source("data/feedback/scraping/dataset", "coupling_dataset"),
-    "models": Source("data/feedback/scraping/models", "train_feedback"),
-    "comparison": Source("data/feedback/scraping/comparison", "compare_models"),
-    "closed_loop": Source("data/raw/scraping/closed_loop", "evaluate_feedback"),
-    "corrections": Source("data/raw/scraping/corrections", "record_corrections"),
-    "evaluation": Source("data/feedback/scraping/evaluation", "evaluate_feedback"),
-    "refinement": Source("data/feedback/scraping/refinement", "refine"),
-    "refined": Source("data/feedback/scraping/refined", "evaluate_refinement"),
-    "search": Source("data/feedback/scraping/search", "compare_search"),
+    "demonstrations": Source("data/raw/scraping/nominal", "scraping_record_nominal"),
+    "segments": Source("data/segments/scraping", "scraping_segment"),
+    "sweep": Source("data/segments/scraping_sweep", "scraping_sweep"),
+    "primitives": Source("data/primitives/scraping", "scraping_fit_primitives"),
+    "expected": Source("data/feedback/scraping/expected", "scraping_expected_traces"),
+    "dataset": Source("data/feedback/scraping/dataset", "scraping_coupling_dataset"),
+    "models": Source("data/feedback/scraping/models", "scraping_train_feedback"),
+    "comparison": Source("data/feedback/scraping/comparison", "scraping_compare_models"),
+    "closed_loop": Source("data/raw/scraping/closed_loop", "scraping_evaluate_feedback"),
+    "corrections": Source("data/raw/scraping/corrections", "scraping_record_corrections"),
+    "evaluation": Source("data/feedback/scraping/evaluation", "scraping_evaluate_feedback"),
+    "refinement": Source("data/feedback/scraping/refinement", "scraping_refine"),
+    "refined": Source("data/feedback/scraping/refined", "scraping_evaluate_refinement"),
+    "search": Source("data/feedback/scraping/search", "scraping_compare_search"),
 }
 """Files that figures and tables come from, with the stages that make them."""
 
@@ -99,7 +100,7 @@ def scraping_report(
     feedback: FeedbackResults,
     refinement: RefinementResults,
     studies: Mapping[str, Study | None],
-    parameters: Mapping[str, Parameters],
+    parameters: Mapping[str, Any],
 ) -> ScrapingReport:
     """The report.
 
@@ -134,7 +135,8 @@ def scraping_report(
     def add(page: str, found: Mapping[str, Found], shown: Mapping[str, Found] | None = None) -> None:
         claims = read_claims(Path(__file__).with_name(f"{page.replace('index', 'segmentation')}_claims.yaml"))
         claims = people_results.beside(claims, shown or {}, parameters["scraping_people"].shown)
-        whole = {claim.evidence: UNKNOWN for claim in claims} | found
+        whole: dict[str, Found] = {claim.evidence: UNKNOWN for claim in claims}
+        whole |= found
         facts = shared | {"page": page, "evidence": whole}
         report.pages[page] = Document(
             template=f"{page.replace('index', 'segmentation')}.html.jinja",
@@ -176,9 +178,9 @@ def scraping_report(
     numbers = {name: primitives.index(name) + 1 for name in primitives}
     refined = {name: numbers[name] for name in refinement.refined}
     report.tables |= refinement_studies.study_tables(studies, refined)
-    report.metrics |= refinement.metrics(numbers.get)
+    report.metrics |= refinement.metrics(numbers.__getitem__)
     report.metrics |= refinement_studies.population_metrics(studies, list(refined.values()))
-    found = refinement_studies.refinement_evidence(refinement, studies, numbers.get)
+    found = refinement_studies.refinement_evidence(refinement, studies, numbers.__getitem__)
     add("refinement", quoted(found, refinement_studies.PEOPLE))
     return report
 
@@ -246,7 +248,7 @@ def refinement_drawings(results: RefinementResults, primitives: list[str]) -> Dr
 
 
 def read_results(
-    found: files.ScrapingFiles, parameters: Mapping[str, Parameters]
+    found: files.ScrapingFiles, parameters: Mapping[str, Any]
 ) -> tuple[SegmentationResults, FeedbackResults, RefinementResults]:
     """What the stages wrote."""
     primitives = found.primitives()
@@ -268,7 +270,7 @@ def read_results(
 
 
 def read_feedback(
-    found: files.ScrapingFiles, primitives: list[str], parameters: Mapping[str, Parameters]
+    found: files.ScrapingFiles, primitives: list[str], parameters: Mapping[str, Any]
 ) -> FeedbackResults:
     """What the feedback stages wrote."""
     unrolls, datasets = found.unrolls(), found.datasets()
@@ -287,7 +289,7 @@ def read_feedback(
     )
 
 
-def _board(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> BoardResults:
+def _board(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> BoardResults:
     """What was executed on the board."""
     largest = max(parameters["evaluate_feedback"].settings_deg)
     return BoardResults(
@@ -302,7 +304,7 @@ def _board(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> 
     )
 
 
-def read_refinement(found: files.ScrapingFiles, parameters: Mapping[str, Parameters]) -> RefinementResults:
+def read_refinement(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> RefinementResults:
     """What the stages of the refinement wrote."""
     tilt = parameters["refine"].setting_deg
     examples = {model: found.runs(files.REFINED, tilt, model) for model in (NOMINAL, BEFORE, AFTER)}

@@ -1,6 +1,7 @@
 """Tables of the three pages; what the stages and results hold is shown as it is, with words for its keys."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -24,7 +25,7 @@ from structlearn.testbeds.scraping.page.segmentation_results import Segmentation
 from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
 
 LOOKS = CUT_METHODS | REPRESENTATIONS | RUNS | SEARCHES | ROLLOUTS
-WORDS = {
+WORDS: Mapping[str, Mapping[Any, str]] = {
     column: {key: look.name for key, look in LOOKS.items()}
     for column in ("method", "model", "baseline", "representation", "better", "worse", "kind")
 } | {
@@ -146,7 +147,7 @@ def nmse_beside_published(results: FeedbackResults, published: Mapping) -> pd.Da
         title = primitive_title(results.primitives, name)
         printed = published["nmse"].get(name, {})
         if printed:
-            cells = {part: with_spread(*printed[part], ".2f") for part in PARTS}
+            cells = {part: with_spread(mean, std, ".2f") for part in PARTS for mean, std in [printed[part]]}
             rows.append({"primitive": title, "which": "published"} | cells)
         for stopping, rule in (("generalization", ", as published"), ("validation", "")):
             error = results.model_error(name, "pmnn_100", stopping)

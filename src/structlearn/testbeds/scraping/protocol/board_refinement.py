@@ -2,21 +2,18 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from pydantic import Field
 
-import structlearn
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.feedback.coupling_model import CouplingModel, train_final
 from structlearn.feedback.training_parameters import NetworkParameters
-from structlearn.ground.compilation import sources_digest
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.policy_search.checkpoint import Checkpoint, digest
 from structlearn.policy_search.refinement import (
     Progress,
     RefinementParameters,
@@ -28,23 +25,9 @@ from structlearn.policy_search.rollouts import FEEDBACK
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
-EVERY_SOURCE = b""
-"""Mark that stands in all files."""
-
 
 class BoardRefinementParameters(RefinementParameters, NetworkParameters):
-    """Refinement on the board.
-
-    Attributes:
-        settings_deg: rolls of the board that the models before refinement are learned from.
-        setting_deg: new roll of the board, on which they are refined.
-        exploration: by primitive, of those that are refined: standard deviation of the policy's weights at
-            first, which depends on the size of its coupling terms.
-        shown_runs: executions of the mean demonstration of each setting learned from that are added to the
-            data, see `refinement.executed`; the text has none.
-        level_runs: executions without correction on the level board, likewise.
-        seed: of the exploration.
-    """
+    """Refinement on the board."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     setting_deg: float
@@ -77,7 +60,6 @@ def refine_on_board(
     board: Board,
     datasets: Mapping[str, CouplingDataset],
     parameters: BoardRefinementParameters,
-    unfinished: Path,
     report: Callable[[str, Progress], None] = lambda name, progress: None,
 ) -> Refined:
     """Learn the models from demonstrations, then refine them in order of time.
@@ -88,8 +70,6 @@ def refine_on_board(
         board: tilted as it is refined on; its name and preceding networks are replaced.
         datasets: demonstrations of the settings to learn from, by primitive.
         parameters: see there.
-        unfinished: folder for finished iterations, in which a killed refinement of the same data,
-            parameters and code goes on.
         report: called with the primitive's name after every iteration.
 
     Raises:
@@ -105,12 +85,6 @@ def refine_on_board(
     for place, name in enumerate(names):
         if name in parameters.exploration:
             own = replace(board, name=name, preceding={one: after[one] for one in names[:place]})
-            checkpoint = _checkpoint(own, datasets[name], parameters, unfinished)
-
-            def keep(progress: Progress, name: str = name, checkpoint: Checkpoint = checkpoint) -> None:
-                checkpoint.save(progress)
-                report(name, progress)
-
             states[name] = refine(
                 own,
                 before[name],
@@ -118,8 +92,7 @@ def refine_on_board(
                 parameters,
                 parameters.exploration[name],
                 parameters.seed,
-                resume=checkpoint.last(),
-                report=keep,
+                report=partial(report, name),
             )
             after[name] = states[name].network
     tables = {
@@ -149,15 +122,6 @@ def _with_executions(
         executed(replace(board, setting_deg=setting), policy, runs) for runs, setting, policy in work if runs
     ]
     return concatenated([demonstrations, *parts])
-
-
-def _checkpoint(
-    board: Board, dataset: CouplingDataset, parameters: BoardRefinementParameters, unfinished: Path
-) -> Checkpoint:
-    """In a folder named after all that decides the result, the code included."""
-    sources = sources_digest(Path(structlearn.__file__).parent, EVERY_SOURCE)
-    parts = {"board": board, "dataset": dataset, "parameters": parameters, "sources": sources}
-    return Checkpoint(unfinished / digest(parts))
 
 
 def _policies(state: Progress) -> pd.DataFrame:

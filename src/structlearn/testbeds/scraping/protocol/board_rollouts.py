@@ -126,7 +126,7 @@ def _judged(board: Board, network: CouplingModel, seed: tuple[int, ...]) -> Roll
     cost = orientation_cost(demonstration, board.nominal)
     if cost.max() > DIVERGED_RAD:
         raise InputError(f"the tool is off by {np.degrees(cost.max()):.0f} degrees: the run has diverged")
-    start_s, end_s = demonstration.true_segments[board.place]
+    start_s, end_s = demonstration.signal("true_segments")[board.place]
     first, last = round(start_s / demonstration.dt), round(end_s / demonstration.dt)
     return Rollout(cost[first : last + 1], _samples(board, demonstration) if board.telling else None)
 
@@ -134,7 +134,7 @@ def _judged(board: Board, network: CouplingModel, seed: tuple[int, ...]) -> Roll
 def _samples(board: Board, demonstration: Demonstration) -> CouplingDataset:
     """What was felt and done, as supervised data."""
     own = board.supervision
-    cut = pd.Series(demonstration.true_segments[board.place], ["start_s", "end_s"])
+    cut = pd.Series(demonstration.signal("true_segments")[board.place], ["start_s", "end_s"])
     primitive, expected = board.primitives[board.place], board.expected[board.name]
     done = corrected_primitive(demonstration, cut, primitive, expected, own)
     return coupling_samples(done, board.setting_deg, 0, own)[own.axis]

@@ -25,14 +25,7 @@ from structlearn.testbeds.scraping.world.demonstrator import (
 
 
 class SweepParameters(Parameters):
-    """Parameters of the sweep.
-
-    Attributes:
-        noise_mm: noise levels of the demonstrator.
-        seeds: sets of demonstrations per level.
-        first_seed: of the simulated people; not those on whom thresholds were tuned.
-        downsampling: factors g of the alignment whose effect is shown.
-    """
+    """Parameters of the sweep."""
 
     noise_mm: tuple[float, ...] = Field(min_length=1)
     seeds: int = Field(ge=1, le=1000)

@@ -22,12 +22,7 @@ BEFORE, AFTER = "before", "after"
 
 
 class EvaluationParameters(Parameters):
-    """Executions for the evaluation.
-
-    Attributes:
-        settings_deg: rolls of the board.
-        runs: executions per setting and model.
-    """
+    """Executions for the evaluation."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     runs: int = Field(ge=1)

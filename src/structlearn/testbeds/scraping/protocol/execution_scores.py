@@ -42,7 +42,7 @@ def execution_scores(
     rows = []
     for run in runs:
         cost = orientation_cost(run, nominal)
-        roll = np.degrees(quaternion.rotation_vector(run.tool_to_board) @ axis)
+        roll = np.degrees(quaternion.rotation_vector(run.signal("tool_to_board")) @ axis)
         for name, table in cuts.items():
             start, end = (float(table.loc[run.name, column]) for column in ("start_s", "end_s"))
             last = round(end / run.dt)

@@ -14,6 +14,7 @@ from pydantic import Field
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.primitives.sequence import default_start
@@ -30,12 +31,7 @@ HOLD_S = 0.3
 
 
 class CorrectedRunsParameters(Parameters):
-    """Executions that a person corrects.
-
-    Attributes:
-        settings_deg: degrees, rolls of the board.
-        runs: executions per setting.
-    """
+    """Executions that a person corrects."""
 
     settings_deg: tuple[float, ...] = Field(min_length=1)
     runs: int = Field(ge=1, le=1000)
@@ -122,6 +118,8 @@ def execute_run(
     rate_hz = testbed.world.control_rate_hz
     controller = Controller(skill, rate_hz, feedback=run.feedback)
     start = default_start(skill.primitives)
+    if start.orientation is None:
+        raise InputError("the skill moves positions only; the robot needs orientations too")
     controller.start(start.position, start.orientation)
     own = testbed.control
     duration = sum(primitive.duration for primitive in skill.primitives)

@@ -21,13 +21,7 @@ STANDARD_RUN_S = 10.0
 
 
 class TimingParameters(Parameters):
-    """What is timed.
-
-    Attributes:
-        controller_hz: rate of the timed controller.
-        ticks: number of ticks.
-        runs: simulated runs.
-    """
+    """What is timed."""
 
     controller_hz: float = Field(gt=0)
     ticks: int = Field(ge=100)

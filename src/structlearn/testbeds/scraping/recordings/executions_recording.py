@@ -168,7 +168,7 @@ def _notes(text: str, executions: Sequence[Execution]) -> str:
 
 def _send_lane(stream: rr.RecordingStream, parent: str, one: Execution) -> rrb.StateTimelineView:
     """Log which primitive runs, and return the view of it."""
-    segments = one.run.true_segments
+    segments = one.run.signal("true_segments")
     times = time_column(np.append(segments[:, 0], segments[-1, 1]))
     send_primitive_lane(stream, entity(parent, "primitive"), [times], [*one.primitives, ""])
     return lanes([entity(parent, "primitive")])
@@ -203,10 +203,10 @@ def _send_setting(
             scenes.append(close_view(f"{heading}{origin_label([group[0].run])}", contents))
     maps = [send_electrode_map(stream, entity(tab, "electrodes", one.look.name), one, scale) for one in group]
     plots = [*send_signals(stream, tab, group), _send_lane(stream, tab, group[0])]
-    shown = rrb.Vertical(
+    left = rrb.Vertical(
         rrb.Horizontal(*scenes),
         rrb.Horizontal(*maps),
         rrb.Grid(*plots, grid_columns=3),
         row_shares=[10, 5, 9],
     )
-    return rrb.Horizontal(shown, notes_view(), column_shares=[5, 1], name=tab)
+    return rrb.Horizontal(left, notes_view(), column_shares=[5, 1], name=tab)

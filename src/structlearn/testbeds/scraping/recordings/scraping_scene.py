@@ -18,8 +18,8 @@ from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.recordings.shown_execution import RATE_HZ, Execution
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M, ROLL_AXIS
 from structlearn.viewer.diagram import texts
-from structlearn.viewer.electrode_colours import deviation_colours
 from structlearn.viewer.rrd import (
+    deviation_colours,
     eye_view,
     flat_view,
     rgba,
@@ -65,7 +65,7 @@ def send_scene(
             of another hand.
     """
     times, colour = [time_column(one.run.time[one.kept])], one.look.colour
-    position, orientation = one.run.position[one.kept], one.run.orientation[one.kept]
+    position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
     opacity = SHADOW_OPACITY if shadow else 1.0
     send_moving_frame(stream, f"{path}/hand", times, position, orientation, colour, AXES_M)
     send_hand(stream, f"{path}/hand", colour if shadow else SKIN, opacity)
@@ -86,7 +86,8 @@ def send_scene(
 def send_board(stream: rr.RecordingStream, path: str, board_deg: float = 0.0) -> None:
     """Log the board, tilted about its axis, with its top where the tool meets it."""
     orientation = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
-    pose = rr.Transform3D(translation=CONTACT_M, quaternion=quaternion.to_xyzw(orientation))
+    turn = rr.Quaternion(xyzw=quaternion.to_xyzw(orientation))
+    pose = rr.Transform3D(translation=CONTACT_M, quaternion=turn)
     stream.log(path, pose, static=True)
     box = solid_boxes([BOARD_M], [[0.0, 0.03, -0.5 * BOARD_M[2]]], [BOARD])
     stream.log(path, box, static=True)
@@ -115,7 +116,7 @@ def send_tool(
 ) -> None:
     """Log what the fingers hold of the tool, its blade and its edge below the entity of the grasp's frame."""
     reached = 0.5 * GRIP_M[2]
-    sizes = [GRIP_M, [EDGE_WIDTH_M, BLADE_M, EDGE_M - reached]]
+    sizes: list[np.ndarray | list[float]] = [GRIP_M, [EDGE_WIDTH_M, BLADE_M, EDGE_M - reached]]
     centres = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.5 * (reached + EDGE_M)]]
     stream.log(f"{path}/body", solid_boxes(sizes, centres, [grip, colour], opacity), static=True)
     ends = [[-0.5 * EDGE_WIDTH_M, 0.0, EDGE_M], [0.5 * EDGE_WIDTH_M, 0.0, EDGE_M]]

@@ -128,7 +128,9 @@ def send_search(stream: rr.RecordingStream, search: Search, origin: str) -> rrb.
         curves[column] = Diagram((0.0, float(search.samples["time_s"].max())), values, WIDTH, height)
         send_axes(stream, search.path(column, "axes"), curves[column], "time (s)")
     places = [[(0.5 + place) * WIDTH / len(LEGEND), -1.5] for place in range(len(LEGEND))]
-    stream.log(search.path("target", "legend"), texts(places, LEGEND, LEGEND.values()), static=True)
+    stream.log(
+        search.path("target", "legend"), texts(places, list(LEGEND), list(LEGEND.values())), static=True
+    )
     for iteration in search.iterations:
         stream.set_time(ITERATION, sequence=iteration)
         stream.set_time(TIME, duration=ITERATION_S * iteration)

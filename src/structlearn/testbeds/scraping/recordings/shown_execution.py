@@ -59,7 +59,7 @@ class Execution:
     @cached_property
     def felt(self) -> pd.DataFrame:
         """(S, ...) the traces in order of time, with `time_s` since the start of the run."""
-        starts = dict(zip(self.primitives, self.run.true_segments[:, 0], strict=True))
+        starts = dict(zip(self.primitives, self.run.signal("true_segments")[:, 0], strict=True))
         since_start = self.traces["time_s"] + self.traces["primitive"].map(starts)
         return self.traces.assign(time_s=since_start).sort_values("time_s", kind="stable")
 
@@ -71,7 +71,7 @@ class Execution:
     @property
     def tool_orientation(self) -> np.ndarray:
         """(T, 4) of the tool, base frame."""
-        turned = quaternion.product(self.board_orientation, self.run.tool_to_board)
+        turned = quaternion.product(self.board_orientation, self.run.signal("tool_to_board"))
         return quaternion.product(turned, FLAT_ORIENTATION)
 
     @property
@@ -82,22 +82,23 @@ class Execution:
     @property
     def grasp(self) -> np.ndarray:
         """(T, 3) m, middle between the finger tips."""
-        return self.run.position - EDGE_M * quaternion.rotate(self.run.orientation, np.array([0.0, 0.0, 1.0]))
+        down = quaternion.rotate(self.run.signal("orientation"), np.array([0.0, 0.0, 1.0]))
+        return self.run.position - EDGE_M * down
 
     @property
     def roll_on_board(self) -> np.ndarray:
         """(T,) degrees, roll of the tool relative to the board; 0 when flat."""
-        return np.degrees(quaternion.rotation_vector(self.run.tool_to_board) @ ROLL_AXIS)
+        return np.degrees(quaternion.rotation_vector(self.run.signal("tool_to_board")) @ ROLL_AXIS)
 
     @property
     def hand_roll(self) -> np.ndarray:
         """(T,) degrees, roll of the hand relative to fingers straight down."""
-        return np.degrees(quaternion.difference(self.run.orientation, FLAT_ORIENTATION) @ ROLL_AXIS)
+        return np.degrees(quaternion.difference(self.run.signal("orientation"), FLAT_ORIENTATION) @ ROLL_AXIS)
 
     @property
     def signals(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Plotted signals by name as in `HEADINGS`: times (N,) in s, and values (N,)."""
-        run, kept = self.run, self.kept
+        run, kept, wrench = self.run, self.kept, self.run.signal("wrench")
         before = run.time[:1]  # without feedback, so that all plots begin together
         signals = {
             "roll on board": (run.time[kept], self.roll_on_board[kept]),
@@ -105,10 +106,10 @@ class Execution:
             "coupling": (np.append(before, self.felt["time_s"]), np.append(0.0, self.felt["coupling"])),
         }
         if self.cost is None:
-            signals["force"] = (run.time[kept], -run.wrench[kept, 2])
+            signals["force"] = (run.time[kept], -wrench[kept, 2])
         else:
             signals["cost"] = (run.time[: len(self.cost)][kept], self.cost[kept])
-        return signals | {"torque": (run.time[kept], -1e3 * run.wrench[kept, 3:] @ ROLL_AXIS)}
+        return signals | {"torque": (run.time[kept], -1e3 * wrench[kept, 3:] @ ROLL_AXIS)}
 
 
 def send_signals(

@@ -169,9 +169,8 @@ def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.ra
 def nobody() -> Corrector:
     """Stands where nobody corrects; it has no ticks and is never asked."""
     none = np.zeros(0)
-    return Corrector(
-        *(0.0, 0.0, 0, *[0.0] * 11), none, none, none, np.zeros((0, 3)), np.zeros(3, dtype=np.int64), none
-    )
+    own = [0.0, 0.0, 0, *[0.0] * 11]
+    return Corrector._make([*own, none, none, none, np.zeros((0, 3)), np.zeros(3, dtype=np.int64), none])
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -68,27 +68,19 @@ MovementSeconds = Annotated[float, Field(ge=0.5, le=20)]
 
 
 class DemonstratorParameters(Parameters):
-    """What a user may turn; units are in the names."""
+    """What a user may change of the person who demonstrates."""
 
-    count: int = Field(ge=1, le=1000, description="demonstrations; the first one is no different")
+    count: int = Field(ge=1, le=1000)
     seed: int = Field(ge=0)
-    durations_s: tuple[MovementSeconds, MovementSeconds, MovementSeconds] = Field(
-        description="median of the movements down, turn, scrape, as in the recorded task, whose segments of "
-        "2.6, 3.7 and 3.6 s hold rests of half a second at both ends"
-    )
-    duration_cv: float = Field(ge=0, le=0.4, description="std / mean of a movement's duration")
-    rest_s: tuple[Seconds, Seconds] = Field(description="range of the rests before and after the task")
-    pause_s: tuple[Seconds, Seconds] = Field(description="range of the dwells at the two switches")
-    hesitation_probability: float = Field(ge=0, le=1, description="of a speed dip, per movement")
-    hesitation_depth: float = Field(ge=0, le=0.95, description="largest fraction of speed lost in a dip")
-    start_spread_mm: float = Field(ge=0, le=20, description="std of the start position, per axis")
-    start_spread_deg: float = Field(ge=0, le=10, description="std of the start orientation, per axis")
-    noise_mm: float = Field(
-        ge=0,
-        le=20,
-        description="std per axis, in the air, of the position noise, band-limited: sway 0.1-1 Hz, motor "
-        "noise 1-6 Hz, tremor 8-12 Hz; orientation noise grows with it",
-    )
+    durations_s: tuple[MovementSeconds, MovementSeconds, MovementSeconds]
+    duration_cv: float = Field(ge=0, le=0.4)
+    rest_s: tuple[Seconds, Seconds]
+    pause_s: tuple[Seconds, Seconds]
+    hesitation_probability: float = Field(ge=0, le=1)
+    hesitation_depth: float = Field(ge=0, le=0.95)
+    start_spread_mm: float = Field(ge=0, le=20)
+    start_spread_deg: float = Field(ge=0, le=10)
+    noise_mm: float = Field(ge=0, le=20)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -222,7 +214,7 @@ class _Movement:
 class _Plan:
     """All that is decided before the hand moves (noise excepted)."""
 
-    movements: tuple[_Movement, _Movement, _Movement]
+    movements: tuple[_Movement, ...]  # one per primitive
     end: float  # s
     edges: np.ndarray  # (4, 3) m: position of the edge at start, contact, flat, end
     tilts: np.ndarray  # (4, 3) rad: rotation vector from flat, base frame

@@ -43,19 +43,7 @@ FINGER_TICKS = 3
 
 
 class ControlParameters(Parameters):
-    """The robot's controller; the gains gave a steady 1.00 N at every tilt.
-
-    Attributes:
-        stiffness: of operational-space control in 1/s^2, the squared natural frequency.
-        force_n: downward force held in contact.
-        force_p_m_n: proportional gain of force control.
-        force_i_m_n_s: its integral gain.
-        roll_p_rad_n_m: proportional gain of compliance about roll.
-        roll_i_rad_n_m_s: its integral gain.
-        wrench_cutoff_hz: one-pole filter of the wrist sensor.
-        force_noise_n: std of a reading of the wrist sensor.
-        torque_noise_n_m: the same of its torques.
-    """
+    """The robot's controller. Fields: `params.yaml`, `testbed.control`."""
 
     stiffness: float = Field(gt=0)
     force_n: float = Field(gt=0)
@@ -213,7 +201,10 @@ def execute(
         conditions.board_stiffness_factor,
     )
     noise = rng.standard_normal((ticks, 6)) * np.repeat([control.force_noise_n, control.torque_noise_n_m], 3)
-    led = isinstance(motion, Controller)
+    if isinstance(motion, Controller):
+        reference, plan = _empty_reference(ticks), motion.compiled
+    else:
+        reference, plan = motion, NO_PLAN
     log = _empty_log(ticks)
     run = _Run(
         dt=parameters.dt,
@@ -221,7 +212,7 @@ def execute(
         arm=operational_space.controlled(scraping_robot.arm_model(), angles),
         world=world,
         fingers=fingers.readings(len(log.counts)),
-        reference=_empty_reference(ticks) if led else motion,
+        reference=reference,
         target=operational_space.resting_target(),
         roll_gains=(control.roll_p_rad_n_m, control.roll_i_rad_n_m_s),
         share=1.0 - np.exp(-2.0 * np.pi * control.wrench_cutoff_hz * parameters.dt),
@@ -233,7 +224,7 @@ def execute(
         hand=np.empty((ticks, 3, 3)),
         tool=np.empty((ticks, 3, 3)),
     )
-    others = (*(motion.compiled if led else NO_PLAN), NOBODY if person is None else person)
+    others = (*plan, NOBODY if person is None else person)
     if engine is None:
         _ticks(run, 0, ticks, True, *others)
     else:
@@ -390,9 +381,14 @@ def _aim(reference: Reference, k: int, height: float, roll: float, target: Targe
 
 
 def _empty_reference(ticks: int) -> Reference:
-    vectors = [np.empty((ticks, 3)) for _ in range(5)]
     return Reference(
-        *vectors[:3], np.empty((ticks, 4)), *vectors[3:], primitive=np.empty(ticks, dtype=np.int64)
+        position=np.empty((ticks, 3)),
+        velocity=np.empty((ticks, 3)),
+        acceleration=np.empty((ticks, 3)),
+        orientation=np.empty((ticks, 4)),
+        angular_velocity=np.empty((ticks, 3)),
+        angular_acceleration=np.empty((ticks, 3)),
+        primitive=np.empty(ticks, dtype=np.int64),
     )
 
 

@@ -15,18 +15,7 @@ from structlearn.testbeds.scraping.world.execution import Reference
 
 
 class GuidanceParameters(Parameters):
-    """The guiding person.
-
-    Attributes:
-        frequency_hz: natural frequency with which the hand holds the arm to the intended path; arm and load
-            of some kg at a hand stiffness of several hundred N/m (Mussa-Ivaldi, Hogan & Bizzi 1985).
-        force_n: intended pressure.
-        force_spread: std of its log between trials: people reproduce a light force poorly.
-        force_cv: fluctuation within a trial, relative; noise grows with force (Jones, Hamilton & Wolpert
-            2002).
-        force_fluctuation_s: correlation time of it.
-        force_i_m_n_s: how fast the hand gives in to a wrong force; with the board about 0.25 s.
-    """
+    """The guiding person. Fields: `params.yaml`, `testbed.guidance`."""
 
     frequency_hz: float = Field(gt=0)
     force_n: float = Field(gt=0)

@@ -16,12 +16,7 @@ FINGERS = ("left", "right")
 
 
 class RecorderParameters(Parameters):
-    """The devices.
-
-    Attributes:
-        motion_capture_deg: std per axis of a motion-capture reading of the tool on the board.
-        stamp_jitter_s: std of the stamps of devices with clocks of their own.
-    """
+    """The devices. Fields: `params.yaml`, `testbed.recorder`."""
 
     motion_capture_deg: float = Field(ge=0)
     stamp_jitter_s: float = Field(ge=0)

@@ -39,12 +39,14 @@ def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
     Returns:
         (H, W, 3) bytes.
     """
-    moment = round(float(run.true_segments[-1].mean()) / run.dt)
+    moment = round(float(run.signal("true_segments")[-1].mean()) / run.dt)
     board = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
     down = np.array([0.0, 0.0, 1.0])
-    hand = run.orientation[moment]
+    hand = run.signal("orientation")[moment]
     grasp = run.position[moment] - EDGE_M * quaternion.rotate(hand, down)
-    tool = quaternion.product(quaternion.product(board, run.tool_to_board[moment]), FLAT_ORIENTATION)
+    tool = quaternion.product(
+        quaternion.product(board, run.signal("tool_to_board")[moment]), FLAT_ORIENTATION
+    )
 
     def held(size: np.ndarray, offset: tuple[float, float, float], turn: np.ndarray, colour: tuple) -> Solid:
         """A box that is fixed to the hand or the tool, `offset` from the grasp."""
@@ -61,4 +63,4 @@ def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
         held(FINGER_M, (-0.016, 0.0, -0.02), hand, SKIN),
         held(np.array([EDGE_WIDTH_M, BLADE_M * 4, EDGE_M + 0.015]), (0.0, 0.0, EDGE_M / 2), tool, TOOL),
     ]
-    return still(VIEW, solids, ARM, run.joint_positions[moment])
+    return still(VIEW, solids, ARM, run.signal("joint_positions")[moment])

@@ -30,22 +30,7 @@ _CARRIED = np.array([TOOL_KG, TOOL_KG, TOOL_KG, 1e-5, 7.4e-5, 7.4e-5])
 
 
 class WorldParameters(Parameters):
-    """Physical constants of the simulated set-up.
-
-    Attributes:
-        control_rate_hz: of the robot's controller.
-        substeps: physics steps per control tick.
-        grasp_n_m: stiffness of the finger tips against displacements of the tool.
-        grasp_n_m_rad: against turns about the pinch axis, the fingers, and the scraping direction (roll); the
-            skin gives most about roll.
-        grasp_damping: damping ratio of the grasp.
-        board_n_m: stiffness of the board under the whole edge.
-        board_damping_s_m: factor of the contact force on the approach velocity.
-        friction: Coulomb coefficient between tool and board.
-        sticking_n_m: stiffness with which the whole edge sticks to the board before it slides, of the order
-            of the normal one (Mindlin 1949: somewhat less).
-        sticking_damping: damping ratio of that spring with the tool.
-    """
+    """Physical constants of the simulated set-up. Fields: `params.yaml`, `testbed.world`."""
 
     control_rate_hz: float = Field(ge=100, le=2000)
     substeps: int = Field(ge=1, le=20)

@@ -18,13 +18,7 @@ from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
 
 class VariationParameters(Parameters):
-    """What differs between runs.
-
-    Attributes:
-        board_roll_deg: std of the tilt stage about its setting; its protractor shows 0.1 degrees.
-        friction: std of the log of the friction coefficient: wipes, ink, dust.
-        board_stiffness: std of the log of the board's stiffness under the edge, which meets it elsewhere.
-    """
+    """What differs between runs. Fields: `params.yaml`, `testbed.variation`."""
 
     board_roll_deg: float = Field(ge=0)
     friction: float = Field(ge=0)
@@ -32,19 +26,7 @@ class VariationParameters(Parameters):
 
 
 class TestbedParameters(Parameters):
-    """The simulated testbed: the same robot, fingers and board for all stages.
-
-    Attributes:
-        seed: of all runs; the guided demonstrations have the demonstrator's own.
-        sensor_seed: of what tells one electrode from another.
-        world: physical constants.
-        control: of the robot.
-        touch: of the fingers.
-        variation: between runs.
-        recorder: of the devices that record them.
-        guidance: of the person who guides the arm.
-        corrector: of the person who corrects roll.
-    """
+    """The simulated testbed: the same robot, fingers and board for all stages."""
 
     __test__ = False  # not a test, whatever pytest thinks of its name
 

@@ -9,6 +9,7 @@ the person of this run shows is in figures and tables and decides nothing.
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from structlearn.reporting.claims import (
     quoted,
     rate_difference,
 )
-from structlearn.tactile.latent_variants import FORWARD_OF, LOCALLY_LINEAR, NO_INVERSE
+from structlearn.tactile.latent_parameters import FORWARD_OF, LOCALLY_LINEAR, NO_INVERSE, InverseModel
 from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.testbeds.servoing.names import (
     DYNAMICS,
@@ -185,7 +186,9 @@ def _smallest_rise(numbers: Numbers, structure: bool) -> Evidence:
     return UNKNOWN if UNKNOWN in rises else min(rises, key=lambda rise: (rise.high > 0.0, rise.low))
 
 
-def _gains(results: ServoingResults, models: Mapping[str, Variant], without: Mapping[str, bool]) -> Found:
+def _gains(
+    results: ServoingResults, models: Mapping[InverseModel, Variant], without: Mapping[str, Any]
+) -> Found:
     """What each controller gains by something that it would be `without`, in % of targets."""
 
     def rates(variant: Variant) -> np.ndarray | None:

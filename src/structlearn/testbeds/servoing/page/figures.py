@@ -1,19 +1,22 @@
 """Figures of the servoing testbed, panel by panel (figures II.3 to II.6)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.typing import LineStyleType
 
 from structlearn.ground.metrics import mean_interval
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, style
 from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.latent_variants import NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.page.evidence import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
@@ -34,7 +37,7 @@ FEWEST = 10
 TOLERANCES_MM = np.linspace(0.25, 4.0, 16)
 """At which success is looked at."""
 
-DASHES = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
+DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
 """Lines of controllers."""
 
 
@@ -46,7 +49,7 @@ def drawings(results: ServoingResults, still: np.ndarray) -> dict[str, Drawing |
         still: picture of the simulated scene.
     """
     with style():
-        found = {
+        found: dict[str, Drawing | Sequence[Drawing]] = {
             "map": _maps(results),
             "curve": _training(results.models),
             "forward": _forward(results.models, names.DYNAMICS[-1]),
@@ -100,7 +103,7 @@ def _maps(results: ServoingResults) -> list[Raster]:
         (results.places, "Contact points on the skin"),
     ):
         figure, axes = _panel(title, "along the finger (mm)", "across (mm)", 3.4)
-        axes.scatter(*points[kept].T, s=2.5, c=colours[electrode[kept] - 1], linewidths=0)
+        axes.scatter(points[kept, 0], points[kept, 1], s=2.5, c=colours[electrode[kept] - 1], linewidths=0)
         box = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
         for number in np.unique(electrode):
             x, y = np.median(points[electrode == number], axis=0)
@@ -117,7 +120,7 @@ def _contacts(results: ServoingResults) -> list[Figure]:
     bias = bias[bias["samples"] >= FEWEST]
     left, place = _panel("From the true to the estimated contact", "along the finger (mm)", "across (mm)")
     parts = [bias[name] for name in ("square_along_mm", "square_across_mm", "along_mm", "across_mm")]
-    scale = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.006}
+    scale: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.006}
     arrows = place.quiver(*parts, bias["error_mm"], cmap="viridis_r", **scale)
     _electrodes(place, results.skin)
     left.colorbar(arrows, ax=place, label="mean error (mm)", shrink=0.9)
@@ -159,7 +162,7 @@ def _training(models: ModelScores) -> list[Figure]:
     return [first, second, third]
 
 
-def _line(axes: Axes, values: pd.DataFrame, colour: str, **look: str) -> None:
+def _line(axes: Axes, values: pd.DataFrame, colour: str, **look: Any) -> None:
     """Means over seeds (columns) of places (rows), with the band of their 95 % interval."""
     at, (mean, half) = values.index, np.array([mean_interval(seeds) for seeds in values.to_numpy()]).T
     axes.plot(at, mean, color=colour, **look)
@@ -180,13 +183,11 @@ def _forward(models: ModelScores, kind: tuple[str, str]) -> list[Figure]:
             axes.plot(models.steps, still, color=colour, linestyle=":", linewidth=1.0)
         axes.set_xticks(models.steps)
         panels.append(figure)
-    handles = [
+    handles: list[Artist] = [
         Patch(color=names.STRUCTURE_COLOURS[one], label=name) for one, name in names.STRUCTURE_NAMES.items()
     ]
-    handles += [
-        Line2D([], [], color=BLACK, linestyle=line, label=label)
-        for line, label in (("-", "with the loss"), ("--", "without it"), (":", "nothing moves"))
-    ]
+    others: Mapping[LineStyleType, str] = {"-": "with the loss", "--": "without it", ":": "nothing moves"}
+    handles += [Line2D([], [], color=BLACK, linestyle=line, label=label) for line, label in others.items()]
     nmse, relative = (panel.axes[0] for panel in panels)
     nmse.set(yscale="log", ylim=(0.008, 2.0))
     nmse.legend(handles=handles, ncols=2, loc="lower right")
@@ -278,7 +279,9 @@ def _progress(results: ServoingResults) -> list[Figure]:
     tolerance.axvline(bound.position_mm, color=VERMILION, linestyle=":", linewidth=1.1)
     for axes, top in ((distance, None), (within, 101), (tolerance, 101)):
         axes.set(xlim=(0, None), ylim=(0, top))
-    handles = [Patch(color=colour, label=name) for name, colour in names.INVERSE_COLOURS.items()]
+    handles: list[Artist] = [
+        Patch(color=colour, label=name) for name, colour in names.INVERSE_COLOURS.items()
+    ]
     handles += [
         Line2D([], [], color=BLACK, linestyle=DASHES[form], label=names.FORM_NAMES[form]) for form in DASHES
     ]
@@ -287,8 +290,8 @@ def _progress(results: ServoingResults) -> list[Figure]:
         "Length of successes, resting controller", "shortest on the skin (mm)", "travelled (mm)"
     )
     reached = rows_of(comparison.trials, names.OURS).query("success")
-    top = 1.05 * reached["path_mm"].max() if len(reached) else 1.0
-    length.plot([0, top], [0, top], color=GREY, linewidth=0.9)
+    longest = 1.05 * reached["path_mm"].max() if len(reached) else 1.0
+    length.plot([0, longest], [0, longest], color=GREY, linewidth=0.9)
     length.plot(reached["geodesic_mm"], reached["path_mm"], "o", color=BLUE, ms=3, mew=0, alpha=0.4)
-    length.set(xlim=(0, None), ylim=(0, top))
+    length.set(xlim=(0, None), ylim=(0, longest))
     return [one, two, three, four]

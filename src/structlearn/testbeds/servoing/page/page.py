@@ -36,7 +36,7 @@ def document(results: ServoingResults, shown: Mapping[str, Table]) -> Document:
     return Document(
         template="servoing.html.jinja",
         package=PACKAGE,
-        stage="report_servoing",
+        stage="servoing_report",
         facts=facts,
         tables=shown,
         judged=judge(claims, evidence(results), environment(PACKAGE), facts),

@@ -5,16 +5,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.params import Parameters, read_values
+from structlearn.ground.params import read_values
 from structlearn.reporting.studies import Study
 from structlearn.tactile.electrodes import SKINS, Skin
 from structlearn.tactile.flat_maps import map_laying
-from structlearn.tactile.latent_variants import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS, TEST, TEST_STRIDE, Chains, TouchDataset, chains
 from structlearn.testbeds.servoing.files import OtherSkinTables
 from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT
@@ -78,7 +79,7 @@ class ServoingResults:
     models: ModelScores
     comparison: Comparison
     skin_tables: OtherSkinTables
-    chosen: Mapping[str, Parameters]
+    chosen: Mapping[str, Any]
     studies: Mapping[str, Study | None]
 
     @property
@@ -104,8 +105,8 @@ class ServoingResults:
 
     def of_people(self, key: str) -> np.ndarray | None:
         """A metric by person (P,); None where the study was not run, or kept no such number."""
-        known = self.people is not None and key in self.people.table
-        return self.people.values(AS_IT_STANDS, key) if known else None
+        people = self.people
+        return people.values(AS_IT_STANDS, key) if people is not None and key in people.table else None
 
     def trials_per_person(self, skin: str = "") -> int:
         """Targets that each controller had over the models of one person, with this skin or another."""
@@ -197,8 +198,8 @@ class ServoingResults:
         """Means over people of what the front page shows; nothing where they were not studied."""
         keys = ["mds_nmse_test", "cosine_distance_nj"]
         keys += [rate_key(one) for one in (TEXT, replace(TEXT, inverse=LOCALLY_LINEAR), OURS)]
-        numbers = {key: self.of_people(key) for key in keys}
-        if any(one is None for one in numbers.values()):
+        numbers = {key: its for key in keys if (its := self.of_people(key)) is not None}
+        if len(numbers) < len(keys):
             return {}
         return {"people": len(numbers[keys[0]])} | {
             f"people_{key}": one.mean() for key, one in numbers.items()

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.ground.metrics import mean_interval
-from structlearn.tactile.latent_variants import FORWARD_OF, NO_INVERSE, STRUCTURES
+from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS
 from structlearn.testbeds.servoing.names import (
     COMPARISON_NAMES,

@@ -8,15 +8,11 @@ from pydantic import Field, PositiveInt
 from structlearn.ground.params import Parameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 
+SkinName = Literal["biotac", "flat_pad", "sphere"]
+
 
 class OtherSkin(Parameters):
-    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`.
-
-    Attributes:
-        along_mm: range along the finger.
-        across_deg: half the range of the turns about the core.
-        handle_half_mm: half the length of the handle.
-    """
+    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
 
     along_mm: tuple[float, float]
     across_deg: float = Field(ge=0, le=80)
@@ -24,16 +20,11 @@ class OtherSkin(Parameters):
 
 
 class OtherSkinsParameters(Parameters):
-    """Other skins; all else is as for the first one.
+    """Other skins; all else is as for the first one."""
 
-    Attributes:
-        skins: by name.
-        seeds: of latent spaces and dynamics.
-    """
-
-    skins: Mapping[Literal["biotac", "flat_pad", "sphere"], OtherSkin]
+    skins: Mapping[SkinName, OtherSkin]
     seeds: PositiveInt
 
-    def person_with(self, skin: str, person: ToucherParameters) -> ToucherParameters:
+    def person_with(self, skin: SkinName, person: ToucherParameters) -> ToucherParameters:
         """A person who demonstrates on another skin."""
         return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())

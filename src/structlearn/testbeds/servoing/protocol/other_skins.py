@@ -12,7 +12,7 @@ from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters, SkinName
 
 
 def learn_other_skin(
@@ -22,7 +22,7 @@ def learn_other_skin(
     preparation: TouchDataParameters,
     distances: GeodesicParameters,
     latent: LatentParameters,
-    name: str,
+    name: SkinName,
 ) -> LatentComparison:
     """Demonstrate and learn with another skin.
 

@@ -7,7 +7,7 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.ground.params import Parameters
-from structlearn.tactile.skin_paths import path_length, skin_distance
+from structlearn.tactile.electrodes import path_length, skin_distance
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
 
 THINNED = 10
@@ -15,13 +15,7 @@ THINNED = 10
 
 
 class ToleranceParameters(Parameters):
-    """When a target counts as reached.
-
-    Attributes:
-        position_mm: distance of the true contact from the target's.
-        pressure: difference of the pressure p = -mean(s) from the target's, relative.
-        judged_s: at the end of a trial; the mean errors over this time count.
-    """
+    """When a target counts as reached. Fields: `params.yaml`, `servo.tolerance`."""
 
     position_mm: float = Field(gt=0)
     pressure: float = Field(gt=0)

@@ -6,7 +6,13 @@ import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
-from structlearn.tactile.latent_variants import FORWARD_OF, STRUCTURES
+from structlearn.tactile.latent_parameters import (
+    FORWARD_OF,
+    JACOBIAN,
+    LOCALLY_LINEAR,
+    STRUCTURES,
+    InverseModel,
+)
 from structlearn.testbeds.servoing.protocol.servo_scores import ToleranceParameters
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 
@@ -22,13 +28,7 @@ CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
 
 
 class PublishedParameters(Parameters):
-    """Controllers as published; the action limit and the gain are in the networks' units.
-
-    Attributes:
-        action_penalty: beta (eq. II.12).
-        gradient_gain: alpha of NG (eq. II.14).
-        largest_action: bound of |a|, in root mean squares of the demonstrated actions.
-    """
+    """Controllers as published; the action limit and the gain are in the networks' units."""
 
     action_penalty: float = Field(gt=0)
     gradient_gain: float = Field(gt=0)
@@ -36,14 +36,7 @@ class PublishedParameters(Parameters):
 
 
 class RestingParameters(Parameters):
-    """Controllers that correct their model (`tactile.resting_servo`).
-
-    Attributes:
-        action_penalty: beta, for actions in units of likely ones.
-        largest_action: bound of |a|, in root mean squares of the demonstrated actions.
-        spread: half the distance over which slopes are taken, in likely actions.
-        correction: kappa, by how much of what a step missed the slopes are corrected.
-    """
+    """Controllers that correct their model (`tactile.resting_servo`)."""
 
     action_penalty: float = Field(gt=0)
     largest_action: float = Field(gt=0)
@@ -52,24 +45,7 @@ class RestingParameters(Parameters):
 
 
 class ServoTrialParameters(Parameters):
-    """Closed loops.
-
-    Attributes:
-        seed: of contacts and noise.
-        trials: of each controller per seed of the models; a third each rotation, translation, mixed.
-        duration_s: of a trial.
-        load_n: range of the loads at start and target.
-        tilt_deg: std of pitch and yaw by which a finger is held askew.
-        rest_s: before a target is read, and before a trial starts.
-        follow_s: time constant with which the robot takes up a velocity.
-        horizon: steps of the controllers that look further ahead than one.
-        loop: timing, of both forms.
-        loop_of_data: low-pass of the data, one action per step of prediction; to see what these cost.
-        published: controllers as published.
-        resting: those that correct their model.
-        tolerance: when a target counts as reached.
-        shown: trials per seed whose paths are kept.
-    """
+    """Closed loops."""
 
     seed: int = Field(ge=0)
     trials: PositiveInt
@@ -101,7 +77,7 @@ class Variant:
     """
 
     form: str
-    inverse: str
+    inverse: InverseModel
     structure: bool = True
     with_loss: bool = True
     horizon: int = 1
@@ -133,7 +109,7 @@ def variants(horizon: int) -> list[Variant]:
         for with_loss in (True, False)
         for inverse in FORWARD_OF
     ]
-    further = [Variant(RESTING, inverse, horizon=horizon) for inverse in ("LL", "NJ")]
+    further = [Variant(RESTING, inverse, horizon=horizon) for inverse in (LOCALLY_LINEAR, JACOBIAN)]
     slow = [Variant(PUBLISHED, inverse, change=AS_DATA) for inverse in FORWARD_OF]
     without = [Variant(RESTING, "NJ", change=change) for change in CHANGES]
     return every + further + slow + without

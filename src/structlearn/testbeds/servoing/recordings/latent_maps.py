@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -60,7 +61,7 @@ def write_latent_maps(
     every = electrode_colours(len(flat_skin.skin.electrodes))
     colours = rgba(every, SAMPLE_OPACITY)[electrode[kept] - 1]
     found = np.unique(electrode)
-    labels = {"labels": [str(number) for number in found], "radii": 0.0, "show_labels": True}
+    labels: dict[str, Any] = {"labels": [str(number) for number in found], "radii": 0.0, "show_labels": True}
     with recording(path, TITLE) as stream:
         tabs = [_tab(one, flat_skin.skin, origin) for one in shown]
         stream.send_blueprint(layout(rrb.Tabs(*tabs, active_tab=0)))

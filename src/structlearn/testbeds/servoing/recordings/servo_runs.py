@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -135,7 +136,7 @@ def _send_ways(stream: rr.RecordingStream, path: str, run: ServoRun, flat_skin: 
         ("latent target", flat_skin.latent(run.of_trial("target_latent_{}")), LATENT),
         ("target", flat_skin.places(run.of_trial("target_{}_m")), TRUE),
     ):
-        look = {"colors": rgba([colour]), "radii": -1.5, "draw_order": scene.IN_FRONT}
+        look: dict[str, Any] = {"colors": rgba([colour]), "radii": -1.5, "draw_order": scene.IN_FRONT}
         stream.log(f"{path}/{entity(name)}", rr.LineStrips2D([place + ring], **look), static=True)
 
 

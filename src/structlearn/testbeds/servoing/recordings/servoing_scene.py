@@ -6,6 +6,7 @@ be any skin of `tactile.electrodes`. Flat pictures are in mm: x along the finger
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -14,9 +15,16 @@ import rerun.blueprint as rrb
 from structlearn.ground import quaternion
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.flat_maps import MapLaying, map_laying
-from structlearn.viewer.electrode_colours import deviation_colours
 from structlearn.viewer.notes import notes_view
-from structlearn.viewer.rrd import entity, plot, rgba, send_moving_frame, thinning, time_column
+from structlearn.viewer.rrd import (
+    deviation_colours,
+    entity,
+    plot,
+    rgba,
+    send_moving_frame,
+    thinning,
+    time_column,
+)
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
@@ -155,7 +163,7 @@ def send_touch(
     stream.log(f"{finger}/skin", lines, static=True)
     places = flat(skin, skin.project(skin.electrodes))
     numbers = [str(number + 1) for number in range(len(places))]
-    labels = {"labels": numbers, "colors": rgba([SKIN]), "radii": 0.0, "show_labels": True}
+    labels: dict[str, Any] = {"labels": numbers, "colors": rgba([SKIN]), "radii": 0.0, "show_labels": True}
     stream.log(f"{flat_skin}/numbers", rr.Points2D(places + np.array([0.0, 0.4]), **labels), static=True)
     kept = slice(None, None, thinning(dt, COLOUR_RATE_HZ))
     colours = deviation_colours(np.clip(-motion.signals[kept] / scale, -1.0, 1.0), 1.0)
@@ -201,7 +209,7 @@ def send_map_path(
 ) -> None:
     """Log a point that moves on a flat picture, (T, 2), and the path behind it, in front of all else."""
     times = [time_column(time)]
-    look = {"colors": rgba([colour]), "draw_order": IN_FRONT}
+    look: dict[str, Any] = {"colors": rgba([colour]), "draw_order": IN_FRONT}
     stream.log(f"{path}/now", rr.Points2D.from_fields(radii=CONTACT_MM, **look), static=True)
     stream.send_columns(f"{path}/now", times, rr.Points2D.columns(positions=places))
     stream.log(f"{path}/trail", rr.LineStrips2D.from_fields(radii=-2.0, **look), static=True)

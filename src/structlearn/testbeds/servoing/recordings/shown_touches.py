@@ -16,14 +16,7 @@ from structlearn.testbeds.servoing.recordings.servoing_scene import Contact, Fin
 
 
 class ServoingViewParameters(Parameters):
-    """What recordings of the servoing testbed show.
-
-    Attributes:
-        demonstrations: names of those that are shown; of recordings none of which is named so, as many from
-            the first on.
-        map_points: samples on the latent map.
-        trials: closed loops, as far as their paths are kept.
-    """
+    """What recordings of the servoing testbed show."""
 
     demonstrations: tuple[str, ...]
     map_points: int = Field(ge=1)
@@ -107,11 +100,12 @@ def shown_touches(
     for name in names:
         one, rows = demonstrations[numbers[name]], np.flatnonzero(dataset.trial == numbers[name])
         air = max(round(air_s / one.dt), 1)
-        signals = one.tactile - one.tactile[:air].mean(axis=0)
+        tactile = one.signal("tactile")
+        signals = tactile - tactile[:air].mean(axis=0)
         found.append(
             ShownTouch(
                 demonstration=one,
-                motion=FingerMotion(one.time, one.position, one.orientation, signals),
+                motion=FingerMotion(one.time, one.position, one.signal("orientation"), signals),
                 rows=np.rint(dataset.time[rows].astype(float) / one.dt).astype(int),
                 contact=dataset.contact[rows],
                 contact_point=dataset.contact_point[rows].astype(float),

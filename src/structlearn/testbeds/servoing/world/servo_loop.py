@@ -55,12 +55,7 @@ class Controller(Protocol[StateT]):
 
 
 class LoopParameters(Parameters):
-    """Timing of the loop.
-
-    Attributes:
-        cutoff_hz: of the low-pass on the electrodes.
-        samples_per_action: an action is held for so many samples of the electrodes.
-    """
+    """Timing of the loop. Fields: `params.yaml`, `servo.loop`."""
 
     cutoff_hz: float = Field(gt=0)
     samples_per_action: PositiveInt
@@ -176,7 +171,9 @@ def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Gen
         rng: of the electrodes' noise.
     """
     finger, rate = scene.finger, scene.sample_hz
-    position, orientation = held_on_handle(*places.T, scene.handle, finger, tuple(tilt.T))
+    along, across, load = places.T
+    pitch, yaw = tilt.T
+    position, orientation = held_on_handle(along, across, load, scene.handle, finger, (pitch, yaw))
     contact = touching(position, orientation, scene.handle, finger)
     pressing = np.arange(1, round(PRESS_S * rate) + 1) / round(PRESS_S * rate)
     rising = np.concatenate([minimum_jerk.progress(pressing), np.ones(round(scene.rest_s * rate))])
@@ -241,6 +238,7 @@ def servo(
         seen = np.broadcast_to(latent.reshape(-1, latent.shape[-1]), (step, len(position), latent.shape[-1]))
         pieces.append((*(np.stack(parts) for parts in zip(*poses, strict=True)), point, load, signals, seen))
         latent = encoded(low_pass(signals)[-1])
-    return Servoed(
-        *(np.concatenate(parts) for parts in zip(*pieces, strict=True)), goal.reshape(-1, goal.shape[-1])
+    held, turned, points, loads, read, chosen_for = (
+        np.concatenate(parts) for parts in zip(*pieces, strict=True)
     )
+    return Servoed(held, turned, points, loads, read, chosen_for, goal.reshape(-1, goal.shape[-1]))

@@ -1,6 +1,7 @@
 """Obstacle avoidance: representations of the coupling term on samples left out."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -144,7 +145,7 @@ def representations_panel(results: RecordedResults, columns: Sequence[str]) -> F
     by_fold = folds.groupby(["representation", "inputs", "fold"])["nmse"].mean()
     rows = list(names.REPRESENTATIONS)
     for offset, (inputs, look) in zip((-0.2, 0.0, 0.2), names.INPUTS.items(), strict=True):
-        style = {"color": look.colour, "marker": "o", "markersize": 5, "linestyle": ""}
+        style: dict[str, Any] = {"color": look.colour, "marker": "o", "markersize": 5, "linestyle": ""}
         for name, _ in (key for key in errors.index if key[1] == inputs):
             place, half = rows.index(name) + offset, mean_interval(by_fold[name, inputs].to_numpy())[1]
             axes.errorbar(errors[name, inputs], place, xerr=half, **style)

@@ -1,6 +1,7 @@
 """Figures of reaches past boxes."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -49,7 +50,7 @@ def rates_panel(found: BoxesFound) -> Figure:
         for place, way in enumerate(found.ways):
             rate = found.share("hit", way, blocked)
             bars = 100 * np.array([[rate.value - rate.low], [rate.high - rate.value]])
-            style = {"color": names.BOX_WAYS[way].colour, "fillstyle": fill, "markersize": 5}
+            style: dict[str, Any] = {"color": names.BOX_WAYS[way].colour, "fillstyle": fill, "markersize": 5}
             axes.errorbar(100 * rate.value, place + 0.3 * offset - 0.15, xerr=bars, fmt="o", **style)
         axes.plot([], [], "o", color=GREY, fillstyle=fill, label=label)
     found.name_ways(axes)

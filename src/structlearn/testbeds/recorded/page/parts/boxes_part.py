@@ -1,11 +1,11 @@
 """People past boxes: one obstacle's features, and a look ahead at the whole scene."""
 
+from structlearn.reporting.claims import Evidence, Found, difference, exact, rate_difference
 from structlearn.reporting.document import Table
-from structlearn.reporting.scene_ways import OURS
+from structlearn.reporting.scene_ways import NONE, OURS, PLANNED, TEXT, SceneWays
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import SETS
 from structlearn.testbeds.recorded.page.parts.avoidance_part import listed
-from structlearn.testbeds.recorded.page.parts.boxes_evidence import boxes_evidence
 from structlearn.testbeds.recorded.page.parts.boxes_figures import boxes_pictures
 from structlearn.testbeds.recorded.page.parts.boxes_results import AXES, BoxesFound, boxes_metrics
 from structlearn.testbeds.recorded.page.parts.part import Part, of
@@ -56,6 +56,34 @@ def boxes_tables(found: BoxesFound) -> dict[str, Table]:
         "boxes_reaches": Table(found["reaches"]),
         "boxes_beside_each_other": Table(found["people"]),
     }
+
+
+def boxes_evidence(found: SceneWays) -> dict[str, Found]:
+    """What was found, by the names that `boxes_claims.yaml` uses."""
+    return {
+        "text_hits": found.share("hit", TEXT),
+        "text_hits_fewer": fewer(found, NONE, TEXT),
+        "text_hits_fewer_than_rai": fewer(found, "human_inspired", TEXT),
+        "text_goal": furthest(found, TEXT),
+        "hits": found.share("hit"),
+        "hits_blocked": found.share("hit", blocked=True),
+        "goal": furthest(found, OURS),
+        "path": found.mean_path(),
+        "same_gap": found.share("same_gaps"),
+        "features_alone": fewer(found, "text_ensemble", OURS),
+        "nearer_than_planned": difference(*(found.by_person(way, "path_mm") for way in (PLANNED, OURS))),
+    }
+
+
+def fewer(found: SceneWays, first: str, second: str) -> Evidence:
+    """Reaches that touch a box by the first way minus those by the second, in %, in pairs by person."""
+    return rate_difference(*(found.by_person(way, "hit") for way in (first, second)))
+
+
+def furthest(found: SceneWays, way: str) -> Evidence:
+    """Largest distance from the goal at the prescribed end, mm."""
+    left = found.of(way)["left_mm"]
+    return exact(left.max(), len(left))
 
 
 PART = Part(

@@ -35,7 +35,7 @@ class BoxesFound(SceneWays):
         rows = []
         for way in self.ways:
             its, blocked = self.of(way), self.of(way, blocked=True)
-            row = {"way": names.BOX_WAYS[way].name}
+            row: dict[str, str | float] = {"way": names.BOX_WAYS[way].name}
             row |= {"touches_share": its["hit"].mean(), "blocked_share": blocked["hit"].mean()}
             row |= {"goal_max_mm": its["left_mm"].max(), "path_mm": self.mean_path(way).value}
             row |= {"gaps_share": its["same_gaps"].mean()}

@@ -31,12 +31,12 @@ def metrics(results: RecordedResults) -> Metrics:
     distances, reaches = results["coupling_distances"], by_reach(results)
     by_split = distances.groupby("split")[["nominal_mm", "coupling_mm", "spread_mm"]].mean()
     values: Metrics = {}
-    for column, middle, std in (
+    for column, its_mean, its_std in (
         ("nominal_mm", "nominal_path_mean_mm", "nominal_path_std_mm"),
         ("coupling_mm", "coupling_path_mean_mm", "coupling_path_std_mm"),
         ("spread_mm", "corrected_spread_mm", "corrected_spread_std_mm"),
     ):
-        values |= {middle: by_split[column].mean(), std: by_split[column].std()}
+        values |= {its_mean: by_split[column].mean(), its_std: by_split[column].std()}
     for name, first, second in (
         ("coupling_gain", "nominal_mm", "coupling_mm"),
         ("coupling_above_spread", "coupling_mm", "spread_mm"),
@@ -121,7 +121,7 @@ def pictures(results: RecordedResults) -> Pictures:
 def reaches_panel(results: RecordedResults) -> Figure:
     """Reaches from the side; higher ones left out, and the primitive without and with coupling."""
     figure, axes = panel("People: reaches, and higher ones", 3.5, xlabel="forward (mm)", ylabel="up (mm)")
-    frame = results.reach_primitive.position.frame
+    frame = results.reach_primitives[0].position.frame
     for number, (position, _) in enumerate(results.reach_segments):
         path = 1e3 * signals.time_normalised(in_local_frame(position, frame).position, SAMPLES)
         label = None if number else "recorded reaches"

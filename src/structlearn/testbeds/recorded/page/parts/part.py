@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files as package_files
+from pathlib import Path
 from typing import Any
 
 from structlearn.ground.artefacts import Metrics
@@ -53,7 +53,7 @@ class Part:
     @property
     def claims(self) -> list[Claim]:
         """In order."""
-        return read_claims(package_files(__package__) / f"{self.name}_claims.yaml")
+        return read_claims(Path(__file__).with_name(f"{self.name}_claims.yaml"))
 
 
 def of(

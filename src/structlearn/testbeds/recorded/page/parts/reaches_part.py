@@ -136,7 +136,7 @@ def paths_panel(results: RecordedResults, first: str, second: str) -> Figure:
     )
     axes.set_ylabel(f"{words[second]} (mm)")
     place = ["xyz".index(first), "xyz".index(second)]
-    learned = results.reach_primitive.position
+    learned = results.reach_primitives[0].position
     unrolled = in_local_frame(learned.unroll(results.reach_segments[0][0].dt), learned.frame)
     paths = [in_local_frame(position, learned.frame) for position, _ in results.reach_segments]
     for number, path in enumerate([*paths, unrolled]):
@@ -156,7 +156,7 @@ def fit_panel(results: RecordedResults, column: str, width_mm: float) -> Figure:
     for variant, colour in (("learned from", BLUE), ("left out", ORANGE)):
         values = results["reach_errors"].query("variant == @variant")[column]
         bins = np.arange(0.0, values.max() + width_mm, width_mm)
-        axes.hist(values, bins, histtype="step", color=colour, label=variant, linewidth=1.6)
+        axes.hist(values, bins.tolist(), histtype="step", color=colour, label=variant, linewidth=1.6)
     return legend(figure)
 
 

@@ -131,7 +131,8 @@ class SkinRuns:
         """Way over the straight one of those that arrived, geometric mean."""
         ratios = self.trials("length_ratio", STRUCTURED, names.SKIN_SERVO)
         found = of_mean(np.log(ratios))
-        return Evidence(*np.exp([found.value, found.low, found.high]).tolist(), found.n)
+        value, low, high = np.exp([found.value, found.low, found.high]).tolist()
+        return Evidence(value, low, high, found.n)
 
     def _named(self, table: str) -> list[str]:
         return sorted(set(self.tables[table]["learned_from"])) if table in self.tables else []

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION, place_colours
+from structlearn.reporting.claims import Evidence
 from structlearn.reporting.figure_style import Drawing, Raster, styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.testbeds.recorded import names
@@ -49,10 +50,10 @@ def map_panels(results: SkinResults) -> list[Raster]:
         f"Its map, learned from {numbers[first['learned_from']]}",
     )
     figures = []
-    for title, points in zip(titles, (places, lies), strict=True):
+    for title, points in zip(titles, (places - middle, lies - middle), strict=True):
         figure, axes = panel(title, 4.6, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         axes.set(xlim=(-half, half), ylim=(-half, half))
-        axes.scatter(*(points - middle).T, s=5.0, c=colours, linewidths=0)
+        axes.scatter(points[:, 0], points[:, 1], s=5.0, c=colours, linewidths=0)
         figures.append(Raster(figure))
     return figures
 
@@ -79,7 +80,7 @@ def errors_panel(results: SkinResults) -> list[Figure]:
     return figures
 
 
-def _bar(axes: Axes, place: float, found: object, look: names.Look, labelled: bool) -> None:
+def _bar(axes: Axes, place: float, found: Evidence, look: names.Look, labelled: bool) -> None:
     if not np.isfinite(found.value):
         return
     ends = np.nan_to_num([[found.value - found.low], [found.high - found.value]])

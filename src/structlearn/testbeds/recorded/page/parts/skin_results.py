@@ -12,7 +12,7 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.prose import listing
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.skin_evidence import STRUCTURED, SkinRuns
-from structlearn.testbeds.recorded.protocol.skin_parameters import SkinParameters
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 
 RIVALS = {
     "reconstruction only": "plain",

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from structlearn.ground import signals
 from structlearn.ground.artefacts import Metrics
 from structlearn.palette import BLACK
+from structlearn.primitives.fitting import orientations
 from structlearn.primitives.twist_swing import dominant_axes, on_chart
 from structlearn.reporting.claims import Found, exact
 from structlearn.reporting.document import Table
@@ -15,6 +16,7 @@ from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
+from structlearn.testbeds.recorded.protocol.unscrewing import turning
 
 
 def metrics(results: RecordedResults) -> Metrics:
@@ -68,8 +70,8 @@ def turn_panel(results: RecordedResults) -> Figure:
     figure, axes = panel(
         "Unscrewing: turn of the hand", xlabel="time / duration", ylabel="degrees to the goal"
     )
-    logs = [orientation for _, orientation in results.unscrewing_segments]
-    unrolled = results.unscrewing_primitive.orientation.unroll(logs[0].dt)
+    logs = orientations(results.unscrewing_segments)
+    unrolled = turning(results.unscrewing_primitives[0]).unroll(logs[0].dt)
     frame = dominant_axes(logs)
     for path, look in [*((log, names.RECORDED) for log in logs), (unrolled, names.LEARNED)]:
         angles = np.degrees(signals.time_normalised(on_chart(path, frame).position, 2 * SAMPLES))

@@ -13,7 +13,7 @@ from structlearn.reporting.claims import Evidence, confidence
 from structlearn.rigid_body.torque_blocks import drawn_nmse
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.arm_figures import errors_by_joint
-from structlearn.testbeds.recorded.protocol.ur10e_parameters import RecordedUr10eParameters
+from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 
 BEST, BOUNDS = ("cov", "coulomb"), ("least_squares", "coulomb")
 """The model that is judged, and that which no body bounds."""

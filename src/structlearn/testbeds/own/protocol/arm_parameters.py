@@ -1,9 +1,9 @@
-"""The robot that a task's skill is checked on, as its entry in the parameter file describes it."""
+"""What an entry says of arms: the robot that a skill is checked on, and the arm that logs identify."""
 
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, PositiveFloat, field_validator
+from pydantic import Field, NonNegativeInt, PositiveFloat, field_validator
 
 from structlearn.ground import quaternion
 from structlearn.ground.params import Parameters
@@ -13,12 +13,7 @@ Bound = PositiveFloat | Annotated[tuple[PositiveFloat, ...], Field(min_length=1)
 
 
 class Placement(Parameters):
-    """Where a frame stands in another.
-
-    Attributes:
-        position_m: of its origin.
-        orientation: unit quaternion w, x, y, z.
-    """
+    """Where a frame stands in another: its origin, and a unit quaternion w, x, y, z."""
 
     position_m: tuple[float, float, float]
     orientation: tuple[float, float, float, float]
@@ -39,19 +34,8 @@ class Placement(Parameters):
 class RobotParameters(Parameters):
     """A robot, how it stands to what was demonstrated, and what it may be asked for.
 
-    Limits of position and velocity are those of the URDF, which knows none of what follows.
-
-    Attributes:
-        urdf: a path, or a file of `pybullet_data`.
-        tip: link whose poses the skill gives.
-        locked_joints: held at zero, e.g. a gripper's fingers.
-        base: of the robot, in the frame of the demonstrations.
-        tool: what was demonstrated, in the tip's frame.
-        rest_configuration: of the joints in rad or m, near which the skill is run; None: one is looked for.
-        max_acceleration: of joints in rad/s^2 or m/s^2.
-        max_jerk: of joints in rad/s^3 or m/s^3.
-        least_singular_value: of the tip's Jacobian (m or rad of the tip per rad of the joints).
-        least_distance_m: between links that are no neighbours.
+    Limits of position and velocity are those of the URDF, which knows none of the others. Fields:
+    `stages/own/params.yaml`, `robot`.
     """
 
     urdf: str = Field(min_length=1)
@@ -64,3 +48,30 @@ class RobotParameters(Parameters):
     max_jerk: Bound
     least_singular_value: float = Field(gt=0)
     least_distance_m: float = Field(gt=0)
+
+
+class MotionParameters(Parameters):
+    """Identification of your own arm from logs of its joints. Fields: `stages/own/params.yaml`, `motion`."""
+
+    source: str = Field(min_length=1)
+    topic: str = Field(min_length=1)
+    urdf: str = Field(min_length=1)
+    locked_joints: tuple[str, ...]
+    rate_hz: float = Field(gt=0, le=10_000)
+    smoothing_hz: float = Field(gt=0)
+    rest_rad_s: float = Field(gt=0)
+    rest_s: float = Field(gt=0)
+    test_logs: int = Field(ge=1)
+    block_s: float = Field(gt=0)
+    test_every: int = Field(ge=2)
+    draws: int = Field(ge=100)
+    seed: NonNegativeInt
+    iterations: int = Field(ge=1)
+    largest_condition: float = Field(gt=1)
+    gravity_share: float = Field(gt=0, lt=1)
+    gravity_n_m: float = Field(gt=0)
+
+    @property
+    def block(self) -> int:
+        """Samples of a block."""
+        return max(1, round(self.block_s * self.rate_hz))
