@@ -25,7 +25,9 @@ def speed(demonstration: Demonstration) -> np.ndarray:
     return np.linalg.norm(signals.derivative(smooth, demonstration.dt), axis=1)
 
 
-def shade_primitives(panel: Axes, segments: Sequence[tuple[float, float]], names: Sequence[str] = ()) -> None:
+def shade_primitives(
+    panel: Axes, segments: Sequence[tuple[float, float]] | np.ndarray, names: Sequence[str] = ()
+) -> None:
     """Colour the time of every primitive; write their names at the top."""
     for place, (start, end) in enumerate(segments):
         panel.axvspan(start, end, color=primitive_colour(place), alpha=0.13, linewidth=0)

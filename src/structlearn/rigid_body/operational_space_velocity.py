@@ -11,6 +11,7 @@ D is the robot's joint damping, the same for all models. The scraping robot's co
 forces, is `simulation.operational_space`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numba
@@ -117,7 +118,7 @@ def joint_reference(
 
 
 def tool_motion(
-    tree: KinematicTree, tool_m: np.ndarray, q: np.ndarray, qd: np.ndarray
+    tree: KinematicTree, tool_m: np.ndarray | Sequence[float], q: np.ndarray, qd: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position and velocity (T, 3) of a point of the last link along a motion.
 

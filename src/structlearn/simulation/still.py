@@ -33,9 +33,9 @@ class Solid:
     """
 
     kind: str
-    size_m: Sequence[float]
-    position: Sequence[float]
-    orientation: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
+    size_m: Sequence[float] | np.ndarray
+    position: Sequence[float] | np.ndarray
+    orientation: Sequence[float] | np.ndarray = (1.0, 0.0, 0.0, 0.0)
     colour: Sequence[float] = (0.7, 0.7, 0.72, 1.0)
 
 

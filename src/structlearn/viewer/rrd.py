@@ -203,8 +203,8 @@ def send_moving_frame(
 
 
 def solid_boxes(
-    sizes: Sequence[Sequence[float]],
-    centres: Sequence[Sequence[float]],
+    sizes: Sequence[Sequence[float] | np.ndarray],
+    centres: Sequence[Sequence[float] | np.ndarray],
     colours: Sequence[str],
     opacity: float = 1.0,
 ) -> rr.Boxes3D:
