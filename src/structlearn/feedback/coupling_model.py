@@ -305,7 +305,7 @@ def evaluate(
     memory: np.ndarray,
 ) -> float:
     """Coupling term at one sample, in compiled code; see `Compiled` and `kernel`."""
-    return _call(address, sizes, values, row, deviations, memory)  # type: ignore[call-arg]  # as numba passes the context
+    return _call(address, sizes, values, row, deviations, memory)  # type: ignore[call-arg]  # numba adds one
 
 
 @numba.njit(cache=True)

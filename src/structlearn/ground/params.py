@@ -148,7 +148,7 @@ class _DuplicateKeyError(ValueError):
     """YAML itself would silently take the last value."""
 
 
-class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # as libyaml is there or not
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # libyaml or not
     """YAML's safe loader, in C where it is compiled in; a key that stands twice is an error."""
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:

@@ -118,7 +118,7 @@ def joint_reference(
 
 
 def tool_motion(
-    tree: KinematicTree, tool_m: Sequence[float] | np.ndarray, q: np.ndarray, qd: np.ndarray
+    tree: KinematicTree, tool_m: np.ndarray | Sequence[float], q: np.ndarray, qd: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position and velocity (T, 3) of a point of the last link along a motion.
 

@@ -36,7 +36,7 @@ class Solid:
     size_m: Sequence[float] | np.ndarray
     position: Sequence[float] | np.ndarray
     orientation: Sequence[float] | np.ndarray = (1.0, 0.0, 0.0, 0.0)
-    colour: Sequence[float] | np.ndarray = (0.7, 0.7, 0.72, 1.0)
+    colour: Sequence[float] = (0.7, 0.7, 0.72, 1.0)
 
 
 @dataclass(frozen=True)
