@@ -43,7 +43,7 @@ class Table:
     formats: Mapping[str, str] = field(default_factory=dict)
     headings: Mapping[str, str] = field(default_factory=dict)
     strong: frozenset[int] = frozenset()
-    words: Mapping[str, Mapping[object, str]] = field(default_factory=dict)
+    words: Mapping[str, Mapping[Any, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
