@@ -11,6 +11,7 @@ from feedback_toy import toy_dataset
 from structlearn.feedback.coupling_model import (
     Compiled,
     CouplingModel,
+    Trained,
     kernel,
     named_model,
     read_networks,
@@ -66,6 +67,10 @@ class Leaky(CouplingModel):
 
     share: np.ndarray
     kernel, inputs = remembered, 6
+
+    @classmethod
+    def train(cls, jobs, parameters, hidden=(), initial=None):
+        return [Trained.at_once(cls(np.array([0.5]))) for _ in jobs]
 
     def table(self, p, u):
         return u[:, None]

@@ -13,6 +13,7 @@ What depends on time alone, and so is known before a robot moves, stands in `row
 import importlib
 import json
 import pkgutil
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -70,7 +71,7 @@ class Compiled(NamedTuple):
 
 
 @dataclass(frozen=True)
-class CouplingModel:
+class CouplingModel(ABC):
     """Coupling term of one axis from sensor deviations and phase; a frozen dataclass of arrays and `Layers`.
 
     Where the phase velocity u is 0, c should be 0: then a movement starts smoothly and ends at its goal.
@@ -82,6 +83,7 @@ class CouplingModel:
     kernel: ClassVar[Any]
 
     @classmethod
+    @abstractmethod
     def train(
         cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
     ) -> "Sequence[Trained]":
@@ -96,7 +98,6 @@ class CouplingModel:
         Raises:
             InputError: too few samples, or the target is constant.
         """
-        raise NotImplementedError
 
     def train_in_unroll(
         self,
@@ -108,22 +109,22 @@ class CouplingModel:
         return self
 
     @property
+    @abstractmethod
     def inputs(self) -> int:
         """Number of channels; 0 for a model that needs no sensor."""
-        raise NotImplementedError
 
     @property
     def kernel_count(self) -> int:
         """Number of phase kernels of the open-loop policy that its executions are compressed to."""
         return KERNEL_COUNT
 
+    @abstractmethod
     def table(self, p: np.ndarray, u: np.ndarray) -> np.ndarray:
         """What the kernel needs to know of phases (T,) and phase velocities (T,): (T, K) rows."""
-        raise NotImplementedError
 
+    @abstractmethod
     def compiled(self) -> Compiled:
         """What the kernel needs to know beside."""
-        raise NotImplementedError
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Fields of the model, for its file; of layers `<field>.<number>.weights` and `.biases`."""
