@@ -55,10 +55,16 @@ def write_table(frame: pd.DataFrame, target: str | Path) -> None:
 
     Pages carry checksums, and a digest stands for names and types of the columns and the number of rows.
     """
-    table = pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None)
-    table = table.replace_schema_metadata({HEADINGS: _headings(table)})
+    write_arrow(pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), target)
+
+
+def write_arrow(table: pyarrow.Table, target: str | Path) -> None:
+    """Publish a table of Arrow as `write_table` does; what its metadata say is covered by the digest."""
+    metadata = {**(table.schema.metadata or {}), HEADINGS: _headings(table)}
     with publish(target) as path:
-        pyarrow.parquet.write_table(table, path, compression="zstd", write_page_checksum=True)
+        pyarrow.parquet.write_table(
+            table.replace_schema_metadata(metadata), path, compression="zstd", write_page_checksum=True
+        )
 
 
 def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
@@ -71,6 +77,18 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
     Raises:
         InputError: the file is missing, truncated, of another kind, not as it was written or lacks a column.
     """
+    table = read_arrow(path)
+    if missing := [name for name in needed if name not in table.column_names]:
+        raise InputError(f"{path}: has no column {', '.join(missing)}: another table, or of another version")
+    return table.to_pandas()
+
+
+def read_arrow(path: str | Path) -> pyarrow.Table:
+    """Read a table of Arrow that `write_arrow` or `write_table` wrote.
+
+    Raises:
+        InputError: the file is missing, truncated, of another kind or not as it was written.
+    """
     try:
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
     except FileNotFoundError as error:
@@ -79,9 +97,7 @@ def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
         raise InputError(f"{path}: not a readable Parquet file: {error}") from error
     if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
         raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
-    if missing := [name for name in needed if name not in table.column_names]:
-        raise InputError(f"{path}: has no column {', '.join(missing)}: another table, or of another version")
-    return table.to_pandas()
+    return table
 
 
 HEADINGS = b"columns sha256"
@@ -90,7 +106,11 @@ HEADINGS = b"columns sha256"
 def _headings(table: pyarrow.Table) -> bytes:
     """Digest of all that no page holds."""
     schema = table.schema.remove_metadata()
-    return hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode()).hexdigest().encode()
+    digest = hashlib.sha256(f"{schema.to_string()}\n{table.num_rows}".encode())
+    for key, value in sorted((table.schema.metadata or {}).items()):
+        if key not in (HEADINGS, b"ARROW:schema"):
+            digest.update(key + b"\0" + value)
+    return digest.hexdigest().encode()
 
 
 def write_tensors(tensors: Mapping[str, np.ndarray], target: str | Path, description: str) -> None:
