@@ -15,19 +15,12 @@ Motion = Callable[[float], np.ndarray]
 
 @dataclass(frozen=True)
 class CloudBatch:
-    """One obstacle in each of B scenarios, in the scenarios' local frames; see `cloud_batch`.
+    """One obstacle in each of B scenarios, in the scenarios' local frames; see `cloud_batch`."""
 
-    Attributes:
-        points: (B, P, 3) points of the surfaces at the start, m.
-        centre: (B, 3) at the start, m.
-        radius: (B,) virtual radius in m.
-        motion: displacement over time; None for obstacles at rest.
-    """
-
-    points: np.ndarray
-    centre: np.ndarray
-    radius: np.ndarray
-    motion: Motion | None = None
+    points: np.ndarray  # (B, P, 3) points of the surfaces at the start, m
+    centre: np.ndarray  # (B, 3) at the start, m
+    radius: np.ndarray  # (B,) virtual radius in m
+    motion: Motion | None = None  # displacement over time; None for obstacles at rest
 
     def displacement(self, time: float) -> np.ndarray:
         """(B, 3) displacement in m since the start, at a time in s."""

@@ -32,15 +32,10 @@ from structlearn.primitives.transformation import step_matrix
 
 @dataclass(frozen=True)
 class Deadline:
-    """Largest distance from the baseline that coupling terms may leave.
+    """Largest distance from the baseline that coupling terms may leave."""
 
-    Attributes:
-        sample: index n of the sample.
-        limit: m.
-    """
-
-    sample: int
-    limit: float
+    sample: int  # index n of the sample
+    limit: float  # m
 
 
 class GoalReach:
@@ -57,11 +52,8 @@ class GoalReach:
     ) -> None:
         """Start without deviation.
 
-        Args:
-            batch: (B, D).
-            step: dt / tau, dimensionless.
-            deadlines: limits to be kept.
-            return_coupling: length r of the coupling term that is trusted to bring a movement back.
+        `batch` (B, D); `step`: dt / tau, dimensionless; `return_coupling`: length r of the coupling term that
+        is trusted to bring a movement back.
         """
         self.deviation = np.zeros((2, *batch))
         self._matrix, self._step, self._return = step_matrix(step), step, return_coupling
@@ -91,8 +83,7 @@ class GoalReach:
 def _projections(step: float, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What is left at sample n of the state and of the coupling terms before it.
 
-    Returns:
-        rows: (n, 2) so that D_k = rows[k] y_k.   gains: (n,) g_k.   rests: (n + 1,) g_k + ... + g_{n-1}.
+    Returns `rows` (n, 2) so that D_k = rows[k] y_k; `gains` (n,) g_k; `rests` (n + 1,) g_k + ... + g_{n-1}.
     """
     matrix = step_matrix(step)
     rows, gains = np.empty((last, 2)), np.empty(last)

@@ -34,18 +34,12 @@ class AvoidanceModels:
     """Models of one person by what they learned from: a shape, `all`, or `setting`.
 
     The latter are stacks with a model for each of some scenarios.
-
-    Attributes:
-        networks: the avoidance network, a single one as in the text.
-        ensembles: means of several (`network_training.EnsembleParameters`).
-        human_inspired: the model of Rai et al.
-        phase_modulated: the phase-modulated network; may be left out.
     """
 
-    networks: Mapping[str, AvoidanceNetworks]
-    ensembles: Mapping[str, AvoidanceNetworks]
-    human_inspired: Mapping[str, HumanInspiredModels]
-    phase_modulated: Mapping[str, PhaseModulatedAvoidance]
+    networks: Mapping[str, AvoidanceNetworks]  # the avoidance network, a single one as in the text
+    ensembles: Mapping[str, AvoidanceNetworks]  # means of several (`network_training.EnsembleParameters`)
+    human_inspired: Mapping[str, HumanInspiredModels]  # the model of Rai et al.
+    phase_modulated: Mapping[str, PhaseModulatedAvoidance]  # the phase-modulated network; may be left out
 
     @property
     def kinds(self) -> dict[str, Mapping[str, CouplingModel]]:

@@ -59,21 +59,13 @@ class LevenbergMarquardtParameters(Parameters):
 
 @dataclass(frozen=True)
 class TrainedLayers:
-    """What training gives.
+    """What training gives."""
 
-    Attributes:
-        layers: the weights.
-        train_error: mean squared error on the training samples, in units of the target's scale.
-        validation_error: likewise on the validation samples; NaN with `evidence`.
-        iterations: accepted steps.
-        determined_weights: how many weights the data determine; NaN with `validation`.
-    """
-
-    layers: tuple[np.ndarray, ...]
-    train_error: float
-    validation_error: float
-    iterations: int
-    determined_weights: float
+    layers: tuple[np.ndarray, ...]  # the weights
+    train_error: float  # mean squared error on the training samples, in units of the target's scale
+    validation_error: float  # likewise on the validation samples; NaN with `evidence`
+    iterations: int  # accepted steps
+    determined_weights: float  # how many weights the data determine; NaN with `validation`
 
 
 def train(
@@ -85,12 +77,8 @@ def train(
 ) -> TrainedLayers:
     """Train one network from random initial weights.
 
-    Args:
-        samples: to learn from.
-        hidden: nodes of the hidden layers.
-        parameters: see there.
-        validation: samples that say when to stop; needed by that rule, and only by it.
-        stream: which random numbers are this network's own.
+    `validation`: samples that say when to stop; needed by that rule, and only by it; `stream`: which random
+    numbers are this network's own.
 
     Raises:
         ValueError: validation samples are missing, or given for nothing.

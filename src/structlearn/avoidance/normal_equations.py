@@ -38,13 +38,8 @@ class Samples:
 def normal_equations(layers: Layers, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
     """J^T J and J^T e of the errors e = output - target with respect to all weights, layer by layer.
 
-    Args:
-        layers: of one network, P weights in all.
-        samples: where the errors are taken.
-
-    Returns:
-        (P, P), of which only the upper triangle is filled where blocks of layers are off the diagonal.
-        (P,) half the gradient of the squared error.
+    `layers`: of one network, P weights in all. Returns (P, P), of which only the upper triangle is filled
+    where blocks of layers are off the diagonal. (P,) half the gradient of the squared error.
     """
     count = len(layers)
     starts = np.cumsum([0, *(layer.size for layer in layers)])

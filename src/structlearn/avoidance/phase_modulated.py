@@ -21,13 +21,9 @@ from structlearn.ground.errors import InputError
 
 @dataclass(frozen=True)
 class PhaseModulatedAvoidance:
-    """A coupling model of one network per axis.
+    """A coupling model of one network per axis."""
 
-    Attributes:
-        networks: of x, y and z, with the same number of kernels.
-    """
-
-    networks: tuple[CouplingModel, ...]
+    networks: tuple[CouplingModel, ...]  # of x, y and z, with the same number of kernels
 
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
         """Coupling terms (B, 3) in m of features (B, 17), phase (B,) and phase velocity (B,)."""
@@ -41,10 +37,8 @@ def train_phase_modulated(
 ) -> PhaseModulatedAvoidance:
     """Train on all samples but those that say when to stop.
 
-    Args:
-        dataset: samples of any number of scenarios.
-        parameters: of the training; its chunks of consecutive samples are split together.
-        hidden: nodes of the regular hidden layers.
+    `dataset`: samples of any number of scenarios; `parameters`: of the training; its chunks of consecutive
+    samples are split together.
 
     Raises:
         InputError: too few samples, or the target of an axis is constant.

@@ -28,21 +28,13 @@ from structlearn.primitives.vector import VectorPrimitive
 
 @dataclass(frozen=True)
 class SceneStates:
-    """Samples of reaches, each through its own scene.
+    """Samples of reaches, each through its own scene."""
 
-    Attributes:
-        scene: (S,) place of its scene among `Scenes`.
-        time: (S,) in durations.
-        position: (S, 3) m, local frame, relative to the start.
-        scaled_velocity: (S, 3) tau v, m.
-        target: (S, 3) m, coupling term.
-    """
-
-    scene: np.ndarray
-    time: np.ndarray
-    position: np.ndarray
-    scaled_velocity: np.ndarray
-    target: np.ndarray
+    scene: np.ndarray  # (S,) place of its scene among `Scenes`
+    time: np.ndarray  # (S,) in durations
+    position: np.ndarray  # (S, 3) m, local frame, relative to the start
+    scaled_velocity: np.ndarray  # (S, 3) tau v, m
+    target: np.ndarray  # (S, 3) m, coupling term
 
     def where(self, mask: np.ndarray) -> Self:
         """The samples of a mask (S,) or of indices."""
@@ -52,10 +44,8 @@ class SceneStates:
 def scene_states(paths: Sequence[Trajectory], baseline: VectorPrimitive, keep_every: int) -> SceneStates:
     """States of reaches, and the coupling terms that they ask for (eq. IV.23).
 
-    Args:
-        paths: (T, 3) in their local frames, relative to the start, time in durations; that of scene b at b.
-        baseline: without obstacles, of duration one.
-        keep_every: of the samples.
+    `paths` (T, 3) in their local frames, relative to the start, time in durations; that of scene b at b;
+    `keep_every`: of the samples.
     """
     kept = slice(None, None, keep_every)
     parts = [
@@ -78,11 +68,8 @@ def displaced_states(
 ) -> SceneStates:
     """What one member of an ensemble sees: some reaches, each sample as it was and once from elsewhere.
 
-    Args:
-        states: to learn from.
-        parameters: how many reaches, how far and how fast elsewhere.
-        stiffness: k.
-        stream: which random numbers are the member's own.
+    `parameters`: how many reaches, how far and how fast elsewhere; `stream`: which random numbers are the
+    member's own.
     """
     rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
     chosen = rng.permutation(np.unique(states.scene))[: parameters.demonstrations]
@@ -120,9 +107,7 @@ def samples_of_scene(states: SceneStates, scenes: Scenes, ahead: Sequence[float]
 def with_mirror_images(dataset: AvoidanceDataset, signs: np.ndarray) -> AvoidanceDataset:
     """The samples, and each once more as it is in the mirror: left and right are alike to a point.
 
-    Args:
-        dataset: to be mirrored.
-        signs: (F,) of its features: `look_ahead.mirror_signs` or `features.MIRROR_SIGNS`.
+    `signs` (F,) of its features: `look_ahead.mirror_signs` or `features.MIRROR_SIGNS`.
     """
     image = replace(dataset, features=dataset.features * signs, target=dataset.target * MIRROR)
     return concatenated([dataset, image])

@@ -50,15 +50,10 @@ PLANNED_MOST_M = 2.0
 
 @dataclass(frozen=True)
 class Learned:
-    """What was learned from some people.
+    """What was learned from some people."""
 
-    Attributes:
-        baseline: without obstacles, of duration one.
-        models: coupling models by name.
-    """
-
-    baseline: VectorPrimitive
-    models: Mapping[str, CouplingModel]
+    baseline: VectorPrimitive  # without obstacles, of duration one
+    models: Mapping[str, CouplingModel]  # coupling models by name
 
 
 def reach_scenes(reaches: Sequence[SceneReach], parameters: SceneLearningParameters) -> Scenes:
@@ -96,14 +91,7 @@ def learn(
 ) -> list[Learned]:
     """Learn from each of some sets of reaches.
 
-    Args:
-        reaches: all of them.
-        scenes: of all of them.
-        parts: places of the reaches of each set.
-        parameters: see there.
-
-    Returns:
-        What was learned of each set.
+    Returns what was learned of each set.
     """
     taught = [
         _lessons([reaches[place] for place in places], scenes.take(places), number, parameters)
@@ -130,16 +118,11 @@ def learn(
 
 @dataclass(frozen=True)
 class _Lessons:
-    """What there is to learn of one set.
+    """What there is to learn of one set."""
 
-    Attributes:
-        baseline: of the set.
-        nearest: samples with the text's features.
-        networks: by kind, how it is trained, all of its samples, and what each member sees of them.
-    """
-
-    baseline: VectorPrimitive
-    nearest: AvoidanceDataset
+    baseline: VectorPrimitive  # of the set
+    nearest: AvoidanceDataset  # samples with the text's features
+    # by kind, how it is trained, all of its samples, and what each member sees of them
     networks: Mapping[str, tuple[NetworkParameters, AvoidanceDataset, Sequence[AvoidanceDataset]]]
 
 
@@ -178,14 +161,8 @@ def reach_through(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Reaches of one model through scenes.
 
-    Args:
-        learned: from other people.
-        kind: of the model, or `NONE` or `PLANNED`.
-        scenes: B of them.
-        parameters: see there.
-
-    Returns:
-        path: (B, T, 3) m, base frame.   left: (B,) m, distance from the goal at the prescribed end.
+    `kind`: of the model, or `NONE` or `PLANNED`; `scenes`: B of them. Returns `path` (B, T, 3) m, base frame;
+    `left` (B,) m, distance from the goal at the prescribed end.
     """
     samples = parameters.reaches.samples
     if kind == PLANNED:

@@ -40,20 +40,14 @@ RINGS, RING_POINTS = 4, 8
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid at rest.
+    """A solid at rest."""
 
-    Attributes:
-        shape: what it is.
-        centre: (3,) m.
-        half_size: (3,) m, half the extent along the object's own axes; x and y are equal for a cylinder, all
-            three for a sphere.
-        rotation: (3, 3) object to world.
-    """
-
-    shape: Shape
-    centre: np.ndarray
+    shape: Shape  # what it is
+    centre: np.ndarray  # (3,) m
+    # (3,) m, half the extent along the object's own axes; x and y are equal for a cylinder, all three for a
+    # sphere
     half_size: np.ndarray
-    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))  # (3, 3) object to world
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
@@ -73,23 +67,15 @@ class Obstacle:
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Distance to the surface, negative inside.
 
-        Args:
-            points: (..., 3) m.
-
-        Returns:
-            (...) m.
+        `points` (..., 3) m. Returns (...) m.
         """
         return self.distance_and_normal(points)[0]
 
     def distance_and_normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signed distance and its gradient, both closed-form.
 
-        Args:
-            points: (..., 3) m.
-
-        Returns:
-            distance: (...) m, negative inside.   normal: (..., 3) unit vectors away from the obstacle; where
-            several points of the surface are equally close, towards one of them.
+        `points` (..., 3) m. Returns `distance` (...) m, negative inside; `normal` (..., 3) unit vectors away
+        from the obstacle; where several points of the surface are equally close, towards one of them.
         """
         own = (np.asarray(points, dtype=float) - self.centre) @ self.rotation
         measure = {"sphere": _sphere, "cube": _cube, "cylinder": _cylinder}[self.shape]
@@ -103,11 +89,7 @@ class Obstacle:
     def cloud(self, count: int = CLOUD_COUNT) -> np.ndarray:
         """Points spread evenly over the surface, the same ones every time.
 
-        Args:
-            count: how many, at least 6.
-
-        Returns:
-            (count, 3) m.
+        `count`: how many, at least 6. Returns (count, 3) m.
 
         Raises:
             InputError: there are too few to stand for the surface.
@@ -126,10 +108,7 @@ class Obstacle:
 def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
     """An obstacle of the recorded size that stands upright.
 
-    Args:
-        shape: what it is.
-        centre: (3,) m.
-        yaw: rad, turn about the vertical.
+    `centre` (3,) m; `yaw`: rad, turn about the vertical.
 
     Raises:
         InputError: there is no such shape.
@@ -174,12 +153,7 @@ def check_cloud(cloud: np.ndarray) -> None:
 def ringed_sphere(centre: np.ndarray, radius: float) -> np.ndarray:
     """The cloud by which the dissertation's unseen spheres are known: four rings, two poles, the centre.
 
-    Args:
-        centre: (..., 3) m.
-        radius: m.
-
-    Returns:
-        (..., 35, 3) m, the centre last; it is also the mean.
+    `centre` (..., 3) m; `radius`: m. Returns (..., 35, 3) m, the centre last; it is also the mean.
     """
     polar = np.pi * np.arange(1, RINGS + 1) / (RINGS + 1)
     azimuth = 2.0 * np.pi * np.arange(RING_POINTS) / RING_POINTS

@@ -38,12 +38,8 @@ class BulletArm:
     ) -> None:
         """Load the arm.
 
-        Args:
-            tree: kinematics and gravity.
-            inertias: of the links, those of real bodies.
-            coulomb: (n,) N m of friction.
-            dt: s per physics step.
-            payload: what `take_payload` will take; the arm starts without.
+        `coulomb` (n,) N m of friction; `dt`: s per physics step; `payload`: what `take_payload` will take;
+        the arm starts without.
         """
         self._payload = payload
         self._client = pybullet.connect(pybullet.DIRECT)
@@ -121,12 +117,9 @@ def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | Non
 
     Inertias have the frames of their principal axes: Bullet's own diagonalisation is good to six digits only.
     They are set later, for Bullet's reader takes moments that no body can have for zero. Bullet solves a
-    constraint for every joint with limits in every step; whoever moves the arm watches them.
-
-    Args:
-        tree: kinematics.
-        inertias: of the links, whose axes and centres of mass count.
-        payload: adds a body of this payload's place to the last link.
+    constraint for every joint with limits in every step; whoever moves the arm watches them. `inertias`: of
+    the links, whose axes and centres of mass count; `payload`: adds a body of this payload's place to the
+    last link.
     """
     parts = [_link("base", np.zeros(3), np.eye(3))]
     for number in range(len(tree.names)):

@@ -20,13 +20,8 @@ def differences(
 ) -> pd.DataFrame:
     """Largest differences between a run of the compiled engine and the same one in PyBullet.
 
-    Args:
-        run: what was run, in words.
-        compiled: signals (T, n) by name, some of `LARGEST`.
-        pybullet: the same of the other engine.
-
-    Returns:
-        A row per signal: `run`, `signal`, `largest_difference`, `allowed`.
+    `compiled`: signals (T, n) by name, some of `LARGEST`. Returns a row per signal: `run`, `signal`,
+    `largest_difference`, `allowed`.
 
     Raises:
         RuntimeError: a difference is larger than allowed, or one engine stopped earlier.

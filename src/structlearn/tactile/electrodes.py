@@ -53,27 +53,16 @@ DEPTH = 1.92e-3
 
 @dataclass(frozen=True)
 class Skin:
-    """A touched surface with E electrodes under it, in the frame of the finger.
+    """A touched surface with E electrodes under it, in the frame of the finger."""
 
-    Attributes:
-        name: of the skin.
-        electrodes: (E, 3) m.
-        normals: (E, 3) unit, outwards.
-        core_low: (3,) m, lower corner of the core.
-        core_high: (3,) m, upper corner of the core.
-        radius: m from the core to the surface.
-        along: (2,) m, range of the surface coordinate along the finger.
-        across: (2,) m, range of the surface coordinate across it.
-    """
-
-    name: str
-    electrodes: np.ndarray
-    normals: np.ndarray
-    core_low: np.ndarray
-    core_high: np.ndarray
-    radius: float
-    along: tuple[float, float]
-    across: tuple[float, float]
+    name: str  # of the skin
+    electrodes: np.ndarray  # (E, 3) m
+    normals: np.ndarray  # (E, 3) unit, outwards
+    core_low: np.ndarray  # (3,) m, lower corner of the core
+    core_high: np.ndarray  # (3,) m, upper corner of the core
+    radius: float  # m from the core to the surface
+    along: tuple[float, float]  # (2,) m, range of the surface coordinate along the finger
+    across: tuple[float, float]  # (2,) m, range of the surface coordinate across it
 
     def core(self, points: np.ndarray) -> np.ndarray:
         """Nearest points of the core. Shape (..., 3) -> (..., 3), m."""
@@ -82,11 +71,8 @@ class Skin:
     def project(self, points: np.ndarray) -> np.ndarray:
         """Nearest points of the surface, seen from the core.
 
-        Args:
-            points: (..., 3) m, not on the core itself.
-
-        Returns:
-            (..., 3) m; a point on the core, from which no direction leads out, gives NaN.
+        `points` (..., 3) m, not on the core itself. Returns (..., 3) m; a point on the core, from which no
+        direction leads out, gives NaN.
         """
         core = self.core(points)
         outwards = points - core
@@ -100,12 +86,8 @@ class Skin:
     def surface(self, along: np.ndarray | float, across: np.ndarray | float) -> np.ndarray:
         """Points of the surface at two surface coordinates.
 
-        Args:
-            along: (...) m, arc length along the finger from its origin.
-            across: (...) m, arc length across it at the flat of the skin.
-
-        Returns:
-            (..., 3) m.
+        `along` (...) m, arc length along the finger from its origin; `across` (...) m, arc length across it
+        at the flat of the skin. Returns (..., 3) m.
         """
         along, across = np.broadcast_arrays(np.asarray(along, dtype=float), across)
         core = np.stack([along, across, np.zeros_like(along)], axis=-1)
@@ -203,15 +185,8 @@ def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarr
     """Length of the shortest path on a skin between points of it.
 
     This is what a servoed contact could have travelled. A path of points is pulled taut: every point moves to
-    the middle of its neighbours and back to the skin.
-
-    Args:
-        first: (B, 3) m, on the skin.
-        second: (B, 3) m, on the skin.
-        skin: convex, as all skins here are.
-
-    Returns:
-        (B,) m.
+    the middle of its neighbours and back to the skin. `first` (B, 3) m, on the skin; `second` (B, 3) m, on
+    the skin. Returns (B,) m.
     """
     part = np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None, None]
     path = skin.project((1 - part) * first + part * second)  # (SEGMENTS + 1, B, 3)

@@ -7,17 +7,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class MapLaying:
-    """A turn, maybe with a mirror image, and a shift in the plane; distances stay.
+    """A turn, maybe with a mirror image, and a shift in the plane; distances stay."""
 
-    Attributes:
-        centre: (2,) of the map.
-        turn: (2, 2) orthogonal.
-        place: (2,) where the centre comes to lie.
-    """
-
-    centre: np.ndarray
-    turn: np.ndarray
-    place: np.ndarray
+    centre: np.ndarray  # (2,) of the map
+    turn: np.ndarray  # (2, 2) orthogonal
+    place: np.ndarray  # (2,) where the centre comes to lie
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 2) of the map, laid down."""
@@ -27,9 +21,8 @@ class MapLaying:
 def map_laying(points: np.ndarray, places: np.ndarray) -> MapLaying:
     """The laying with the least squared distances (orthogonal Procrustes).
 
-    Args:
-        points: (N, 2) of the map, in the unit of the places.
-        places: (N, 2) where they should lie, e.g. surface coordinates.
+    `points` (N, 2) of the map, in the unit of the places; `places` (N, 2) where they should lie, e.g. surface
+    coordinates.
     """
     centre, place = points.mean(axis=0), places.mean(axis=0)
     left, _, right = np.linalg.svd((points - centre).T @ (places - place))

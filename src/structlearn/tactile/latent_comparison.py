@@ -49,28 +49,18 @@ from structlearn.tactile.units import TouchUnits, touch_units
 
 @dataclass(frozen=True)
 class LatentComparison:
-    """What came out.
+    """What came out."""
 
-    Attributes:
-        models: all of them, of all seeds.
-        units: that they see touch in.
-        latent: `latent_evaluation.latent_errors`.
-        forward: `latent_evaluation.forward_errors` on the test split.
-        decoded: `latent_evaluation.decoded_errors` on the test split.
-        directions: `latent_evaluation.direction_errors` on the test split.
-        curve: key figures of the three while they trained, on the test split: `step`, `structure`, `seed`,
-            `quantity`, `value`.
-        latent_map: `latent_evaluation.latent_map` of the first seed.
-    """
-
-    models: LatentModels
-    units: TouchUnits
-    latent: pd.DataFrame
-    forward: pd.DataFrame
-    decoded: pd.DataFrame
-    directions: pd.DataFrame
+    models: LatentModels  # all of them, of all seeds
+    units: TouchUnits  # that they see touch in
+    latent: pd.DataFrame  # `latent_evaluation.latent_errors`
+    forward: pd.DataFrame  # `latent_evaluation.forward_errors` on the test split
+    decoded: pd.DataFrame  # `latent_evaluation.decoded_errors` on the test split
+    directions: pd.DataFrame  # `latent_evaluation.direction_errors` on the test split
+    # key figures of the three while they trained, on the test split: `step`, `structure`, `seed`, `quantity`,
+    # `value`
     curve: pd.DataFrame
-    latent_map: pd.DataFrame
+    latent_map: pd.DataFrame  # `latent_evaluation.latent_map` of the first seed
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """The tables by name."""
@@ -80,10 +70,7 @@ class LatentComparison:
 def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
     """Train all models and evaluate them.
 
-    Args:
-        dataset: samples of touch.
-        geodesics: bins of them and their distances.
-        parameters: see there.
+    `dataset`: samples of touch.
 
     Raises:
         InputError: a split or a bin has too few samples, no contact is long enough for a chain to train on or

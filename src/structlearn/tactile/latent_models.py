@@ -33,19 +33,12 @@ NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
 
 @dataclass(frozen=True)
 class LatentModels:
-    """A stack of latent spaces and their dynamics.
+    """A stack of latent spaces and their dynamics."""
 
-    Attributes:
-        seeds: numbers of the seeds S; there are M = 2 S autoencoders.
-        autoencoders: (M) of them.
-        locally_linear: (2 M) models.
-        nonlinear: (3 M) models.
-    """
-
-    seeds: tuple[int, ...]
-    autoencoders: StackedAutoencoders
-    locally_linear: LocallyLinearDynamics
-    nonlinear: NonLinearDynamics
+    seeds: tuple[int, ...]  # numbers of the seeds S; there are M = 2 S autoencoders
+    autoencoders: StackedAutoencoders  # (M) of them
+    locally_linear: LocallyLinearDynamics  # (2 M) models
+    nonlinear: NonLinearDynamics  # (3 M) models
 
     @classmethod
     def initial(

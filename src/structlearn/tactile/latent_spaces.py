@@ -20,10 +20,6 @@ from structlearn.tactile.units import TouchUnits, touch_units
 def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
     """Units of a set by its training samples; that of length is the root mean square distance on the skin.
 
-    Args:
-        samples: touches.
-        geodesics: bins of them and their distances.
-
     Raises:
         InputError: there is no training sample, or an electrode, the pressure or the velocity never changes.
     """
@@ -36,14 +32,7 @@ def learn_spaces(
 ) -> LatentModels:
     """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
 
-    Args:
-        samples: touches.
-        geodesics: bins of them and their distances.
-        units: that the networks see touch in.
-        parameters: see there.
-
-    Returns:
-        The stack; its dynamics are as they were drawn.
+    Returns the stack; its dynamics are as they were drawn.
 
     Raises:
         InputError: a bin has fewer than two training samples.
@@ -58,12 +47,8 @@ def learn_from(
 ) -> LatentModels:
     """Train models of all seeds, with and without structure, on pairs whose distances are known.
 
-    Args:
-        samples: touches.
-        pairs: of training samples.
-        taught: chains of training samples; without any, dynamics stay as they were drawn.
-        units: that the networks see touch in.
-        parameters: see there.
+    `pairs`: of training samples; `taught`: chains of training samples; without any, dynamics stay as they
+    were drawn.
     """
     training = parameters.training
     data = training_data(samples, pairs, taught, units)
@@ -85,12 +70,7 @@ def seen_in(
 ) -> SplitData:
     """Samples and random pairs of one split, to test latent spaces on (`latent_evaluation.latent_errors`).
 
-    Args:
-        units: that the networks see touch in.
-        samples: touches.
-        geodesics: bins of them and their distances.
-        split: which samples.
-        pairs: number of pairs.
+    `split`: which samples.
 
     Raises:
         InputError: a bin has fewer than two samples of the split.

@@ -30,19 +30,12 @@ ROUNDING = 1e-3
 
 @dataclass(frozen=True)
 class PressedSkin:
-    """N presses, as `touch_dataset.TouchSamples`.
+    """N presses, as `touch_dataset.TouchSamples`."""
 
-    Attributes:
-        signals: (N, E) as `SensorDescription.seen` gives them.
-        pressure: (N,).
-        place: (N, 3) m of the probe.
-        split: (N,) `TRAIN` or `TEST`.
-    """
-
-    signals: np.ndarray
-    pressure: np.ndarray
-    place: np.ndarray
-    split: np.ndarray
+    signals: np.ndarray  # (N, E) as `SensorDescription.seen` gives them
+    pressure: np.ndarray  # (N,)
+    place: np.ndarray  # (N, 3) m of the probe
+    split: np.ndarray  # (N,) `TRAIN` or `TEST`
 
 
 def pressed_skin(
@@ -55,13 +48,8 @@ def pressed_skin(
 ) -> PressedSkin:
     """Presses as the sensor's description lets them be seen.
 
-    Args:
-        sensor: its description.
-        counts: (N, E) readings.
-        place: (N, 3) m of the probe.
-        split: (N,) of each press.
-        copies: times that each press is there, from the second on with a gain that drifted.
-        rng: source of the gains.
+    `counts` (N, E) readings; `place` (N, 3) m of the probe; `split` (N,) of each press; `copies`: times that
+    each press is there, from the second on with a gain that drifted.
 
     Raises:
         InputError: see `SensorDescription.seen`.
@@ -76,12 +64,7 @@ def pressed_skin(
 def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
     """Blocks of a plate; what is left over at the far edges belongs to the last ones.
 
-    Args:
-        place: (N, 2) m.
-        side: m of a block.
-
-    Returns:
-        (N,) column and (N,) row of each place's block, from 0.
+    `place` (N, 2) m; `side`: m of a block. Returns (N,) column and (N,) row of each place's block, from 0.
     """
     start, extent = place.min(axis=0), np.ptp(place, axis=0)
     count = np.maximum(np.floor(extent / side + ROUNDING), 1)
@@ -92,13 +75,8 @@ def block_numbers(place: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarra
 def held_out(place: np.ndarray, side: float, folds: int) -> tuple[np.ndarray, np.ndarray]:
     """Blocks and the folds that hold them out: no two neighbours at once, nor all corners.
 
-    Args:
-        place: (N, 2) m.
-        side: m of a block.
-        folds: F >= 4 keeps neighbours apart.
-
-    Returns:
-        block: (N,) numbers.   fold: (N,) 0 to F - 1.
+    `place` (N, 2) m; `side`: m of a block; `folds`: F >= 4 keeps neighbours apart. Returns `block` (N,)
+    numbers; `fold` (N,) 0 to F - 1.
     """
     column, row = block_numbers(place, side)
     return column * (row.max() + 1) + row, (column + 2 * row) % folds
@@ -115,14 +93,8 @@ def plate_pairs(skin: PressedSkin, split: int, count: int, rng: np.random.Genera
 def walks(skin: PressedSkin, count: int, reach: float, rng: np.random.Generator) -> Chains:
     """Random walks from training press to training press.
 
-    Args:
-        skin: the presses.
-        count: walks.
-        reach: m, of a step along each axis at most, but for the distance to the nearest press there.
-        rng: source of starts and steps.
-
-    Returns:
-        Chains of `CHAIN_STEPS` displacements along those axes along which presses differ.
+    `reach`: m, of a step along each axis at most, but for the distance to the nearest press there. Returns:
+    Chains of `CHAIN_STEPS` displacements along those axes along which presses differ.
     """
     taught = np.flatnonzero(skin.split == TRAIN)
     tree = cKDTree(skin.place[taught])

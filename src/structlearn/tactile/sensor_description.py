@@ -15,20 +15,15 @@ from structlearn.ground.params import Parameters
 
 
 class SensorDescription(Parameters):
-    """A sensor of E channels.
+    """A sensor of E channels."""
 
-    Attributes:
-        channels: names, in the order of the columns.
-        places_mm: (x, y) of each channel on the skin; None: not known, and not needed.
-        change: what pressure does to a reading: all fall, all rise, or each goes its own way.
-        by_norm: whether readings are divided by their norm, whose logarithm then is a channel of its own.
-        gain_spread: standard deviation of the logarithm of the gain that all channels share and that drifts.
-    """
-
-    channels: tuple[str, ...] = Field(min_length=1)
+    channels: tuple[str, ...] = Field(min_length=1)  # names, in the order of the columns
+    # (x, y) of each channel on the skin; None: not known, and not needed
     places_mm: tuple[tuple[float, float], ...] | None
+    # what pressure does to a reading: all fall, all rise, or each goes its own way
     change: Literal["falls", "rises", "either"]
-    by_norm: bool
+    by_norm: bool  # whether readings are divided by their norm, whose logarithm then is a channel of its own
+    # standard deviation of the logarithm of the gain that all channels share and that drifts
     gain_spread: float = Field(ge=0)
 
     def seen(self, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

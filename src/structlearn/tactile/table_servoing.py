@@ -15,15 +15,10 @@ from structlearn.tactile.servo_controller import TactileServo
 
 @dataclass(frozen=True)
 class TableRuns:
-    """Closed loops of S seeds and T trials on the plate.
+    """Closed loops of S seeds and T trials on the plate."""
 
-    Attributes:
-        path: (steps + 1, S, T, 2) m of the probe.
-        target: (T, 2) m.
-    """
-
-    path: np.ndarray
-    target: np.ndarray
+    path: np.ndarray  # (steps + 1, S, T, 2) m of the probe
+    target: np.ndarray  # (T, 2) m
 
     def left(self) -> np.ndarray:
         """(steps + 1, S, T) m to the target."""
@@ -62,15 +57,10 @@ def servo_on_table(
 ) -> TableRuns:
     """Servo from presses to what other presses felt like.
 
-    Args:
-        servo: learned from this skin, with one action per step; it moves along as many axes as its actions
-            have, the others stay as they were at the start. A probe at the edge of the table stays there.
-        table: recorded presses.
-        starts: (T,) rows of the table.
-        targets: (T,) rows of the table.
-        steps: of each trial.
-        map_alone: whether only the place on the map is servoed to; the pressure is taken as it comes, as
-            where no action changes it.
+    `servo`: learned from this skin, with one action per step; it moves along as many axes as its actions
+    have, the others stay as they were at the start. A probe at the edge of the table stays there; `starts`
+    (T,) rows of the table; `targets` (T,) rows of the table; `map_alone`: whether only the place on the map
+    is servoed to; the pressure is taken as it comes, as where no action changes it.
     """
     tree = cKDTree(table.place)
     low, high = table.place.min(axis=0), table.place.max(axis=0)

@@ -51,34 +51,20 @@ class TouchDataset:
 
     A contact is what lies between touching and lifting. Its rows are successive samples of a uniform clock.
     Splits are by contact, so that no sample of a split has its neighbour in another.
-
-    Attributes:
-        signals: (N, E) counts less their offset, after the low-pass; float32, as all numbers here.
-        pressure: (N,) counts, p = -mean of the signals.
-        contact_point: (N, 3) m, estimated from the signals, on the skin, frame of the finger.
-        velocity: (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass.
-        orientation: (N, 4) of the finger in the base frame, unit quaternions.
-        contact: (N,) number of the contact, rising.
-        pressed: (N,) whether the pressure suffices for the dynamics to be learned from the sample.
-        trial: (N,) number of the demonstration.
-        time: (N,) s since its start.
-        motion: (N,) `ROTATION`, `TRANSLATION` or `OTHER`.
-        split: (N,) `TRAIN`, `VALIDATION` or `TEST`.
-        rate_hz: () samples per second.
     """
 
-    signals: np.ndarray
-    pressure: np.ndarray
-    contact_point: np.ndarray
-    velocity: np.ndarray
-    orientation: np.ndarray
-    contact: np.ndarray
-    pressed: np.ndarray
-    trial: np.ndarray
-    time: np.ndarray
-    motion: np.ndarray
-    split: np.ndarray
-    rate_hz: np.ndarray
+    signals: np.ndarray  # (N, E) counts less their offset, after the low-pass; float32, as all numbers here
+    pressure: np.ndarray  # (N,) counts, p = -mean of the signals
+    contact_point: np.ndarray  # (N, 3) m, estimated from the signals, on the skin, frame of the finger
+    velocity: np.ndarray  # (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass
+    orientation: np.ndarray  # (N, 4) of the finger in the base frame, unit quaternions
+    contact: np.ndarray  # (N,) number of the contact, rising
+    pressed: np.ndarray  # (N,) whether the pressure suffices for the dynamics to be learned from the sample
+    trial: np.ndarray  # (N,) number of the demonstration
+    time: np.ndarray  # (N,) s since its start
+    motion: np.ndarray  # (N,) `ROTATION`, `TRANSLATION` or `OTHER`
+    split: np.ndarray  # (N,) `TRAIN`, `VALIDATION` or `TEST`
+    rate_hz: np.ndarray  # () samples per second
 
     def __len__(self) -> int:
         """Number of samples N."""
@@ -87,18 +73,13 @@ class TouchDataset:
 
 @dataclass(frozen=True)
 class Chains:
-    """K chains of C successive actions; a pair of the text, (s_t-1, a_t-1, s_t, a_t, s_t+1), is one of C = 2.
+    """K chains of C successive actions; a pair of the text (s_t-1, a_t-1, s_t, a_t, s_t+1) is of C = 2."""
 
-    Attributes:
-        rows: (K, C + 1) rows of the dataset; action c leads from row c to row c + 1.
-        actions: (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start;
-            a skin that is only pressed has fewer components.
-        time_step: (K,) s per step.
-    """
-
-    rows: np.ndarray
+    rows: np.ndarray  # (K, C + 1) rows of the dataset; action c leads from row c to row c + 1
+    # (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start; a skin that is
+    # only pressed has fewer components
     actions: np.ndarray
-    time_step: np.ndarray
+    time_step: np.ndarray  # (K,) s per step
 
     def __len__(self) -> int:
         """Number of chains K."""

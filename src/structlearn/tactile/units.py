@@ -18,24 +18,15 @@ LINEAR = 3
 
 @dataclass(frozen=True)
 class TouchUnits:
-    """Offsets and scales; a quantity in the networks' units is (quantity - offset) / scale.
+    """Offsets and scales; a quantity in the networks' units is (quantity - offset) / scale."""
 
-    Attributes:
-        signal_mean: (E,) counts.
-        signal_scale: (E,) counts.
-        pressure_mean: () counts.
-        pressure_scale: () counts.
-        length: () m on the skin per unit of the map.
-        action_scale: (K,) m/s up to three times, rad/s for the others; actions have no offset.
-        likely_action: (K,) root mean squares of the demonstrated actions, m/s and rad/s by component.
-    """
-
-    signal_mean: np.ndarray
-    signal_scale: np.ndarray
-    pressure_mean: np.ndarray
-    pressure_scale: np.ndarray
-    length: np.ndarray
-    action_scale: np.ndarray
+    signal_mean: np.ndarray  # (E,) counts
+    signal_scale: np.ndarray  # (E,) counts
+    pressure_mean: np.ndarray  # () counts
+    pressure_scale: np.ndarray  # () counts
+    length: np.ndarray  # () m on the skin per unit of the map
+    action_scale: np.ndarray  # (K,) m/s up to three times, rad/s for the others; actions have no offset
+    # (K,) root mean squares of the demonstrated actions, m/s and rad/s by component
     likely_action: np.ndarray
 
     def signals(self, counts: np.ndarray) -> np.ndarray:
@@ -50,10 +41,8 @@ class TouchUnits:
 def touch_units(dataset: TouchSamples, chains: Chains, length_m: float) -> TouchUnits:
     """Units from the training samples.
 
-    Args:
-        dataset: samples of touch.
-        chains: of the training split; their actions give the scales and the likely actions.
-        length_m: m on the skin per unit of the map.
+    `dataset`: samples of touch; `chains`: of the training split; their actions give the scales and the likely
+    actions; `length_m`: m on the skin per unit of the map.
 
     Raises:
         InputError: there is no training sample or chain, or an electrode, the pressure or the velocity

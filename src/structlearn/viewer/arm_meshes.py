@@ -28,13 +28,8 @@ def send_arm(
 ) -> None:
     """Log an arm's meshes, and its joints over time; those that are not named stay at zero.
 
-    Args:
-        stream: of the recording.
-        name: of the arm, without slashes; several arms in one recording have different names.
-        urdf: its URDF.
-        joints: n names.
-        times: T of them.
-        positions: (T, n) of the joints, rad or m.
+    `name`: of the arm, without slashes; several arms in one recording have different names; `times`: T of
+    them; `positions` (T, n) of the joints, rad or m.
     """
     arm = _read(Path(urdf), name)
     meshes = arm.stream(include_joint_transforms=False).filter(
@@ -55,17 +50,8 @@ def send_sticks(
 ) -> float:
     """As `send_arm`, for a URDF without meshes: a stick from every joint to the next ones, a ball at each.
 
-    Args:
-        stream: of the recording.
-        name: of the arm.
-        urdf: its URDF.
-        joints: n names.
-        times: T of them.
-        positions: (T, n) of the joints, rad or m.
-        colours: of the sticks, and of the balls.
-
-    Returns:
-        Length of all sticks in m, which the arm cannot reach beyond.
+    `times`: T of them; `positions` (T, n) of the joints, rad or m. Returns length of all sticks in m, which
+    the arm cannot reach beyond.
     """
     arm = _read(Path(urdf), name)
     length = 0.0

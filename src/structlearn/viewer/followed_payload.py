@@ -20,12 +20,9 @@ def send_followed(
 ) -> None:
     """Log the lines.
 
-    Args:
-        stream: of the recording.
-        learned: as `online_learning.follow_payload` gives it, its `time_s` on the recording's time line.
-        time: (T,) s.
-        carried_kg: (T,) what is really carried.
-        colours: of what is carried, of what is learned, and of the empty arm's model.
+    `learned`: as `online_learning.follow_payload` gives it, its `time_s` on the recording's time line; `time`
+    (T,) s; `carried_kg` (T,) what is really carried; `colours`: of what is carried, of what is learned, and
+    of the empty arm's model.
     """
     reference, found, empty = colours
     times = [time_column(learned["time_s"].to_numpy(float))]

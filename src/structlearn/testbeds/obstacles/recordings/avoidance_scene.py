@@ -80,14 +80,8 @@ def send_sphere(
 ) -> None:
     """Log a sphere that changes its place and its colour.
 
-    Args:
-        stream: of the recording.
-        path: of its entity.
-        cloud: (P, 3) m, relative to its centre.
-        radius: m.
-        indexes: the time lines, each with T times.
-        centres: (T, 3) m.
-        colours: T of them.
+    `cloud` (P, 3) m, relative to its centre; `radius`: m; `indexes`: the time lines, each with T times;
+    `centres` (T, 3) m; `colours`: T of them.
     """
     solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
     stream.log(f"{path}/solid", solid, static=True)
@@ -152,8 +146,7 @@ def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
 def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
     """Log the obstacle, demonstrated paths, and the reach without avoidance.
 
-    Returns:
-        All points that a view of the scenario has to show, (N, 3) m.
+    Returns all points that a view of the scenario has to show, (N, 3) m.
     """
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]

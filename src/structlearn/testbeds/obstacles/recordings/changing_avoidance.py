@@ -51,14 +51,7 @@ def write_changing_avoidance(
     """Write reaches past obstacles that the models never met in training as a recording.
 
     Each situation has a tab with some of its reaches as scenes over time, and the distance to the nearest
-    sphere below each.
-
-    Args:
-        path: of the .rrd file.
-        situations: of spheres.
-        reaches: by situation.
-        baseline: whose local frame the spheres are in.
-        title: heading, different for every recording.
+    sphere below each. `baseline`: whose local frame the spheres are in.
     """
     with recording(path, title) as stream:
         tabs = []

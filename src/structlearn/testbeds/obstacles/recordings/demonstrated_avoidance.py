@@ -39,15 +39,8 @@ def write_avoidance_demonstrations(
     """Write demonstrations past obstacles as a recording.
 
     The first tab puts all chosen scenarios beside each other, the second shows the unhindered reaches and all
-    settings, the others one scenario each with its signals.
-
-    Args:
-        path: of the .rrd file.
-        shown: the chosen scenarios.
-        unhindered: demonstrations without obstacle.
-        baseline: the primitive of these.
-        places: a scenario of each setting, and whether the reach without avoidance hits an obstacle there.
-        title: heading, different for every recording.
+    settings, the others one scenario each with its signals. `places`: a scenario of each setting, and whether
+    the reach without avoidance hits an obstacle there.
     """
     origin = origin_label([*unhindered, *(one for group in shown for one in group.demonstrations)])
     with recording(path, title) as stream:

@@ -23,21 +23,13 @@ class ObstacleViewParameters(Parameters):
 
 @dataclass(frozen=True)
 class ShownScenario:
-    """A scenario, how people avoided its obstacle, and how the models do.
+    """A scenario, how people avoided its obstacle, and how the models do."""
 
-    Attributes:
-        scenario: with its obstacle in the base frame.
-        cloud: (P, 3) m, base frame, the points of the obstacle that models see.
-        demonstrations: of people.
-        targets: of what the demonstrations teach, columns `demonstration`, `time_s`, `target_x` ...
-        reaches: of the models; that without avoidance is among them.
-    """
-
-    scenario: Scenario
-    cloud: np.ndarray
-    demonstrations: Sequence[Demonstration]
-    targets: pd.DataFrame
-    reaches: Group
+    scenario: Scenario  # with its obstacle in the base frame
+    cloud: np.ndarray  # (P, 3) m, base frame, the points of the obstacle that models see
+    demonstrations: Sequence[Demonstration]  # of people
+    targets: pd.DataFrame  # of what the demonstrations teach, columns `demonstration`, `time_s`, `target_x`
+    reaches: Group  # of the models; that without avoidance is among them
 
 
 def chosen_scenarios(places: Sequence[Scenario], names: Sequence[str]) -> dict[int, Scenario]:
@@ -65,12 +57,7 @@ def shown_scenarios(
 ) -> list[ShownScenario]:
     """All that there is of the chosen scenarios.
 
-    Args:
-        chosen: of `chosen_scenarios`.
-        demonstrations: of each of them.
-        samples: what the models learn from.
-        reaches: of `unrolled_reaches.reaches_by_situation`.
-        cloud_count: points of an obstacle that models see.
+    `chosen`: of `chosen_scenarios`; `reaches`: of `unrolled_reaches.reaches_by_situation`.
     """
     return [
         ShownScenario(

@@ -37,11 +37,6 @@ def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], ti
 
     Each scenario has a tab with a column per kind of model: paths with coupling terms beside the
     demonstrations, the distance to the obstacle, and coupling terms over time beside what was demonstrated.
-
-    Args:
-        path: of the .rrd file.
-        shown: the chosen scenarios.
-        title: heading, different for every recording.
     """
     origin = origin_label([one for group in shown for one in group.demonstrations])
     with recording(path, title) as stream:

@@ -44,14 +44,7 @@ def write_unseen_avoidance(
     """Write reaches past unseen spheres as a recording.
 
     The first tab shows all paths of each ensemble at once; the second one sphere at a time with the paths of
-    all ensembles, and how close they get to every sphere.
-
-    Args:
-        path: of the .rrd file.
-        situation: the spheres at rest.
-        groups: reaches past each of them.
-        baseline: whose local frame the spheres are in.
-        title: heading, different for every recording.
+    all ensembles, and how close they get to every sphere. `baseline`: whose local frame the spheres are in.
     """
     centres = in_base_frame(situation.obstacles[0].centre, baseline)
     ensembles = ensembles_of(groups)

@@ -42,12 +42,7 @@ DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" fo
 
 
 def drawings(results: ServoingResults, still: np.ndarray) -> dict[str, Drawing | Sequence[Drawing]]:
-    """All figures by name.
-
-    Args:
-        results: what to show.
-        still: picture of the simulated scene.
-    """
+    """All figures by name."""
     with style():
         found: dict[str, Drawing | Sequence[Drawing]] = {
             "map": _maps(results),

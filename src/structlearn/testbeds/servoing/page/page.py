@@ -27,9 +27,7 @@ PACKAGE = "structlearn.testbeds.servoing.page"
 def document(results: ServoingResults, shown: Mapping[str, Table]) -> Document:
     """The page with its verdicts.
 
-    Args:
-        results: what it shows; figures are those of `figures.drawings`.
-        shown: tables of `tables.tables`.
+    `results`: what it shows; figures are those of `figures.drawings`; `shown`: tables of `tables.tables`.
     """
     facts = _facts(results)
     claims = read_claims(Path(__file__).with_name("claims.yaml"))

@@ -62,25 +62,15 @@ HEADLINES = (
 
 @dataclass(frozen=True)
 class ServoingResults:
-    """What the stages of the testbed wrote.
+    """What the stages of the testbed wrote."""
 
-    Attributes:
-        dataset: samples of touch.
-        truth: true contacts of the demonstrations.
-        models: what is known of the trained models.
-        comparison: closed loops.
-        skin_tables: all of it with fingers of another shape.
-        chosen: parameters by their key in `params.yaml`.
-        studies: what was tried beside the pipeline, by name; None where it was not.
-    """
-
-    dataset: TouchDataset
-    truth: pd.DataFrame
-    models: ModelScores
-    comparison: Comparison
-    skin_tables: OtherSkinTables
-    chosen: Mapping[str, Any]
-    studies: Mapping[str, Study | None]
+    dataset: TouchDataset  # samples of touch
+    truth: pd.DataFrame  # true contacts of the demonstrations
+    models: ModelScores  # what is known of the trained models
+    comparison: Comparison  # closed loops
+    skin_tables: OtherSkinTables  # all of it with fingers of another shape
+    chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
+    studies: Mapping[str, Study | None]  # what was tried beside the pipeline, by name; None where it was not
 
     @property
     def skin(self) -> Skin:

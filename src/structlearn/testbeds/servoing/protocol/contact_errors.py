@@ -13,14 +13,10 @@ SQUARE_MM = 1.5
 def contact_errors(dataset: TouchDataset, truth: pd.DataFrame, skin: Skin) -> pd.DataFrame:
     """Estimated against true contact points, of pressed samples.
 
-    Args:
-        dataset: samples of touch, which number demonstrations in the order of `truth`.
-        truth: see `simulation.touch_demonstrator.true_contacts`.
-        skin: that was touched with.
-
-    Returns:
-        `error_mm`, the distance in space; `along_mm` and `across_mm`, its parts by surface coordinates, and
-        where the true contact is, `true_along_mm` and `true_across_mm`.
+    `dataset`: samples of touch, which number demonstrations in the order of `truth`; `truth`: see
+    `simulation.touch_demonstrator.true_contacts`. Returns `error_mm`, the distance in space; `along_mm` and
+    `across_mm`, its parts by surface coordinates, and where the true contact is, `true_along_mm` and
+    `true_across_mm`.
     """
     names = {name: number for number, name in enumerate(truth["trial"].unique())}
     true = truth.assign(
@@ -46,13 +42,9 @@ def contact_errors(dataset: TouchDataset, truth: pd.DataFrame, skin: Skin) -> pd
 def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
     """Mean errors over squares of skin.
 
-    Args:
-        errors: of `contact_errors`.
-
-    Returns:
-        Middle of the true contacts' square, `square_along_mm`, `square_across_mm`; means of `along_mm`,
-        `across_mm` and `error_mm`; `samples`; `squared_mm2`, their part in the sum of squared errors along
-        and across that is the same for all of a square.
+    `errors`: of `contact_errors`. Returns middle of the true contacts' square, `square_along_mm`,
+    `square_across_mm`; means of `along_mm`, `across_mm` and `error_mm`; `samples`; `squared_mm2`, their part
+    in the sum of squared errors along and across that is the same for all of a square.
     """
     squares = [
         (SQUARE_MM * (np.floor(errors[f"true_{name}_mm"] / SQUARE_MM) + 0.5)).rename(f"square_{name}_mm")

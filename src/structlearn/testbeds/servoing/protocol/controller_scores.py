@@ -15,13 +15,9 @@ KEYS = [field.name for field in fields(Variant)]
 
 @dataclass(frozen=True)
 class ControllerScores:
-    """Closed loops of several controllers.
+    """Closed loops of several controllers."""
 
-    Attributes:
-        trials: see `protocol.servo_variants.Comparison`; all controllers met the same contacts.
-    """
-
-    trials: pd.DataFrame
+    trials: pd.DataFrame  # see `protocol.servo_variants.Comparison`; all controllers met the same contacts
 
     @cached_property
     def rates(self) -> pd.DataFrame:
@@ -51,10 +47,9 @@ class ControllerScores:
     def table(self) -> pd.DataFrame:
         """A row for each controller.
 
-        Returns:
-            `KEYS`; `trials`, `successes`, `rate`; medians of successes `reach_s` and `path_ratio`; numbers
-            of trials `lifted` and `off_skin`; `rate_<motion>`; medians of all `position_error_mm` and
-            `pressure_error`.
+        Returns `KEYS`; `trials`, `successes`, `rate`; medians of successes `reach_s` and `path_ratio`;
+        numbers of trials `lifted` and `off_skin`; `rate_<motion>`; medians of all `position_error_mm` and
+        `pressure_error`.
         """
         motions = success_rates(self.trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
         motions = motions[self.trials["motion"].unique()].add_prefix("rate_")

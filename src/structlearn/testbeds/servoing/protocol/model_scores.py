@@ -28,23 +28,14 @@ PARTS = ("plane", "third", "electrodes", "pressure")
 
 @dataclass(frozen=True)
 class ModelScores:
-    """What is known of the trained models; arrays are over S seeds.
+    """What is known of the trained models; arrays are over S seeds."""
 
-    Attributes:
-        latent: see `tactile.latent_evaluation.latent_errors`.
-        forward: see `tactile.latent_evaluation.forward_errors`.
-        decoded: see `tactile.latent_evaluation.decoded_errors`.
-        directions: see `tactile.latent_evaluation.direction_errors`.
-        curve: key figures while training, see `tactile.latent_comparison.LatentComparison`.
-        latent_map: see `tactile.latent_evaluation.latent_map`.
-    """
-
-    latent: pd.DataFrame
-    forward: pd.DataFrame
-    decoded: pd.DataFrame
-    directions: pd.DataFrame
-    curve: pd.DataFrame
-    latent_map: pd.DataFrame
+    latent: pd.DataFrame  # see `tactile.latent_evaluation.latent_errors`
+    forward: pd.DataFrame  # see `tactile.latent_evaluation.forward_errors`
+    decoded: pd.DataFrame  # see `tactile.latent_evaluation.decoded_errors`
+    directions: pd.DataFrame  # see `tactile.latent_evaluation.direction_errors`
+    curve: pd.DataFrame  # key figures while training, see `tactile.latent_comparison.LatentComparison`
+    latent_map: pd.DataFrame  # see `tactile.latent_evaluation.latent_map`
 
     @property
     def steps(self) -> list[int]:
@@ -87,12 +78,8 @@ class ModelScores:
     ) -> np.ndarray:
         """Cosine distance (S,) of an inverse model, averaged over both parts of an action or of one.
 
-        Args:
-            inverse: its name.
-            with_loss: whether its forward model was trained with its loss.
-            structure: of the latent space.
-            comparison: as a rule, the action is to lead to the latent state that followed.
-            part: of the action.
+        `with_loss`: whether its forward model was trained with its loss; `comparison`: as a rule, the action
+        is to lead to the latent state that followed.
         """
         table = self.directions
         trained_with = inverse if with_loss else NO_INVERSE
@@ -132,9 +119,8 @@ class ModelScores:
     def forward_table(self) -> pd.DataFrame:
         """Forward NMSE per length of the chain (figure II.4).
 
-        Returns:
-            `model`, `space`, `steps`, `nmse` (mean over seeds), `half` (of its 95 % interval), `relative`
-            and `relative_half`: over the error of the prediction that nothing moves; and means of `PARTS`.
+        Returns `model`, `space`, `steps`, `nmse` (mean over seeds), `half` (of its 95 % interval), `relative`
+        and `relative_half`: over the error of the prediction that nothing moves; and means of `PARTS`.
         """
         rows = []
         for kind in (STILL, *DYNAMICS):
@@ -151,10 +137,9 @@ class ModelScores:
     def direction_table(self) -> pd.DataFrame:
         """Cosine distances (figure II.5).
 
-        Returns:
-            `inverse`, `loss` (whether trained with it), `space`, and per comparison the mean over seeds of
-            both parts, `<comparison>`, half its interval, `<comparison>_half`, and of each part alone,
-            `<comparison>_linear`, `<comparison>_angular`.
+        Returns `inverse`, `loss` (whether trained with it), `space`, and per comparison the mean over seeds
+        of both parts, `<comparison>`, half its interval, `<comparison>_half`, and of each part alone,
+        `<comparison>_linear`, `<comparison>_angular`.
         """
         rows = []
         ways = [(loss, structure) for loss in (True, False) for structure in STRUCTURES]
@@ -172,13 +157,9 @@ class ModelScores:
 def skin_table(latent: pd.DataFrame, directions: pd.DataFrame) -> pd.DataFrame:
     """What was learned of other skins, with structure, on test contacts; means over seeds.
 
-    Args:
-        latent: as of `ModelScores`, with a column `skin`.
-        directions: likewise.
-
-    Returns:
-        `skin`; the errors of `LATENT_NAMES`; cosine distances of actions to reach what followed, by inverse
-        models that were trained with their loss: `<inverse>_linear`, `<inverse>_angular`.
+    `latent`: as of `ModelScores`, with a column `skin`. Returns `skin`; the errors of `LATENT_NAMES`; cosine
+    distances of actions to reach what followed, by inverse models that were trained with their loss:
+    `<inverse>_linear`, `<inverse>_angular`.
     """
     spaces = latent[latent["structure"] & (latent["split"] == "test")]
     own = directions["structure"] & (directions["inverse"] == directions["trained_with"])

@@ -26,14 +26,7 @@ def learn_other_skin(
 ) -> LatentComparison:
     """Demonstrate and learn with another skin.
 
-    Args:
-        other: what is different.
-        person: who demonstrates.
-        finger: that touches.
-        preparation: from recordings to samples.
-        distances: on the skin.
-        latent: what is trained.
-        name: of the skin.
+    `preparation`: from recordings to samples.
     """
     person = other.person_with(name, person)
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]

@@ -27,11 +27,10 @@ def scored(
 ) -> pd.DataFrame:
     """Scores of B trials.
 
-    Returns:
-        One row per trial: `position_error_mm`, `pressure_error` and `load_error` (both relative) at the end;
-        `success`; `reach_s` from which on both tolerances are kept until the end, NaN where they are not;
-        `path_mm` that the contact travelled and `geodesic_mm` it had to; `lifted` whether the finger was ever
-        in the air; `off_skin` whether the contact was ever beyond the ends of the skin.
+    Returns one row per trial: `position_error_mm`, `pressure_error` and `load_error` (both relative) at the
+    end; `success`; `reach_s` from which on both tolerances are kept until the end, NaN where they are not;
+    `path_mm` that the contact travelled and `geodesic_mm` it had to; `lifted` whether the finger was ever in
+    the air; `off_skin` whether the contact was ever beyond the ends of the skin.
     """
     skin = scene.finger.skin
     judged = round(tolerance.judged_s * scene.sample_hz)
@@ -58,10 +57,7 @@ def scored(
 def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndarray]:
     """Distance from the target in m and relative error of the pressure, (N, B) each.
 
-    Args:
-        run: of B trials.
-        target: of the same trials; its pressure is the mean over its last samples.
-        judged: number of these.
+    `run`: of B trials; `target`: of the same trials; its pressure is the mean over its last samples.
     """
     wanted = -target.signals[-judged:].mean(axis=(0, 2))
     pressure = -run.signals.mean(axis=2)
@@ -88,13 +84,9 @@ def progress(run: Servoed, target: Held, scene: Scene, tolerance: ToleranceParam
 def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Success by groups of trials.
 
-    Args:
-        trials: rows of `scored`, with the columns that tell groups.
-        by: these columns.
-
-    Returns:
-        A row per group, in the order of the trials: `trials`, `successes`, `rate`, `reach_s` and `path_ratio`
-        (path over shortest path) as medians of successes, and the numbers `lifted` and `off_skin`.
+    `trials`: rows of `scored`, with the columns that tell groups. Returns a row per group, in the order of
+    the trials: `trials`, `successes`, `rate`, `reach_s` and `path_ratio` (path over shortest path) as medians
+    of successes, and the numbers `lifted` and `off_skin`.
     """
     reached = trials.assign(
         path_ratio=(trials["path_mm"] / trials["geodesic_mm"]).where(trials["success"]),

@@ -65,39 +65,25 @@ class ServoTrialParameters(Parameters):
 
 @dataclass(frozen=True)
 class Variant:
-    """A controller that is compared.
+    """A controller that is compared."""
 
-    Attributes:
-        form: `PUBLISHED` or `RESTING`.
-        inverse: LL, NG or NJ.
-        structure: whether its latent space has structure.
-        with_loss: whether its forward model was trained with the loss of the inverse model.
-        horizon: steps ahead.
-        change: what is different; empty for most.
-    """
-
-    form: str
-    inverse: InverseModel
-    structure: bool = True
-    with_loss: bool = True
-    horizon: int = 1
-    change: str = ""
+    form: str  # `PUBLISHED` or `RESTING`
+    inverse: InverseModel  # LL, NG or NJ
+    structure: bool = True  # whether its latent space has structure
+    with_loss: bool = True  # whether its forward model was trained with the loss of the inverse model
+    horizon: int = 1  # steps ahead
+    change: str = ""  # what is different; empty for most
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What is kept of all closed loops; the columns of `Variant` tell the controllers.
+    """What is kept of all closed loops; the columns of `Variant` tell the controllers."""
 
-    Attributes:
-        trials: `seed`, `trial`, `motion`, contacts and latent states of start and target, and the columns of
-            `servo_scores.scored`.
-        progress: see `servo_scores.progress`.
-        paths: of the first trials of every seed and some controllers, see `servo_trials._paths`.
-    """
-
+    # `seed`, `trial`, `motion`, contacts and latent states of start and target, and the columns of
+    # `servo_scores.scored`
     trials: pd.DataFrame
-    progress: pd.DataFrame
-    paths: pd.DataFrame
+    progress: pd.DataFrame  # see `servo_scores.progress`
+    paths: pd.DataFrame  # of the first trials of every seed and some controllers, see `servo_trials._paths`
 
 
 def variants(horizon: int) -> list[Variant]:

@@ -23,11 +23,7 @@ def write_touch_demonstrations(
 ) -> None:
     """Write demonstrations of touch as a recording, a tab each.
 
-    Args:
-        path: of the .rrd file.
-        shown: the demonstrations.
-        skin: of the finger.
-        handle_radius: m.
+    `handle_radius`: m.
     """
     origin = origin_label([one.demonstration for one in shown])
     scale = scene.full_scale([one.motion.signals for one in shown])
@@ -45,14 +41,7 @@ def handle_place(one: ShownTouch, skin: Skin, handle_radius: float) -> tuple[np.
     """Where the handle of a demonstration must have been, as its pose is not recorded.
 
     The finger's x axis lies across the handle; the middle of the handle is behind the contacts.
-
-    Args:
-        one: the demonstration.
-        skin: of the finger.
-        handle_radius: m.
-
-    Returns:
-        Centre (3,) m and horizontal unit axis (3,), base frame.
+    `handle_radius`: m. Returns centre (3,) m and horizontal unit axis (3,), base frame.
     """
     behind = one.contact_point + handle_radius * skin.normal(one.contact_point)
     turned = quaternion.rotate(one.motion.orientation[one.rows], behind)

@@ -45,13 +45,8 @@ def write_latent_maps(
 ) -> None:
     """Write the latent map and paths on it as a recording, a tab for each demonstration.
 
-    Args:
-        path: of the .rrd file.
-        shown: demonstrations whose paths are shown.
-        flat_skin: with the map laid onto it.
-        latent_map: see `tactile.latent_evaluation.latent_map`.
-        contact_points: (N, 3) m of the same samples.
-        count: of samples that are drawn.
+    `latent_map`: see `tactile.latent_evaluation.latent_map`; `contact_points` (N, 3) m of the same samples;
+    `count`: of samples that are drawn.
     """
     origin = origin_label([one.demonstration for one in shown])
     places = {"map": flat_skin.latent(latent_map[["x", "y"]].to_numpy(float))}

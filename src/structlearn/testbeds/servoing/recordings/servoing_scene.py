@@ -55,53 +55,32 @@ AXES_M, EYE_M = 0.006, 0.055
 
 @dataclass(frozen=True)
 class FingerMotion:
-    """A finger with E electrodes over T samples.
+    """A finger with E electrodes over T samples."""
 
-    Attributes:
-        time: (T,) s.
-        position: (T, 3) m, base frame.
-        orientation: (T, 4) finger to base.
-        signals: (T, E) counts less their offset.
-    """
-
-    time: np.ndarray
-    position: np.ndarray
-    orientation: np.ndarray
-    signals: np.ndarray
+    time: np.ndarray  # (T,) s
+    position: np.ndarray  # (T, 3) m, base frame
+    orientation: np.ndarray  # (T, 4) finger to base
+    signals: np.ndarray  # (T, E) counts less their offset
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A point of contact over T samples.
+    """A point of contact over T samples."""
 
-    Attributes:
-        name: of it, e.g. `true`.
-        colour: of it.
-        time: (T,) s.
-        point: (T, 3) m, frame of the finger.
-        touching: (T,) whether there is a contact; the point vanishes otherwise.
-    """
-
-    name: str
-    colour: str
-    time: np.ndarray
-    point: np.ndarray
-    touching: np.ndarray
+    name: str  # of it, e.g. `true`
+    colour: str  # of it
+    time: np.ndarray  # (T,) s
+    point: np.ndarray  # (T, 3) m, frame of the finger
+    touching: np.ndarray  # (T,) whether there is a contact; the point vanishes otherwise
 
 
 @dataclass(frozen=True)
 class FlatSkin:
-    """A skin in flat pictures, and how the latent map is laid onto it.
+    """A skin in flat pictures, and how the latent map is laid onto it."""
 
-    Attributes:
-        skin: of the finger.
-        laying: of the map, in mm.
-        unit_mm: per unit of the map.
-    """
-
-    skin: Skin
-    laying: MapLaying
-    unit_mm: float
+    skin: Skin  # of the finger
+    laying: MapLaying  # of the map, in mm
+    unit_mm: float  # per unit of the map
 
     def places(self, points: np.ndarray) -> np.ndarray:
         """Places (..., 2) of points (..., 3) m of the skin."""
@@ -115,11 +94,8 @@ class FlatSkin:
 def flat_skin(skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> FlatSkin:
     """Lay the latent map onto a skin.
 
-    Args:
-        skin: of the finger.
-        contact_points: (N, 3) m.
-        latent: (N, 2) map coordinates of the same samples.
-        map_unit: m on the skin per unit of the map.
+    `contact_points` (N, 3) m; `latent` (N, 2) map coordinates of the same samples; `map_unit`: m on the skin
+    per unit of the map.
     """
     laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
     return FlatSkin(skin, laying, 1e3 * map_unit)
@@ -146,13 +122,8 @@ def send_touch(
 ) -> None:
     """Log a moving finger and its flat picture, both with electrodes in colour and points of contact.
 
-    Args:
-        stream: of the recording.
-        path: above `finger` and `skin`, which have `electrodes` and the contacts by their names below.
-        skin: of the finger.
-        motion: of the finger.
-        contacts: on its skin.
-        scale: counts with the full colour: orange where pressed, blue where the fluid bulges.
+    `path`: above `finger` and `skin`, which have `electrodes` and the contacts by their names below; `scale`:
+    counts with the full colour: orange where pressed, blue where the fluid bulges.
     """
     finger, flat_skin = f"{path}/finger", f"{path}/skin"
     dt = float(np.median(np.diff(motion.time)))
@@ -238,11 +209,7 @@ def close_view(
 ) -> rrb.Spatial3DView:
     """3-D view from beside and below, where the skin meets the handle.
 
-    Args:
-        name: heading.
-        contents: query expressions of the entities shown.
-        centre: (3,) m, of the handle.
-        finger_x: (3,) the finger's x axis in the base frame, about horizontal.
+    `centre` (3,) m, of the handle; `finger_x` (3,) the finger's x axis in the base frame, about horizontal.
     """
     ahead = finger_x * [1.0, 1.0, 0.0]
     ahead = ahead / np.linalg.norm(ahead)

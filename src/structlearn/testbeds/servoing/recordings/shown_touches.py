@@ -25,27 +25,16 @@ class ServoingViewParameters(Parameters):
 
 @dataclass(frozen=True)
 class ShownTouch:
-    """A demonstration of T samples, of which N are of contacts.
+    """A demonstration of T samples, of which N are of contacts."""
 
-    Attributes:
-        demonstration: on the clock of the samples.
-        motion: the same, with counts less their offset.
-        rows: (N,) samples of the demonstration that are of contacts.
-        contact: (N,) number of the contact, rising.
-        contact_point: (N, 3) m, estimated, frame of the finger.
-        pressure: (N,) counts.
-        latent: (N, 3) in the networks' units: two of the map, one of pressure.
-        truth: true contacts, see `simulation.touch_demonstrator.true_contacts`.
-    """
-
-    demonstration: Demonstration
-    motion: FingerMotion
-    rows: np.ndarray
-    contact: np.ndarray
-    contact_point: np.ndarray
-    pressure: np.ndarray
-    latent: np.ndarray
-    truth: pd.DataFrame
+    demonstration: Demonstration  # on the clock of the samples
+    motion: FingerMotion  # the same, with counts less their offset
+    rows: np.ndarray  # (N,) samples of the demonstration that are of contacts
+    contact: np.ndarray  # (N,) number of the contact, rising
+    contact_point: np.ndarray  # (N, 3) m, estimated, frame of the finger
+    pressure: np.ndarray  # (N,) counts
+    latent: np.ndarray  # (N, 3) in the networks' units: two of the map, one of pressure
+    truth: pd.DataFrame  # true contacts, see `simulation.touch_demonstrator.true_contacts`
 
     @property
     def name(self) -> str:
@@ -80,13 +69,10 @@ def shown_touches(
 ) -> list[ShownTouch]:
     """The demonstrations of these names, with their samples.
 
-    Args:
-        demonstrations: all of them, in the order in which the dataset numbers them.
-        dataset: samples of their contacts.
-        latent_map: a row for each sample, see `tactile.latent_evaluation.latent_map`.
-        truth: true contacts of all of them.
-        names: which are wanted; see `ServoingViewParameters`.
-        air_s: at the start of each, in the air; counts there are the offset.
+    `demonstrations`: all of them, in the order in which the dataset numbers them; `dataset`: samples of their
+    contacts; `latent_map`: a row for each sample, see `tactile.latent_evaluation.latent_map`; `names`: which
+    are wanted; see `ServoingViewParameters`; `air_s`: at the start of each, in the air; counts there are the
+    offset.
 
     Raises:
         InputError: there is no demonstration of such a name.
