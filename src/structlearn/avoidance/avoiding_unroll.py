@@ -17,10 +17,9 @@ from functools import partial
 
 import numpy as np
 
-from structlearn.avoidance.clouds import CloudBatch
 from structlearn.avoidance.features import CouplingModel, features
-from structlearn.avoidance.goal_reach import Deadline, GoalReach
-from structlearn.avoidance.postprocessing import PostprocessingParameters, post_processed
+from structlearn.avoidance.postprocessing import Deadline, GoalReach, PostprocessingParameters, post_processed
+from structlearn.avoidance.shapes import CloudBatch
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, transformation

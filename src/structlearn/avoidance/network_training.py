@@ -36,9 +36,9 @@ from structlearn.avoidance.levenberg_marquardt import (
     VALIDATION,
     VALIDATION_SHARE,
     LevenbergMarquardtParameters,
+    Samples,
     train,
 )
-from structlearn.avoidance.normal_equations import Samples
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map

@@ -11,7 +11,6 @@ import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AXES
 from structlearn.avoidance.look_ahead import nearest_distance
-from structlearn.avoidance.scene_learning import samples_of_nearest, samples_of_scene, scene_states
 from structlearn.avoidance.scene_models import (
     ENSEMBLE,
     HUMAN_INSPIRED,
@@ -23,6 +22,9 @@ from structlearn.avoidance.scene_models import (
     learn,
     reach_scenes,
     reach_through,
+    samples_of_nearest,
+    samples_of_scene,
+    scene_states,
 )
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
 from structlearn.avoidance.scene_unroll import Scenes

@@ -11,9 +11,8 @@ from typing import Self
 import numpy as np
 
 from structlearn.avoidance.features import CouplingModel, features
-from structlearn.avoidance.goal_reach import Deadline, GoalReach
 from structlearn.avoidance.look_ahead import CostToGo, scene_features
-from structlearn.avoidance.postprocessing import post_processed
+from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.shapes import Obstacle
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.trajectory import Trajectory

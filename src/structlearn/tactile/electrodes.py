@@ -5,6 +5,8 @@ point (sphere), in general an axis-parallel box. Nothing downstream asks which s
 
 Frame of a finger: origin where the round tip begins, x towards the tip, z into the finger; objects touch from
 -z. Two surface coordinates name a point of a skin: arc lengths along the finger (x) and across it.
+
+A latent map laid onto the skin: its loss knows distances only, so it may lie in any direction.
 """
 
 from collections.abc import Mapping
@@ -198,3 +200,27 @@ def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarr
 def path_length(path: np.ndarray) -> np.ndarray:
     """Length (...) of paths (N, ..., 3) along their first axis."""
     return np.linalg.norm(np.diff(path, axis=0), axis=-1).sum(axis=0)
+
+
+@dataclass(frozen=True)
+class MapLaying:
+    """A turn, maybe with a mirror image, and a shift in the plane; distances stay."""
+
+    centre: np.ndarray  # (2,) of the map
+    turn: np.ndarray  # (2, 2) orthogonal
+    place: np.ndarray  # (2,) where the centre comes to lie
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 2) of the map, laid down."""
+        return (points - self.centre) @ self.turn + self.place
+
+
+def map_laying(points: np.ndarray, places: np.ndarray) -> MapLaying:
+    """The laying with the least squared distances (orthogonal Procrustes).
+
+    `points` (N, 2) of the map, in the unit of the places; `places` (N, 2) where they should lie, e.g. surface
+    coordinates.
+    """
+    centre, place = points.mean(axis=0), places.mean(axis=0)
+    left, _, right = np.linalg.svd((points - centre).T @ (places - place))
+    return MapLaying(centre, left @ right, place)

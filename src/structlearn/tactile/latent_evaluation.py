@@ -17,8 +17,7 @@ from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.latent_training import encoded
-from structlearn.tactile.touch_dataset import TouchDataset
-from structlearn.tactile.units import LINEAR, TouchUnits
+from structlearn.tactile.touch_dataset import LINEAR, TouchDataset, TouchUnits
 
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 """Parts of an action whose directions are compared."""

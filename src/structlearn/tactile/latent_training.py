@@ -24,8 +24,7 @@ from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
-from structlearn.tactile.touch_dataset import Chains, TouchSamples
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits
 
 CHAIN_STEPS = 3
 """Actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)."""

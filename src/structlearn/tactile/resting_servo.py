@@ -32,7 +32,7 @@ from structlearn.tactile.inverse_dynamics import LatentStep, receding_horizon_ac
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo, as_states
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import TouchUnits
 
 
 @dataclass(frozen=True)

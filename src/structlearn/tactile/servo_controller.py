@@ -33,7 +33,7 @@ from structlearn.tactile.latent_parameters import (
     STRUCTURES,
     InverseModel,
 )
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import TouchUnits
 
 
 class ServoParameters(Parameters):

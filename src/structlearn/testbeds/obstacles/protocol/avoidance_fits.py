@@ -3,6 +3,8 @@
 Everybody's models learn from the own demonstrations and are tested on the same others, whether they learn one
 scenario, all of one shape, or all there are. Models of each of 120 scenarios for everybody would take longer
 than all the rest, so settings are dealt out: each is learned by one person (`own_scenarios`).
+
+What is chosen for the training of the avoidance models.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,22 +14,44 @@ from typing import TypeVar
 
 import numpy as np
 import pandas as pd
+from pydantic import PositiveInt
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
 from structlearn.avoidance.human_inspired import HumanInspiredModels
-from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
+from structlearn.avoidance.learned_models import (
+    ALL,
+    SETTING,
+    AvoidanceModels,
+    PhaseModulatedAvoidance,
+    train_phase_modulated,
+)
 from structlearn.avoidance.network_training import (
+    EnsembleParameters,
+    NetworkParameters,
+    SplitParameters,
     fit_errors,
     fit_human_inspired_models,
     fit_networks,
     held_out_rows,
 )
-from structlearn.avoidance.phase_modulated import PhaseModulatedAvoidance, train_phase_modulated
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
+from structlearn.ground.params import Parameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
+
+
+class AvoidanceTrainingParameters(Parameters):
+    """How the models are trained."""
+
+    split: SplitParameters
+    per_setting: NetworkParameters
+    across_settings: NetworkParameters
+    ensemble: EnsembleParameters
+    phase_modulated: TrainingParameters
+    phase_modulated_hidden: tuple[PositiveInt, ...]
+
 
 Stack = TypeVar("Stack", AvoidanceNetworks, HumanInspiredModels)
 

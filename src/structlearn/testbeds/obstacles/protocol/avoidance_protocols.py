@@ -17,11 +17,17 @@ from pydantic import Field, PositiveInt, model_validator
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths, GoalChange, no_coupling, unroll
-from structlearn.avoidance.clouds import CloudBatch, cloud_batch, constant_velocity
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
 from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
-from structlearn.avoidance.shapes import CLOUD_COUNT, SHAPES, Shape
+from structlearn.avoidance.shapes import (
+    CLOUD_COUNT,
+    SHAPES,
+    CloudBatch,
+    Shape,
+    cloud_batch,
+    constant_velocity,
+)
 from structlearn.ground.params import Parameters
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.recordings.demonstration import Demonstration

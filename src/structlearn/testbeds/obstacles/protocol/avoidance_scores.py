@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths
-from structlearn.avoidance.clouds import CloudBatch
 from structlearn.avoidance.features import closest_distance
+from structlearn.avoidance.shapes import CloudBatch
 from structlearn.ground.errors import InputError
 from structlearn.primitives.vector import sample_count
 

@@ -12,7 +12,7 @@ from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters, SkinName
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters, SkinName
 
 
 def learn_other_skin(
@@ -24,10 +24,7 @@ def learn_other_skin(
     latent: LatentParameters,
     name: SkinName,
 ) -> LatentComparison:
-    """Demonstrate and learn with another skin.
-
-    `preparation`: from recordings to samples.
-    """
+    """Demonstrate and learn with another skin."""
     person = other.person_with(name, person)
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]
     demonstrations = [synchronise(one, preparation.rate_hz) for one in recordings]

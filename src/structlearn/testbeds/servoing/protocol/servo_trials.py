@@ -19,8 +19,7 @@ from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.resting_servo import Caution, RestingServo
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST_STRIDE
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchUnits
 from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, progress, scored
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     ALL_ALIKE,

@@ -1,11 +1,14 @@
 """Which controllers are compared in closed loop, what is chosen for them, and what is kept of it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
     JACOBIAN,
@@ -13,7 +16,6 @@ from structlearn.tactile.latent_parameters import (
     STRUCTURES,
     InverseModel,
 )
-from structlearn.testbeds.servoing.protocol.servo_scores import ToleranceParameters
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 
 PUBLISHED, RESTING = "published", "resting"
@@ -25,6 +27,14 @@ AS_DATA = "filter and rate of the data"
 ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"
 CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
 """What is taken from the resting controller, one at a time."""
+
+
+class ToleranceParameters(Parameters):
+    """When a target counts as reached. Fields: `params.yaml`, `servo.tolerance`."""
+
+    position_mm: float = Field(gt=0)
+    pressure: float = Field(gt=0)
+    judged_s: float = Field(gt=0)
 
 
 class PublishedParameters(Parameters):
@@ -104,3 +114,25 @@ def variants(horizon: int) -> list[Variant]:
 def variants_of_other_skins() -> list[Variant]:
     """Those that are also compared with other skins."""
     return [Variant(form, inverse) for form in (PUBLISHED, RESTING) for inverse in FORWARD_OF]
+
+
+SkinName = Literal["biotac", "flat_pad", "sphere"]
+
+
+class OtherSkin(Parameters):
+    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
+
+    along_mm: tuple[float, float]
+    across_deg: float = Field(ge=0, le=80)
+    handle_half_mm: float = Field(ge=0)
+
+
+class OtherSkinsParameters(Parameters):
+    """Other skins; all else is as for the first one."""
+
+    skins: Mapping[SkinName, OtherSkin]
+    seeds: PositiveInt
+
+    def person_with(self, skin: SkinName, person: ToucherParameters) -> ToucherParameters:
+        """A person who demonstrates on another skin."""
+        return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())

@@ -15,7 +15,7 @@ from structlearn.palette import GREY
 from structlearn.simulation.touch import Handle
 from structlearn.tactile.electrodes import Skin
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
-from structlearn.testbeds.servoing.protocol.controller_scores import rows_of
+from structlearn.testbeds.servoing.protocol.servo_scores import rows_of
 from structlearn.testbeds.servoing.recordings import servoing_scene as scene
 from structlearn.viewer.notes import colour_words, send_notes
 from structlearn.viewer.rrd import entity, layout, recording, rgba, send_curve
