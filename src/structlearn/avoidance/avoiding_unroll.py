@@ -48,7 +48,7 @@ class AvoidancePaths:
     path: Trajectory  # (B, T, 3) positions relative to the start, velocities, accelerations
     coupling: np.ndarray  # (B, T, 3) coupling term that acted, held over the step after its sample
     # (B, T, 3) post-processed coupling term; what acted differs where this would have kept the movement from
-    # its goal (`goal_reach`)
+    # its goal (`GoalReach`)
     asked: np.ndarray
     goal: np.ndarray  # (B, 3) steady goal, the last one if it changed
     start: np.ndarray  # (B, 3) origin of the local frame in the base frame, m

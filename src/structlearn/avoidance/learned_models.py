@@ -1,9 +1,8 @@
 """What has been learned: avoidance models of four kinds by what they learned from, and their files.
 
-The phase-modulated network of the tactile testbed on obstacle features (named as future work in IV.8).
-
-One network per axis of the coupling term (eq. IV.27-IV.30), trained as one stack on the same draws. Where the
-phase rests there is no coupling: such a model needs no post-processing to let a movement reach its goal.
+The phase-modulated network on obstacle features is named as future work in IV.8: one network per axis of the
+coupling term (eq. IV.27-IV.30), trained as one stack on the same draws. Where the phase rests there is no
+coupling: such a model needs no post-processing to let a movement reach its goal.
 """
 
 from collections.abc import Mapping, Sequence

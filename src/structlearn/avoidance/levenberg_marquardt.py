@@ -11,8 +11,6 @@ iterations without gain on validation samples, keep the best. `evidence` needs n
 weight decay a and precision b are re-estimated after every step from the number of weights that the data
 determine (MacKay 1992; Foresee & Hagan 1997, MATLAB's trainbr).
 
-Normal equations of the squared error of a feed-forward network: J^T J without J.
-
 The Jacobian of 1000 samples and three outputs by 603 weights is never made. Of layer l, output o and sample s
 its entries are h_si d_soj, an activation times a backpropagated slope, so that
 

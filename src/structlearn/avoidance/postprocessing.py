@@ -9,13 +9,9 @@ for both, and no k; the author's code has the points and k = 10 1/m^2, and so it
 
 These rules alone do not bring the movement to its goal. A coupling term of 1 holds it 6.4 mm off, 1 / (alpha
 beta), networks ask for tens, and past an obstacle close to the goal, or level with it, hardly anything fades.
-So the deviation is limited too (`goal_reach`).
-
-How much coupling may act if the movement is to be at its goal in time.
-
-The transformation system is linear, so a coupled movement is the baseline plus a deviation y = (dx, tau dv)
-that only the coupling term drives; it is held over a step, so the step is exact
-(`primitives.transformation`):
+So the deviation is limited too (`GoalReach`). The transformation system is linear, so a coupled movement is
+the baseline plus a deviation y = (dx, tau dv) that only the coupling term drives; it is held over a step, so
+the step is exact (`primitives.transformation`):
 
     y_{k+1} = A y_k + b c_k          D_k = first row of A^(n - k) y_k          D_{k+1} = D_k + g_k c_k
 

@@ -1,7 +1,5 @@
 """What is learned from some people's reaches through scenes, and what all of it does in others' scenes.
 
-What a network learns of scenes: states of people's reaches, and states beside them.
-
 Members of the ensemble see every sample from elsewhere too, as in `network_training`, or the loop is only as
 good as its hand keeps to a path that was shown. With the coupling of the demonstration the displacement dies
 out as the primitive's own attraction lets it; where gaps are narrow that is too slow, so what is learned

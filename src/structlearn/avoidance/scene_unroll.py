@@ -140,7 +140,7 @@ def unroll_through(
         goals: (B, 3) m, local frame.
         feedback: None for the primitive alone.
         samples: T, from the start to the prescribed end.
-        end_limit_m: how far off the primitive's own end feedback may leave the hand (`goal_reach`).
+        end_limit_m: how far off the primitive's own end feedback may leave the hand (`GoalReach`).
         return_coupling: likewise.
 
     Returns:

@@ -1,9 +1,8 @@
 """Obstacles of known geometry: sphere, cube and cylinder as in the recorded experiment (IV.8.3).
 
 Sizes are measured on the public motion-capture models of the recorded objects, markers and the points that
-augment them (`clmc/obs_avoid/vicon_objects`): facts carried over, the files are not read.
-
-Obstacles as an unroll meets them: point clouds, one per scenario, at rest or moving.
+augment them (`clmc/obs_avoid/vicon_objects`): facts carried over, the files are not read. An unroll
+meets obstacles as point clouds, one per scenario, at rest or moving.
 """
 
 from collections.abc import Callable

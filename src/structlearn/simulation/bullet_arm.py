@@ -7,7 +7,7 @@ a "true" arm may differ from its URDF, and there is nothing that could collide.
 Coulomb friction is Bullet's own: a motor that holds speed zero with bounded torque, solved implicitly. As an
 explicit torque it would let a light wrist rattle at any step that is fast enough to be of use.
 
-How far two engines are apart that run the same.
+`differences` says how far two engines are apart that run the same.
 """
 
 import tempfile

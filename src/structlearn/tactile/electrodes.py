@@ -6,7 +6,8 @@ point (sphere), in general an axis-parallel box. Nothing downstream asks which s
 Frame of a finger: origin where the round tip begins, x towards the tip, z into the finger; objects touch from
 -z. Two surface coordinates name a point of a skin: arc lengths along the finger (x) and across it.
 
-A latent map laid onto the skin: its loss knows distances only, so it may lie in any direction.
+The loss of a latent map knows distances only, so the map may lie in any direction until it is laid on the
+skin.
 """
 
 from collections.abc import Mapping

@@ -3,11 +3,9 @@
 The seeds are spread over a few stacks, one process each, always the same seeds together: what comes out does
 not depend on the number of cores.
 
-Latent spaces alone, without dynamics: what a set of touches says about a skin, and another set after it.
-
-The autoencoders, their losses and errors are those of `learning` and `latent_evaluation`. Every set is seen
-in its own units: signals and pressure standardised, distances over their root mean square. So a network that
-learned from one set can be asked about another one, whose counts have other scales.
+Latent spaces are also learned alone, without dynamics, from one set of touches after another. Every set is
+seen in its own units: signals and pressure standardised, distances over their root mean square. So a network
+that learned from one set can be asked about another one, whose counts have other scales.
 """
 
 from collections.abc import Sequence

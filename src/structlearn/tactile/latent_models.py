@@ -2,8 +2,7 @@
 
 A stack holds all of them for some seeds. Its autoencoders run over structures, and within each over the
 seeds. Each forward model has one stack: over the ways to train it, and within each over the autoencoders.
-
-The file of trained latent spaces and dynamics: safetensors with the units that they see touch in.
+Their file holds the units that they see touch in as well.
 """
 
 from collections.abc import Mapping, Sequence

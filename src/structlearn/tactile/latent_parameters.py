@@ -1,10 +1,9 @@
 """What is chosen for latent spaces, their dynamics and distances on the skin; names of what is compared.
 
-What a sensor's channels mean, as far as a latent space needs to know: its description stands in a file.
-
-A BioTac's electrodes fall under pressure and say by their mean how hard the skin is pressed. Other skins have
-signed channels that couple widely: a magnetometer's axis may rise or fall, so their norm tells the pressure
-and their direction tells the place. A gain common to all channels, which drifts, changes the norm alone.
+A sensor's description says what its channels mean, as far as a latent space needs to know. A BioTac's
+electrodes fall under pressure and say by their mean how hard the skin is pressed. Other skins have signed
+channels that couple widely: a magnetometer's axis may rise or fall, so their norm tells the pressure and
+their direction tells the place. A gain common to all channels, which drifts, changes the norm alone.
 """
 
 from typing import Final, Literal

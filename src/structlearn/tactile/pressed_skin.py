@@ -4,10 +4,9 @@ Nothing slides here. A press is a sample of its own, and moving on from one pres
 an action: the displacement of the probe in one step. On a flat skin geodesics are straight, so that distances
 are those on the plate.
 
-Tactile servoing on a table of recorded presses: the press that was recorded nearest answers.
-
 A recording cannot be asked what the sensor would read elsewhere, but a dense one knows nearly everywhere. So
-a controller that was learned from one run can act on another run, without a robot.
+a controller that was learned from one run can act on another run, without a robot: the press that was
+recorded nearest answers.
 """
 
 from dataclasses import dataclass

@@ -1,10 +1,9 @@
 """What demonstrations of touch say about a skin: samples, and chains of actions between them (II.4.1).
 
-Units in which the networks see touch, so that one loss, penalty or weight compares with another.
-
-The dissertation trains on raw counts and evens the losses out by weights (II.4.1.3). Here signals and
-pressure are standardised, map distances are divided by a length, and actions by one scale per kind of
-velocity: within linear and within angular velocity, directions stay what they are.
+Networks see touch in units in which one loss, penalty or weight compares with another. The dissertation
+trains on raw counts and evens the losses out by weights (II.4.1.3). Here signals and pressure are
+standardised, map distances are divided by a length, and actions by one scale per kind of velocity: within
+linear and within angular velocity, directions stay what they are.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,4 @@
-"""An arm in recordings: the meshes of its URDF, or sticks where it has none, moved by its joints.
-
-What an arm learns online of its payload, as plots over time: mass, first moment, errors.
-"""
+"""An arm in recordings: the meshes of its URDF, or sticks where it has none, moved by its joints."""
 
 import tempfile
 from collections.abc import Sequence

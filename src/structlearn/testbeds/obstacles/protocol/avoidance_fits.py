@@ -3,8 +3,6 @@
 Everybody's models learn from the own demonstrations and are tested on the same others, whether they learn one
 scenario, all of one shape, or all there are. Models of each of 120 scenarios for everybody would take longer
 than all the rest, so settings are dealt out: each is learned by one person (`own_scenarios`).
-
-What is chosen for the training of the avoidance models.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

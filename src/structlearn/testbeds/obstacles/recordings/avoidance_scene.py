@@ -1,8 +1,6 @@
 """The obstacle testbed in recordings: solids and their clouds, hands that reach past them, coupling terms.
 
 Everything is in the base frame. No robot is shown: the hand is a point, as motion capture sees it.
-
-Which scenarios of the testbed the recordings show, with all that there is of them.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,4 @@
-"""Recording of demonstrations past obstacles: how people pass them, and a bare reach does not (IV.8.3).
-
-Recording of what models do in scenarios that they learned from, beside demonstrations (IV.8.5, 8.6).
-"""
+"""Recordings of trained scenarios: demonstrations (IV.8.3), and what models do beside them (IV.8.5, 8.6)."""
 
 from collections.abc import Sequence
 from pathlib import Path

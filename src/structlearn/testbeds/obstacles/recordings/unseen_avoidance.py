@@ -1,7 +1,4 @@
-"""Recording of the unseen spheres: a step of its time line is another sphere beside the reach (IV.8.7).
-
-Recording of what the dissertation left out: spheres that move, two at once, a goal that moves.
-"""
+"""Recordings of unseen spheres (IV.8.7), and of what the text leaves out: moving spheres, pairs, goals."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

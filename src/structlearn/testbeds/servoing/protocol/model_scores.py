@@ -1,7 +1,4 @@
-"""How good latent spaces and their models are: selections and means over seeds of what was evaluated.
-
-How far off estimated points of contact are; only a simulation knows the true ones.
-"""
+"""How good latent spaces, their models and estimated contact points are: selections and means over seeds."""
 
 from dataclasses import dataclass
 

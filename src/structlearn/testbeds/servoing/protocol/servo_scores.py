@@ -1,7 +1,4 @@
-"""How well fingers were servoed: success, time, path, and whether the contact stayed on the skin (II.4.6).
-
-How often and how well each controller reaches its targets (figure II.6).
-"""
+"""How well fingers were servoed: success, time, path, contact on the skin (II.4.6, figure II.6)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

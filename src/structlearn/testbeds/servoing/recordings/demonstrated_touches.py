@@ -1,7 +1,4 @@
-"""Recording of demonstrations of touch: finger, handle, electrodes and contact points (II.4.1.1).
-
-Recording of the latent map beside the skin, and of demonstrations as paths on both (figure II.3).
-"""
+"""Recordings of demonstrated touch (II.4.1.1), and of the latent map beside the skin (figure II.3)."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -2,8 +2,6 @@
 
 A finger is drawn as the lines of its surface coordinates, so that electrodes under the skin are seen; it may
 be any skin of `tactile.electrodes`. Flat pictures are in mm: x along the finger, y across it, upwards.
-
-Demonstrations of touch that recordings show, with what was made of them.
 """
 
 from collections.abc import Mapping, Sequence
