@@ -112,13 +112,8 @@ def reaches(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """What the hand does in one scenario.
 
-    Args:
-        scenario: None is the baseline without obstacle.
-        scene: start and goal.
-        person: who, and how often.
-
-    Returns:
-        Per demonstration times (T,) s from 0 and measured positions (T, 3) m in the base frame.
+    `scenario`: None is the baseline without obstacle. Returns per demonstration times (T,) s from 0 and
+    measured positions (T, 3) m in the base frame.
 
     Raises:
         InputError: as `demonstrations`.
@@ -217,12 +212,8 @@ def _detour(
 def jerk_metric(count: int) -> np.ndarray:
     """How a path with rest at both ends gives way to a push with the least squared jerk.
 
-    Args:
-        count: points of the path.
-
-    Returns:
-        (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
-        rows and columns of the `FIXED_POINTS` at either end are 0.
+    Returns (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
+    rows and columns of the `FIXED_POINTS` at either end are 0.
     """
     third = np.diff(np.eye(count), n=3, axis=0)[:, FIXED_POINTS:-FIXED_POINTS]
     metric = np.zeros((count, count))

@@ -18,12 +18,8 @@ def executed_set(
 ) -> ExecutedSet:
     """Execute a skill in every setting.
 
-    Args:
-        model: name of the set.
-        skill: with the networks of that model, or with none.
-        parameters: settings and number of runs; runs of equal number meet equal conditions in every set.
-        testbed: see there.
-        clock: on which the runs are judged.
+    `skill`: with the networks of that model, or with none. `parameters`: settings and number of runs; runs of
+    equal number meet equal conditions in every set.
     """
     runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
     recordings = executions(skill, runs, testbed)
