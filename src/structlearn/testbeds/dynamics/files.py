@@ -12,9 +12,7 @@ from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.training_grid import Form
 from structlearn.testbeds.dynamics.names import ROBOT
 
-RAW, LOGS, DATA = Path("data/raw/dynamics"), Path("data/runs/dynamics"), Path("data/dynamics")
-PAYLOAD = "payload"
-"""Logs of robots that pick something up, beside those of `IDEAL` and of `ROBOT`."""
+LOGS, DATA = Path("data/runs/dynamics"), Path("data/dynamics")
 
 TABLES = {
     "errors": DATA / "models/errors.parquet",
@@ -40,7 +38,7 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
 
 
 def read_logs(kind: str) -> dict[str, JointLog]:
-    """Logs of `IDEAL`, `ROBOT` or `PAYLOAD` by name, which is the seed of a robot.
+    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name: that of a robot is its seed.
 
     Raises:
         InputError: the table is missing or damaged.
