@@ -45,7 +45,9 @@ def citations(source: Path = SOURCE) -> list[Citation]:
                 continue
             name = getattr(node, "name", path.stem)
             line = getattr(node, "lineno", 1)
-            summary = re.sub(r"\s*\([^()]*\)", "", text.split("\n\n")[0].replace("\n", " ")).strip().rstrip(".")
+            summary = (
+                re.sub(r"\s*\([^()]*\)", "", text.split("\n\n")[0].replace("\n", " ")).strip().rstrip(".")
+            )
             for kind, number in cited(text):
                 found.add(Citation(kind, number, str(path.relative_to(source.parent)), line, name, summary))
     return sorted(found, key=lambda one: (list(KINDS).index(one.kind), place(one.number), one.path, one.line))
@@ -88,7 +90,9 @@ def dissertation_page() -> str:
         for one in found:
             if one.kind == kind:
                 where = f"`{one.path}:{one.line}`"
-                lines.append(f"| {one.number} | `{one.name}`: {one.summary.replace('|', chr(92) + '|')} | {where} |")
+                lines.append(
+                    f"| {one.number} | `{one.name}`: {one.summary.replace('|', chr(92) + '|')} | {where} |"
+                )
     return "\n".join(lines) + "\n"
 
 
