@@ -17,7 +17,7 @@ NUMBER = re.compile(
     r"\b(?:(?P<kind>eqs?\.|equations?|figures?|tables?|sections?|Figures?|Tables?|Equations?)\s+)?"
     r"(?P<number>(?:IV|V|I{1,3})\.\d+(?:\.\d+)*)\b"
 )
-FOLLOWS = re.compile(r"^(?:,? and|,| to|,? or|–|-)\s*$")
+FOLLOWS = re.compile(r"^(?:,? and|,| to|,? or|-|\u2013)\s*$")
 
 
 @dataclass(frozen=True, order=True)
@@ -81,8 +81,8 @@ def dissertation_page() -> str:
     """The index, a table per kind."""
     lines = [
         "# Index of the dissertation\n",
-        "Where equations, figures, tables and sections of the dissertation are implemented or shown. The index is made "
-        "from the citations in docstrings.\n",
+        "Where equations, figures, tables and sections of the dissertation are implemented or shown. The "
+        "index is made from the citations in docstrings.\n",
     ]
     found = citations()
     for kind, title in KINDS.items():
