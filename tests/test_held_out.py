@@ -149,7 +149,7 @@ HOLDS_NOTHING_OUT = {
 }
 """Stages without a case, and why."""
 
-SHOWS = ("report", "view", "calibration_report", "code")
+SHOWS = ("report", "view", "calibration_report", "list_code")
 """Stages that show what others wrote, or list sources."""
 
 
