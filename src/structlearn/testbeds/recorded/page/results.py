@@ -50,7 +50,7 @@ def read_results(stored: files.RecordedFiles, parameters: Mapping[str, Any]) -> 
     """What the stages wrote; parameters by their key in `params.yaml`."""
     reaches = _movements(stored, files.REACHES, parameters["recorded_reaches"].fit)
     turns = _movements(stored, files.UNSCREWING, parameters["recorded_unscrewing"])
-    execution = stored.demonstrations(files.SCRAPING) if stored.learned(files.SCRAPING) else ()
+    execution = stored.runs(files.SCRAPING) if stored.learned(files.SCRAPING) else ()
     return RecordedResults(stored.tables(), *reaches, *turns, execution, parameters)
 
 
@@ -60,5 +60,5 @@ def _movements(
     """A set of movements and its primitive; nothing where there were no data."""
     if not stored.learned(name):
         return (), ()
-    movements = stored.demonstrations(name)
+    movements = stored.runs(name)
     return segment_paths(movements, whole(movements), fit.smoothing_hz), stored.primitives(name)
