@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.ground.artefacts import filled, read_table
+from structlearn.ground.artefacts import filled, read_csv, read_table
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
@@ -118,6 +118,10 @@ class RecordedFiles:
         if len(runs) < at_least:
             raise MissingInputError(f"{self.data / RAW / name} holds {len(runs)} runs, {at_least} are needed")
         return runs
+
+    def left_out(self) -> pd.DataFrame:
+        """`set`, `file` and `reason` of what the import could not read."""
+        return read_csv(self.data / RAW / "left_out.csv", keep_default_na=False)
 
     def imported(self, name: str) -> bool:
         """Whether a set is there."""

@@ -177,7 +177,11 @@ def import_sets(parameters: PublicSourceParameters, target: Path) -> pd.DataFram
                 folder.mkdir()
                 if name in found:
                     READERS[one.reader].write(found[name], folder, left_out[name])
-    rows = [(name, file, reason) for name, its in left_out.items() for file, reason in its.items()]
+    rows = [
+        (name, file, reason.replace(f"{source}/", ""))
+        for name, its in left_out.items()
+        for file, reason in its.items()
+    ]
     for name, _, reason in rows:
         print(f"{name}: left out: {reason}", file=sys.stderr)
     if not found:
