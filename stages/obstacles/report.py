@@ -3,7 +3,7 @@
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.reporting.publishing import publish_report
+from structlearn.reporting.publishing import publish_report, quoted_claims
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.figures import figures
 from structlearn.testbeds.obstacles.page.page import HEADLINES, document, read_published
@@ -41,7 +41,9 @@ def main() -> None:
     )
     page = document(results)
     drawings = figures(results, read_published()["largest_nmse"])
-    publish_report(files.REPORT, {"index": page}, drawings, page.tables, metrics(results), HEADLINES)
+    publish_report(
+        files.REPORT, {"index": page}, drawings, page.tables, metrics(results), HEADLINES, quoted_claims()
+    )
 
 
 if __name__ == "__main__":

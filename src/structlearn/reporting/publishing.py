@@ -13,6 +13,10 @@ from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on
 from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
 
+QUOTED = Path("reports/quoted/recorded")
+"""What other reports quote of that on recorded data. It is no output of a stage: the main pipeline would run
+that of recorded data first, for which most machines have none."""
+
 HEADLINES = 12
 """Most numbers of a `metrics.json` beside the counts of verdicts: `dvc metrics show` stays readable."""
 
@@ -24,11 +28,9 @@ def publish_report(
     tables: Mapping[str, Table],
     metrics: Metrics,
     headlines: Sequence[str],
+    recorded: pd.DataFrame | None = None,
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `metrics.json` and `details.json`.
-
-    A page tells which of its statements were tested on recorded data too, by the claims that the report of
-    recorded data left beside the folder; that has a pipeline of its own, so its claims are no dep of a stage.
 
     Args:
         folder: of the testbed's report.
@@ -37,6 +39,7 @@ def publish_report(
         tables: by name; `claims` is added.
         metrics: flat.
         headlines: those that stand in `metrics.json`, with the counts of verdicts; the others are details.
+        recorded: claims about recorded data, by which a page tells which statements were tested on them too.
 
     Raises:
         ValueError: a headline is not among the metrics, or there are too many of them.
@@ -48,7 +51,7 @@ def publish_report(
     folder = Path(folder)
     shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
     judged: list[Judged] = list(shown.values())
-    both = on_recordings(_recorded_claims(folder.parent), folder.name, claims_table(judged))
+    both = [] if recorded is None else on_recordings(recorded, folder.name, claims_table(judged))
     with publish(folder / "figures") as target:
         target.mkdir()
         figures = _figures(drawings, target)
@@ -69,12 +72,9 @@ def publish_report(
             target.write_text(render(replace(page, recorded=its), figures), encoding="utf-8")
 
 
-def _recorded_claims(reports: Path) -> pd.DataFrame:
-    """Claims about recorded data with their counterparts; none where there was no report of them."""
-    path = reports / "recorded/tables/claims.csv"
-    if not path.exists():
-        return claims_table([]).assign(set="", counterpart="")
-    return read_csv(path, keep_default_na=False)
+def quoted_claims() -> pd.DataFrame:
+    """Claims about recorded data with their counterparts, as `make recorded` left them for other reports."""
+    return read_csv(QUOTED / "claims.csv", keep_default_na=False)
 
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:
