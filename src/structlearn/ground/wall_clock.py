@@ -1,6 +1,6 @@
 """How long each stage took when DVC ran it last: `python -m structlearn.ground.wall_clock` lists it.
 
-Times differ from run to run and from machine to machine, so they are in no artefact, no stage depends on them,
+Times differ from run to run and from machine to machine: they are in no artefact, no stage depends on them,
 and git does not keep them.
 """
 

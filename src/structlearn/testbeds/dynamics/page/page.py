@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from structlearn.ground.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
