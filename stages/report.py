@@ -4,8 +4,8 @@ from pathlib import Path
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run
+from structlearn.reporting.claims import QUOTED
 from structlearn.reporting.front import read_report, render_front
-from structlearn.reporting.publishing import QUOTED
 
 TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing", "recorded")
 """In the order of the page."""

@@ -8,7 +8,8 @@ from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters
-from structlearn.reporting.publishing import publish_report, quoted_claims
+from structlearn.reporting.claims import quoted_claims
+from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
@@ -44,8 +45,7 @@ PARAMETERS = {
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    files = ScrapingFiles(parameters["clock"])
-    results = read_results(files, parameters)
+    results = read_results(ScrapingFiles(), parameters)
     studies = {name: read_study(name) for name in STUDIES}
     report = scraping_report(*results, studies, parameters)
     publish_report(

@@ -2,7 +2,8 @@
 
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.reporting.publishing import publish_report, quoted_claims
+from structlearn.reporting.claims import quoted_claims
+from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters

@@ -7,15 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics, publish, read_csv, write_csv, write_metrics
+from structlearn.ground.artefacts import Metrics, publish, write_csv, write_metrics
 from structlearn.ground.parallel import parallel_map
 from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
 from structlearn.reporting.figure_style import Drawing, save
-
-QUOTED = Path("reports/quoted/recorded")
-"""What other reports quote of that on recorded data. It is no output of a stage: the main pipeline would run
-that of recorded data first, for which most machines have none."""
 
 HEADLINES = 12
 """Most numbers of a `metrics.json` beside the counts of verdicts: `dvc metrics show` stays readable."""
@@ -70,11 +66,6 @@ def publish_report(
         its = [one for one in both if one.counterpart.page == name]
         with publish(folder / f"{name}.html") as target:
             target.write_text(render(replace(page, recorded=its), figures), encoding="utf-8")
-
-
-def quoted_claims() -> pd.DataFrame:
-    """Claims about recorded data with their counterparts, as `make recorded` left them for other reports."""
-    return read_csv(QUOTED / "claims.csv", keep_default_na=False)
 
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:
