@@ -44,7 +44,9 @@ SLOW = (
 STARTS = {
     "tables": (
         (),
-        "report.py list_code.py scraping/segment.py scraping/sweep.py scraping/fit_primitives.py "
+        "report.py list_code.py dynamics/import_logs.py scraping/import_nominal.py "
+        "scraping/import_corrections.py servoing/import_touch.py scraping/segment.py "
+        "scraping/sweep.py scraping/fit_primitives.py "
         "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
