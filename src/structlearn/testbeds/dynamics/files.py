@@ -8,8 +8,8 @@ import pandas as pd
 
 from structlearn.ground.artefacts import read_table
 from structlearn.recordings.joint_log import JointLog, read_log_table
+from structlearn.rigid_body.model_names import ROBOT
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.testbeds.dynamics.names import ROBOT
 
 if TYPE_CHECKING:  # torch takes a second to load, and stages that record need only paths
     from structlearn.rigid_body.dynamics_models import DynamicsModels
