@@ -15,7 +15,7 @@ from structlearn.ground import quaternion
 from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.studies import Study
-from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
 from structlearn.testbeds.scraping.page.people_results import VARIANT
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION

@@ -14,7 +14,7 @@ from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 
 REFINED_DEG = 10.0

@@ -5,10 +5,16 @@ from feedback_runs import Y, cuts, execution
 from feedback_skills import random_network
 
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.primitives.sensor_traces import fit_expected_traces
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL, ExecutedSet, scores, traces
-from structlearn.testbeds.scraping.protocol.execution_scores import cost_ratios, execution_scores
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
+from structlearn.primitives.vector import fit_expected_traces
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    NOMINAL,
+    ExecutedSet,
+    cost_ratios,
+    execution_scores,
+    nominal_orientation,
+    scores,
+    traces,
+)
 
 PARAMETERS = committed(
     SupervisionParameters,

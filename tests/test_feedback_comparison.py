@@ -5,7 +5,7 @@ from committed import committed
 from feedback_toy import toy_dataset
 
 from structlearn.feedback import model_comparison
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features
 
 QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.testbeds.scraping.protocol.orientation_cost import (
+from structlearn.testbeds.scraping.protocol.execution_scores import (
     accumulated,
     nominal_orientation,
     orientation_cost,

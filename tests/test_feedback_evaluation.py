@@ -8,14 +8,14 @@ from feedback_skills import random_network
 from structlearn.feedback.supervision import SupervisionParameters, executed_primitive
 from structlearn.ground.metrics import mean_interval
 from structlearn.primitives import canonical
-from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     SETTLED_S,
     cost_ratios,
     execution_scores,
     feedback_traces,
+    nominal_orientation,
 )
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
 SCORED = ("turn", "scrape")
 NOMINAL = nominal_orientation([execution()])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from feedback_toy import toy_dataset
 
-from structlearn.feedback.folds import leave_one_out, without_generalization
+from structlearn.feedback.coupling_dataset import leave_one_out, without_generalization
 from structlearn.ground.errors import InputError
 
 FRACTIONS = (0.075, 0.075)

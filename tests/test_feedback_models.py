@@ -6,15 +6,9 @@ from committed import committed
 from feedback_toy import toy_dataset
 
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
-from structlearn.feedback.coupling_model import train_final
-from structlearn.feedback.feedback_models import train_models
+from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
+from structlearn.feedback.feedback_models import MODELS, FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import (
-    MODELS,
-    FeedbackParameters,
-    TrainingParameters,
-    UnrolledTrainingParameters,
-)
 from structlearn.ground.errors import InputError
 
 FEW = FeedbackParameters(

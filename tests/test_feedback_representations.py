@@ -6,10 +6,10 @@ from committed import committed
 from feedback_skills import random_network
 from feedback_toy import toy_dataset
 
-from structlearn.feedback.folds import leave_one_out
+from structlearn.feedback.coupling_dataset import leave_one_out
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.feedback.models.autoencoded import StackedAutoencoders, autoencoder
 from structlearn.feedback.models.pca import principal_components
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.primitives import canonical
 
 QUICK = committed(TrainingParameters, "compare_models", steps=400, evaluate_every=100, batch_size=32)

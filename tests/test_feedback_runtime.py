@@ -12,22 +12,26 @@ from hypothesis import strategies as st
 from primitives_movements import few, quick, random_orientations, random_vectors, rngs
 from scipy.integrate import solve_ivp
 
-from structlearn.feedback.axes import AXES, direction
-from structlearn.feedback.limits import Limits, demonstrated_limits, largest_coupling
+from structlearn.feedback.coupling import AXES, direction
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.feedback.runtime import Controller, Status
-from structlearn.feedback.skill import ReactiveSkill, Workspace, on_axis
-from structlearn.feedback.tick_latency import tick_latency
+from structlearn.feedback.runtime import Controller, Status, tick_latency
+from structlearn.feedback.skill import (
+    Limits,
+    ReactiveSkill,
+    Workspace,
+    demonstrated_limits,
+    largest_coupling,
+    on_axis,
+)
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, kernels, sequence
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
 from structlearn.primitives.sequence import PoseGoal, PosePrimitive
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import OFFSET_SAMPLES, VectorPrimitive
 
 POSITION = ("position", "velocity", "acceleration")
 ORIENTATION = ("orientation", "angular_velocity", "angular_acceleration")

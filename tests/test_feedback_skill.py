@@ -5,9 +5,8 @@ import pytest
 from feedback_skills import NAMES, random_network, random_skill
 from primitives_movements import wobbly_turn
 
-from structlearn.feedback.limits import Limits
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.skill import Limits, ReactiveSkill, on_axis
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.twist_swing import fit_twist_swing

@@ -13,7 +13,7 @@ from primitives_movements import few
 from pydantic import ValidationError
 from scraping_motions import minimum_jerk
 
-from structlearn.feedback.axes import AXES, direction
+from structlearn.feedback.coupling import AXES, direction
 from structlearn.feedback.supervision import (
     CorrectionParameters,
     SupervisionParameters,
@@ -32,11 +32,10 @@ from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
-from structlearn.primitives.sensor_traces import expected as expected_traces
-from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import fit_twist_swing
+from structlearn.primitives.vector import expected_traces, fit_expected_traces
 from structlearn.recordings.demonstration import Demonstration
 
 DT = 1 / 300

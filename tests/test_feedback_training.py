@@ -7,8 +7,8 @@ from committed import committed
 from feedback_toy import toy_dataset
 from pydantic import ValidationError
 
-from structlearn.feedback.coupling_model import train_final
-from structlearn.feedback.folds import FRACTIONS, leave_one_out
+from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
+from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
 from structlearn.feedback.supervised_training import (
@@ -23,7 +23,6 @@ from structlearn.feedback.supervised_training import (
     target_scale,
     train,
 )
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor

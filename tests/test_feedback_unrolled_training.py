@@ -10,11 +10,9 @@ from pydantic import ValidationError
 from structlearn.feedback.corrected_paths import corrected_paths, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import train_final
+from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
-from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
-from structlearn.feedback.unrolled_training import train_unrolled
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, train_unrolled
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, transformation

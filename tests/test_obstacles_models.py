@@ -14,8 +14,7 @@ from structlearn.avoidance.phase_modulated import (
     train_phase_modulated,
     write_phase_modulated,
 )
-from structlearn.feedback.coupling_model import write_networks
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters, write_networks
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 

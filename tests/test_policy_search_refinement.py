@@ -22,13 +22,11 @@ from made_up_environment import (
 )
 
 from structlearn.feedback.coupling_dataset import concatenated
-from structlearn.feedback.coupling_model import train_final
+from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
-from structlearn.policy_search.covariance import factor
-from structlearn.policy_search.pi2 import PI2Parameters
+from structlearn.policy_search.pi2 import PI2Parameters, covariance_factor
 from structlearn.policy_search.refinement import (
     RefinementParameters,
     compress,
@@ -174,7 +172,7 @@ def test_every_iteration_draws_anew(uninterrupted):
     drawn = []
     for before, after in pairwise(states):
         own = after.policies[len(before.policies) :][: PARAMETERS.search.samples]
-        drawn.append(np.linalg.solve(factor(before.covariance), (own - before.compressed).T))
+        drawn.append(np.linalg.solve(covariance_factor(before.covariance), (own - before.compressed).T))
     assert np.abs(drawn[0] - drawn[1]).max() > 0.5
     np.testing.assert_allclose([np.std(one) for one in drawn], 1.0, rtol=0.15)
 

@@ -4,8 +4,7 @@ from hypothesis import given
 from primitives_movements import quick, rngs
 
 from structlearn.primitives.canonical import phase, time_constant
-from structlearn.primitives.kernels import centres_and_widths, features
-from structlearn.primitives.regression import forcing_weights
+from structlearn.primitives.kernels import centres_and_widths, features, forcing_weights
 
 
 def feature_matrix(samples, count):

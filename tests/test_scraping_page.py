@@ -45,13 +45,18 @@ from structlearn.reporting.claims import (
 from structlearn.reporting.document import render, words_in_view
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page import people_results as people_module
-from structlearn.testbeds.scraping.page import refinement_studies
+from structlearn.testbeds.scraping.page import refinement_results as refinement_module
 from structlearn.testbeds.scraping.page import scraping_report as module
-from structlearn.testbeds.scraping.page.evidence import sweep_evidence, weakest
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features, sharing_over_phase
-from structlearn.testbeds.scraping.page.people_results import People, known, share_left
+from structlearn.testbeds.scraping.page.people_results import (
+    People,
+    known,
+    share_left,
+    sweep_evidence,
+    weakest,
+)
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 
 CLAIMS = "refinement_claims.yaml"
 NUMBER = {name: number for number, name in enumerate(PRIMITIVES, start=1)}.get
@@ -107,7 +112,7 @@ def feedback_evidence(results, count=5, **changes):
 def refinement_evidence(results, text=None):
     """The same of refinements, in the text's form like `text`, else like the results."""
     study = forms(results.metrics(NUMBER), (text or results).metrics(NUMBER))
-    found = refinement_studies.refinement_evidence(results, {refinement_studies.PEOPLE: study}, NUMBER)
+    found = refinement_module.refinement_evidence(results, {refinement_module.PEOPLE: study}, NUMBER)
     assert found
     return found
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from viewer_files import PRIMITIVES as MOVEMENTS
 from viewer_files import colour_of, contents, demonstration, note, values, view_names
 
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import quaternion
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.fitting import FitParameters, learn_primitive
@@ -25,19 +25,26 @@ from structlearn.segmentation.segments import cut
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation, orientation_cost
-from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    AFTER,
+    BEFORE,
+    NOMINAL,
+    nominal_orientation,
+    orientation_cost,
+)
 from structlearn.testbeds.scraping.recordings.executions_recording import (
     write_executions,
     write_refinement,
     write_robot,
 )
-from structlearn.testbeds.scraping.recordings.nominal_recordings import write_demonstrations
+from structlearn.testbeds.scraping.recordings.nominal_recordings import write_alignment, write_demonstrations
 from structlearn.testbeds.scraping.recordings.scraping_scene import electrodes
 from structlearn.testbeds.scraping.recordings.search_recording import CHEAP, Search, cost_colours, searches
-from structlearn.testbeds.scraping.recordings.shown_execution import Execution
-from structlearn.testbeds.scraping.recordings.shown_runs import read_feedback_runs, read_refined_runs
+from structlearn.testbeds.scraping.recordings.shown_execution import (
+    Execution,
+    read_feedback_runs,
+    read_refined_runs,
+)
 from structlearn.testbeds.scraping.world import scraping_robot
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.viewer.rrd import entity, rgba

@@ -7,9 +7,15 @@ from hypothesis import strategies as st
 from reporting_scraping import PARAMETERS
 
 from structlearn.ground.errors import InputError
-from structlearn.segmentation.alignment import Alignment, least_squares, velocity_weights, with_crossings
+from structlearn.segmentation.alignment import (
+    Alignment,
+    Movement,
+    least_squares,
+    refine,
+    velocity_weights,
+    with_crossings,
+)
 from structlearn.segmentation.crossings import Crossing
-from structlearn.segmentation.movement_alignment import Movement, refine
 
 
 @given(st.floats(0.3, 3.0), st.floats(-500, 500), st.integers(0, 1000))

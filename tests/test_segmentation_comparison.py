@@ -7,8 +7,8 @@ from reporting_scraping import PARAMETERS, demonstration, noise_table
 
 from structlearn.ground.metrics import mean_interval
 from structlearn.primitives.sequence import largest_acceleration_jump
-from structlearn.segmentation.cut_errors import distances_to_reference_mm
-from structlearn.segmentation.method_comparison import (
+from structlearn.segmentation.cut_errors import (
+    distances_to_reference_mm,
     errors_by_level,
     errors_by_seed,
     paired_comparison,

@@ -8,10 +8,10 @@ from pydantic import ValidationError
 
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
+from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import METHODS, read_segmentation, write_segmentation
-from structlearn.segmentation.segments import cut
+from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
 
 PRIMITIVES = (
     {"name": "down", "axis": "z", "threshold_m_s": 0.01},

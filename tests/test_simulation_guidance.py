@@ -13,8 +13,9 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     orientation_of,
 )
 from structlearn.testbeds.scraping.world.execution import ControlParameters, execute
-from structlearn.testbeds.scraping.world.guidance import GuidanceParameters, guided_motion, pressure
+from structlearn.testbeds.scraping.world.guided_demonstrations import guided_motion, pressure
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
+from structlearn.testbeds.scraping.world.testbed import GuidanceParameters
 
 DT = 1 / 300
 GUIDANCE = committed(GuidanceParameters, "testbed.guidance")

@@ -11,7 +11,7 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
 from structlearn.recordings import read_demonstrations, write_recordings
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 

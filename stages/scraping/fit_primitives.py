@@ -7,7 +7,7 @@ from structlearn.primitives.fitting import FitParameters, cross_validation, lear
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.result import read_segmentation
+from structlearn.segmentation.segments import read_segmentation
 
 
 def main() -> None:

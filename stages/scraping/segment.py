@@ -4,8 +4,7 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import write_segmentation
-from structlearn.segmentation.segments import cut
+from structlearn.segmentation.segments import cut, write_segmentation
 
 
 def main() -> None:

@@ -11,11 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
-from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.coupling_model import CouplingModel, read_networks, write_networks
-from structlearn.feedback.folds import FRACTIONS, without_generalization
+from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, without_generalization
+from structlearn.feedback.coupling_model import (
+    CouplingModel,
+    TrainingParameters,
+    read_networks,
+    write_networks,
+)
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 
 

@@ -11,12 +11,30 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import CouplingModel, train_final
-from structlearn.feedback.training_parameters import LEVEL, MODELS, UNROLLED, FeedbackParameters
+from structlearn.feedback.coupling_model import (
+    CouplingModel,
+    NetworkParameters,
+    TrainingParameters,
+    UnrolledTrainingParameters,
+    train_final,
+)
 from structlearn.ground.parallel import parallel_map
+
+POINTWISE, LEVEL, UNROLLED = "pointwise", "level", "unrolled"
+MODELS = (POINTWISE, LEVEL, UNROLLED)
+
+
+class FeedbackParameters(NetworkParameters):
+    """Training of the final models, sample by sample and inside the unroll."""
+
+    pointwise: TrainingParameters
+    unrolled: UnrolledTrainingParameters
+    validation_share: float = Field(gt=0, lt=1)
+
 
 Key = TypeVar("Key", bound=Hashable)
 

@@ -8,10 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.coupling_model import CouplingModel, named_model
-from structlearn.feedback.folds import FRACTIONS, PARTS, leave_one_out
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_dataset import FRACTIONS, PARTS, CouplingDataset, leave_one_out
+from structlearn.feedback.coupling_model import CouplingModel, TrainingParameters, named_model
 from structlearn.ground.metrics import mean_interval, nmse, verdict
 from structlearn.ground.parallel import parallel_map
 

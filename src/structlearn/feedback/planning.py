@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from structlearn.feedback.axes import AXES
+from structlearn.feedback.coupling import AXES
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.feedback.stepping import Plan

@@ -15,10 +15,9 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from structlearn import __version__
-from structlearn.feedback.axes import AXES, unit
+from structlearn.feedback.coupling import AXES, unit
 from structlearn.feedback.coupling_model import model_name, named_model
-from structlearn.feedback.limits import FadingParameters, Limits
-from structlearn.feedback.skill import ReactiveSkill, Workspace
+from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import (
@@ -29,7 +28,7 @@ from structlearn.primitives.primitive_files import (
     vector_primitive,
     vector_tensors,
 )
-from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
+from structlearn.primitives.vector import OFFSET_SAMPLES
 
 KIND = "reactive_skill"
 """The one key of the description."""

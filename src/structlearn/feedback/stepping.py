@@ -11,7 +11,7 @@ import numpy as np
 
 from structlearn.feedback.coupling_model import evaluate
 from structlearn.primitives import orientation, transformation
-from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
+from structlearn.primitives.vector import OFFSET_SAMPLES
 
 REJECTED, WAITING, NO_OFFSET, STALE, SATURATED, RATE_LIMITED = (1 << bit for bit in range(6))
 
@@ -35,7 +35,7 @@ class Plan(NamedTuple):
     position_forcing: np.ndarray  # (R, 3) in the base frame
     orientation_forcing: np.ndarray  # (R, 3)
     expected: np.ndarray  # (R, E) expected sensor traces; NaN where a primitive has none
-    axes: np.ndarray  # (D,) places of the axes of the coupling in `axes.AXES`
+    axes: np.ndarray  # (D,) places of the axes of the coupling in `coupling.AXES`
     kernels: np.ndarray  # (P, D) addresses of the networks' kernels, 0 where there is no network
     inputs: np.ndarray  # (P, D) how many channels they take
     sizes: np.ndarray  # (P, D, S), see `coupling_model.Compiled`

@@ -15,9 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.feedback.coupling_model import Jobs, Model, Trained
-from structlearn.feedback.folds import PARTS, Fold
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_dataset import PARTS, Fold
+from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 

@@ -13,8 +13,14 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, field_validator
 
-from structlearn.feedback.axes import AXES, Axis, direction, turns
-from structlearn.feedback.coupling import orientation_target, reach_target
+from structlearn.feedback.coupling import (
+    AXES,
+    Axis,
+    direction,
+    orientation_target,
+    reach_target,
+    turns,
+)
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
@@ -23,7 +29,6 @@ from structlearn.ground.params import Parameters
 from structlearn.ground.signals import low_pass
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
-from structlearn.primitives.sensor_traces import deviation, fit_expected_traces, without_offset
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
@@ -31,7 +36,7 @@ from structlearn.primitives.trajectory import (
     differentiated,
     differentiated_orientation,
 )
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.recordings.demonstration import Demonstration
 
 Setting = TypeVar("Setting", float, str)
@@ -126,7 +131,7 @@ class CorrectedPrimitive:
     point: Trajectory | None  # (T, 3) corrected position, smoothed
     turn: OrientationTrajectory | None  # (T, 4) corrected orientation, smoothed
     deviation: np.ndarray  # (T, D) of the sensors
-    target: np.ndarray  # (T, 6) coupling term on each of `axes.AXES`; 0 where its path is None
+    target: np.ndarray  # (T, 6) coupling term on each of `coupling.AXES`; 0 where its path is None
     groups: tuple[int, ...]  # of `CouplingDataset`
 
 

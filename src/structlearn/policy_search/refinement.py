@@ -23,9 +23,8 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import CouplingModel, train_final
+from structlearn.feedback.coupling_model import CouplingModel, TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution

@@ -10,8 +10,8 @@ from pydantic import Field
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
+from structlearn.primitives.kernels import Regression
 from structlearn.primitives.position import fit_position
-from structlearn.primitives.regression import Regression
 from structlearn.primitives.sequence import PosePrimitive, fit_orientation
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,

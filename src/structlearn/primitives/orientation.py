@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from structlearn.ground import quaternion
-from structlearn.primitives import canonical, kernels, regression
+from structlearn.primitives import canonical, kernels
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Coupling, step_matrix
 from structlearn.primitives.vector import sample_count
@@ -76,7 +76,7 @@ class QuaternionPrimitive:
 
 def fit_quaternion(
     demonstrations: Sequence[OrientationTrajectory],
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> QuaternionPrimitive:
     """Learn a quaternion primitive from one or several demonstrations of any durations.
@@ -87,7 +87,7 @@ def fit_quaternion(
     velocities = np.array([path.angular_velocity[0] for path in demonstrations])
     accelerations = np.array([path.angular_acceleration[0] for path in demonstrations])
     return QuaternionPrimitive(
-        weights=regression.forcing_weights(
+        weights=kernels.forcing_weights(
             [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations],
             method=method,
             count=kernel_count,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground.frames import FrameKind, frame_kind, local_frame
-from structlearn.primitives import kernels, regression, transformation
+from structlearn.primitives import kernels, transformation
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
 
@@ -80,7 +80,7 @@ class PositionPrimitive:
 def fit_position(
     demonstrations: Sequence[Trajectory],
     scaled: Sequence[bool] = (False, False, False),
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> PositionPrimitive:
     """Learn a position primitive; each demonstration is turned into its own local frame.

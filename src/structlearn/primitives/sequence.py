@@ -11,7 +11,12 @@ from pydantic import Field
 from structlearn.ground import quaternion
 from structlearn.ground.frames import UP
 from structlearn.ground.params import Parameters
-from structlearn.primitives import kernels, orientation, position, regression, twist_swing
+from structlearn.primitives import (
+    kernels,
+    orientation,
+    position,
+    twist_swing,
+)
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
 OrientationPrimitive = orientation.QuaternionPrimitive | twist_swing.TwistSwingPrimitive
@@ -66,7 +71,7 @@ class GeneraliseParameters(Parameters):
 
 def fit_orientation(
     demonstrations: Sequence[OrientationTrajectory],
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> OrientationPrimitive:
     """Orientation primitive in the form that the demonstrations' largest net turn asks for.

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground import quaternion
-from structlearn.primitives import kernels, regression
+from structlearn.primitives import kernels
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.transformation import Coupling
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
@@ -89,7 +89,7 @@ class TwistSwingPrimitive:
 
 def fit_twist_swing(
     demonstrations: Sequence[OrientationTrajectory],
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> TwistSwingPrimitive:
     """Learn an orientation primitive in the chart about the demonstrations' dominant axis.

@@ -14,8 +14,7 @@ import numpy as np
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
-from structlearn.segmentation.crossing import moving_interval
-from structlearn.segmentation.motion_runs import Candidates, Motion, Search
+from structlearn.segmentation.motion_runs import Candidates, Motion, Search, moving_interval
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.run_assignment import Assignment
 

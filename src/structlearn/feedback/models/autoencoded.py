@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Jobs, Nodes, Trained
+from structlearn.feedback.coupling_model import Jobs, Nodes, Trained, TrainingParameters
 from structlearn.feedback.models.pca import Encoder, principal_components, train_coded
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import TrainingParameters
 
 if TYPE_CHECKING:
     from torch import Generator, Tensor

@@ -12,9 +12,8 @@ from typing import Self
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Jobs, Nodes, Trained
+from structlearn.feedback.coupling_model import Jobs, Nodes, Trained, TrainingParameters
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.networks.compiled_layers import Layers
 
 VARIANCE_KEPT = 0.99

@@ -30,7 +30,7 @@ from structlearn.reporting.movement_figures import (
     space_panels,
     speed,
 )
-from structlearn.segmentation.result import Segmentation
+from structlearn.segmentation.segments import Segmentation
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 
 ELECTRODES_SHOWN = 4

@@ -18,7 +18,7 @@ from structlearn.testbeds.scraping.names import ROLLOUTS, RUNS, SEARCHES, primit
 from structlearn.testbeds.scraping.page.execution_results import hand_roll_deg, moments, tool_roll_deg
 from structlearn.testbeds.scraping.page.feedback_figures import panel
 from structlearn.testbeds.scraping.page.refinement_results import PUBLISHED_ITERATIONS, RefinementResults
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M
 
 CLOUD_WIDTH = 0.26

@@ -10,8 +10,7 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import CouplingModel, train_final
-from structlearn.feedback.training_parameters import NetworkParameters
+from structlearn.feedback.coupling_model import CouplingModel, NetworkParameters, train_final
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.refinement import (

@@ -8,8 +8,7 @@ import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.limits import Limits
-from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.skill import Limits, ReactiveSkill, on_axis
 from structlearn.feedback.supervision import (
     SupervisionParameters,
     corrected_primitive,
@@ -24,8 +23,8 @@ from structlearn.recordings.clock import synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import orientation_cost
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
-from structlearn.testbeds.scraping.protocol.orientation_cost import orientation_cost
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 REFINED = 4
@@ -51,7 +50,7 @@ class Board:
     preceding: Mapping[str, CouplingModel]  # networks of the primitives before this one
     name: str  # of the primitive that is refined
     setting_deg: float  # roll of the board
-    nominal: np.ndarray  # (T, 4) of `cost.nominal_orientation`
+    nominal: np.ndarray  # (T, 4) of `nominal_orientation`
     supervision: SupervisionParameters  # how executions become supervised data
     testbed: TestbedParameters
     limits: Limits

@@ -5,9 +5,8 @@ import time
 import numpy as np
 from pydantic import Field
 
-from structlearn.feedback.runtime import Controller
+from structlearn.feedback.runtime import Controller, tick_latency
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.tick_latency import tick_latency
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, execute_run

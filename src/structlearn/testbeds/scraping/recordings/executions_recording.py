@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 
 from structlearn.palette import primitive_colour
 from structlearn.testbeds.scraping.names import RUNS
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.recordings.scraping_scene import (
     close_view,
     full_scale,
@@ -100,7 +100,7 @@ def write_refinement(
     Each setting has a tab with the executions without feedback, before and after refinement, and each refined
     primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
 
-    `settings`: of `shown_runs.read_refined_runs`. `history`: one row per rollout, of
+    `settings`: of `shown_execution.read_refined_runs`. `history`: one row per rollout, of
     `policy_search.rollouts.history_rows` with `primitive`. `samples`: what was felt and done, of
     `policy_search.rollouts.sample_rows` with `primitive`.
     """

@@ -1,8 +1,8 @@
 """One run of the scraping robot: a motion is followed, the board is touched, everything is recorded.
 
-What differs between runs is who leads: a person who guides the arm (`guidance.guided_motion`), the learned
-primitives, or the primitives with feedback (`feedback.runtime.Controller`). All of them give a reference pose
-per tick; force control along z and, for corrections, compliance about roll are added to it (table IV.4).
+What differs between runs is who leads: a person who guides the arm (`guided_motion`), the learned primitives,
+or the primitives with feedback (`feedback.runtime.Controller`). All of them give a reference pose per tick;
+force control along z and, for corrections, compliance about roll are added to it (table IV.4).
 
 The whole run is one compiled loop. Its ticks can also be run one by one with somebody else integrating the
 robot's motion between them: `in_pybullet`, to compare.
