@@ -94,12 +94,6 @@ def test_runs_are_paired_by_name_whatever_their_order():
     pd.testing.assert_frame_equal(cost_ratios(shuffled, "ours"), cost_ratios(table, "ours"))
 
 
-def test_a_model_beside_itself_costs_the_same():
-    ratios = cost_ratios(hand_made(), "nominal")
-    np.testing.assert_allclose(ratios["ratio"], 1.0)
-    np.testing.assert_allclose(ratios[["lower_rad", "half_width"]], 0.0, atol=1e-12)
-
-
 @pytest.fixture(scope="module")
 def expected():
     waves = 10 * np.sin(np.linspace(0, 3, 201)[:, None] * np.arange(1, 7))

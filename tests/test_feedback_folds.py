@@ -53,13 +53,6 @@ def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():
     assert seen == {0, 1, 2}
 
 
-def test_splits_differ_between_folds_and_seeds_only():
-    data = toy_dataset()
-    first, again, other = (without_generalization(data, FRACTIONS, 1, seed) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(first.validation, again.validation)
-    assert not np.array_equal(first.validation, other.validation)
-
-
 def test_too_little_data_is_named():
     with pytest.raises(InputError, match="1 demonstration per setting: nothing is left"):
         leave_one_out(toy_dataset(demonstrations=1), FRACTIONS, 1, seed=0)

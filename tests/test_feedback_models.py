@@ -55,13 +55,6 @@ def test_every_model_has_a_network_for_every_primitive(trained, datasets):
             assert all(np.isfinite(array).all() for array in arrays(network))
 
 
-def test_the_same_data_and_seed_give_the_same_networks(trained, datasets, level):
-    for model, networks in train_models(datasets, level, FEW).items():
-        for (_, again), (_, network) in zip(networks, trained[model], strict=True):
-            for one, other in zip(arrays(again), arrays(network), strict=True):
-                np.testing.assert_array_equal(one, other)
-
-
 def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
     alone = train_final(PhaseModulatedNetwork, datasets["turn"], FEW.pointwise, FEW.hidden)
     for one, other in zip(arrays(alone), arrays(dict(trained["pointwise"])["turn"]), strict=True):

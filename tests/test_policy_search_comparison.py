@@ -124,13 +124,6 @@ def test_equal_numbers_meet_equal_conditions(table, environment):
     assert judged == [(0, JUDGED, number) for _ in range(means) for number in range(3)]
 
 
-def test_all_searches_share_a_call_per_update(environment):
-    both, alone = SEARCH.samples + POPULATION, POPULATION
-    *updates, judged = environment.batches
-    assert updates == [2 * both] * 6 + [2 * alone] * 7
-    assert judged == 3 * (1 + 2 * 6 + 2 * 13)
-
-
 def test_the_mean_policies_are_those_of_the_searches(environment, table):
     """The first update of PI2-CMA by hand: the cost of its mean is in the table."""
     search = PathIntegralSearch(
@@ -202,12 +195,6 @@ def test_failed_rollouts_count_and_have_no_cost():
     assert np.isfinite(table.loc[table["update"] > 0, "best_rad"]).all()
     last = table.groupby(["method", "seed"])["cost_rad"].last()
     assert (last < 0.5 * table["cost_rad"].iloc[0]).all()
-
-
-def test_a_mean_policy_that_fails_once_has_no_cost():
-    table = compared(MadeUp(lambda seed: seed == (0, JUDGED, 1)))
-    assert table["cost_rad"].isna().all()
-    assert np.isfinite(table.loc[table["update"] > 0, "best_rad"]).all()
 
 
 @pytest.mark.parametrize(("method", "count"), [(PI2, SEARCH.samples), (CMA_ES, POPULATION)])

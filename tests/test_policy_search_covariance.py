@@ -71,13 +71,6 @@ def test_samples_that_are_as_wide_as_the_old_covariance_keep_it(mode):
     np.testing.assert_allclose(new, old, rtol=1e-9)
 
 
-def test_kept_is_the_old_one():
-    old = random_covariance(np.random.default_rng(0), 2)
-    weights = np.array([[1.0, 1.0], [0.0, 0.0]])
-    new = adapted_covariance(old, np.array([[9.0, 9.0], [0.0, 0.0]]), weights, parameters_of("kept"))
-    np.testing.assert_array_equal(new, old)
-
-
 @pytest.mark.parametrize("mode", ["per_weight", "rescaled", "full"])
 def test_no_variance_shrinks_below_the_floor(mode):
     """All weight on the old mean: nothing is left of the estimate."""

@@ -7,7 +7,6 @@ from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import reach
-from pydantic import ValidationError
 from scipy.optimize import minimize_scalar
 
 from structlearn.ground.errors import InputError
@@ -135,22 +134,6 @@ def test_two_samples_at_a_fixed_temperature():
     np.testing.assert_allclose(found.effective_samples, 1 / (p**2 + (1 - p) ** 2))
 
 
-def test_equal_costs_make_the_mean_of_the_samples():
-    distribution, policies, _ = random_rollouts(np.random.default_rng(0))
-    found = update(distribution, policies, np.full((12, 6), 0.1), DEFAULT)
-    np.testing.assert_allclose(found.distribution.mean, policies.mean(axis=0))
-    np.testing.assert_allclose(found.weights, 1 / 12)
-    np.testing.assert_allclose(found.effective_samples, 12)
-
-
-def test_the_best_sample_wins_at_a_low_temperature():
-    distribution, policies, costs = random_rollouts(np.random.default_rng(1))
-    costs[7] = -1.0
-    found = update(distribution, policies, costs, committed(PI2Parameters, "refine.search", temperature=1e-6))
-    np.testing.assert_allclose(found.distribution.mean, policies[7])
-    np.testing.assert_allclose(found.effective_samples, 1.0)
-
-
 @given(rng=rngs, scale=st.floats(1e-3, 1e3), shift=st.floats(-10.0, 10.0))
 def test_scale_and_shift_of_the_costs_do_not_matter(rng, scale, shift):
     distribution, policies, costs = random_rollouts(rng)
@@ -234,25 +217,6 @@ def test_an_activation_of_another_shape_is_named():
         update(*random_rollouts(np.random.default_rng(0)), DEFAULT, np.ones((3, 6)))
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"samples": 1},
-        {"kl_bound": 0.0},
-        {"temperature": 0.0},
-        {"temperature_floor": 0.0},
-        {"horizon": 0.0},
-        {"averaging": "per_step"},
-        {"covariance": {"mode": "diagonal"}},
-        {"covariance": {"damping": 0.5}},
-        {"covariance": {"eigenvalue_floor": 0.0}},
-    ],
-)
-def test_parameters_out_of_range_are_refused(wrong):
-    with pytest.raises(ValidationError):
-        PI2Parameters.model_validate(wrong)
-
-
 def test_samples_have_the_moments_of_the_distribution():
     distribution = SearchDistribution(np.array([1.0, -2.0]), np.array([[2.0, 0.6], [0.6, 0.5]]))
     policies = sample(distribution, 200_000, np.random.default_rng(0))
@@ -277,11 +241,6 @@ def shifted_quadratic(dimensions, condition):
     axes = np.linalg.qr(rng.normal(size=(dimensions, dimensions)))[0]
     optimum, curvatures = rng.normal(size=dimensions), np.geomspace(1.0, condition, dimensions)
     return lambda policies: np.sum(curvatures * ((policies - optimum) @ axes) ** 2, axis=1)
-
-
-def rosenbrock(policies):
-    x, y = policies[:, :-1], policies[:, 1:]
-    return np.sum(100.0 * (y - x**2) ** 2 + (1.0 - x) ** 2, axis=1)
 
 
 def search(function, start, std, updates, seed, parameters):
@@ -328,27 +287,6 @@ def test_a_full_covariance_learns_an_ill_conditioned_quadratic_as_fast_as_cma_es
     )
     assert ours < 10.0 * peer
     assert ours < 1e-3 * of_fixed_shape
-
-
-def test_the_valley_of_rosenbrock_is_followed_to_its_end():
-    """From 58 to the minimum at (1, 1), in 40 updates."""
-    full = parameters_of("full")
-    costs = [search(rosenbrock, np.full(2, -0.5), 0.5, 40, seed, full) for seed in range(5)]
-    assert np.median(costs) < 1e-6
-
-
-def test_failing_rollouts_do_not_end_a_search():
-    """A quarter of the policies, all of one side, diverge: the minimum on the other side is found."""
-    function = shifted_quadratic(5, 10.0)
-
-    def with_faults(policies):
-        costs = function(policies)
-        return np.where(policies[:, 0] < np.quantile(policies[:, 0], 0.25), np.nan, costs)
-
-    parameters = parameters_of("rescaled")
-    whole, faulty = (search(each, np.zeros(5), 1.0, 30, 0, parameters) for each in (function, with_faults))
-    assert whole < 1e-3
-    assert faulty < 1e-2
 
 
 @pytest.fixture(scope="module")

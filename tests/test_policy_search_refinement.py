@@ -34,8 +34,7 @@ from structlearn.policy_search.refinement import (
     open_loop_weights,
     refine,
 )
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE, Rollout
-from structlearn.primitives import kernels
+from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
 
 EXPLORATION = 4.0
 KINDS = (FEEDBACK, SAMPLE, IMPROVED)
@@ -106,12 +105,6 @@ def test_an_open_loop_policy_is_compressed_into_itself():
         np.testing.assert_allclose(compress(done, KERNELS), policy, rtol=1e-10)
 
 
-def test_a_policy_has_as_many_kernels_as_the_forcing_term():
-    policy = np.random.default_rng(1).normal(0.0, 20.0, kernels.KERNEL_COUNT)
-    samples = dataset(np.zeros((TICKS, CHANNELS)), kernels.features(*PHASE) @ policy, NEW)
-    np.testing.assert_allclose(compress([Rollout(np.zeros(TICKS), samples)]), policy, rtol=1e-9)
-
-
 def test_several_runs_are_compressed_into_their_mean_and_failed_ones_left_out():
     policies = np.random.default_rng(2).normal(0.0, 20.0, (3, KERNELS))
     runs = MadeUp(lambda seed: seed == (1,)).rollouts(
@@ -156,15 +149,6 @@ def test_policies_line_up_with_the_open_loop_rows(uninterrupted):
     for policy, row in zip(result.policies, rows.itertuples(), strict=True):
         seed = (row.iteration, KINDS.index(row.kind), row.number)
         assert row.cost_rad == environment.rollout(open_loop(policy), seed).cost.sum()
-
-
-def test_policies_are_drawn_around_what_the_network_did(uninterrupted):
-    _, states, result = uninterrupted
-    first = result.policies[: PARAMETERS.search.samples]
-    spread = first - states[0].compressed
-    assert spread.std() == pytest.approx(EXPLORATION, rel=0.15)
-    np.testing.assert_array_equal(states[0].covariance, EXPLORATION**2 * np.eye(KERNELS))
-    assert not np.array_equal(states[1].covariance, states[0].covariance)
 
 
 def test_every_iteration_draws_anew(uninterrupted):

@@ -231,13 +231,6 @@ def test_sharing_of_dominant_nodes_is_nought_on_average_with_permuted_weights(fe
     assert sharing_over_phase(dominant_features(phase_weights())) < -0.3
 
 
-def test_a_study_from_before_a_number_leaves_its_row_untested(feedback):
-    numbers = {key: one for key, one in feedback.metrics().items() if "over_phase" not in key}
-    evidence = people_module.feedback_evidence(People.of_study(people(numbers), PRIMITIVES), ADAPTED, [])
-    assert "phase_dependent" not in evidence
-    assert "order_of_structures" in evidence
-
-
 @pytest.mark.parametrize(("power", "expected"), [(2.0, YES), (1.0, NO), (2.5, NO)])
 def test_work_that_does_not_fall_with_the_square_refutes_it(segmentation, power, expected):
     swept = replace(segmentation, downsampling_people=work_table(power))

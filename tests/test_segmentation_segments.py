@@ -87,11 +87,6 @@ def test_reference_may_be_chosen(two_move_demonstrations):
         cut(two_move_demonstrations, parameters(reference="99"))
 
 
-def test_downsampling_moves_the_cuts_by_less_than_its_step(two_move_demonstrations):
-    every, fourth = (cut(two_move_demonstrations, parameters(downsampling=g)).result("down") for g in (1, 4))
-    assert np.abs(every["start_s"] - fourth["start_s"]).max() < 4 * 0.01
-
-
 def motionless(demonstrations):
     still = replace(demonstrations[1], position=demonstrations[1].position * [1, 0, 1])
     return [demonstrations[0], still, *demonstrations[2:]]

@@ -8,8 +8,8 @@ from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.figures import figures
 from structlearn.testbeds.obstacles.page.page import HEADLINES, document, read_published
 from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 

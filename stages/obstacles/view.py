@@ -6,15 +6,19 @@ from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
-from structlearn.testbeds.obstacles.recordings.changing_avoidance import write_changing_avoidance
-from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import write_avoidance_demonstrations
-from structlearn.testbeds.obstacles.recordings.shown_scenarios import (
+from structlearn.testbeds.obstacles.recordings.avoidance_scene import (
     ObstacleViewParameters,
     chosen_scenarios,
     shown_scenarios,
 )
-from structlearn.testbeds.obstacles.recordings.trained_avoidance import write_trained_avoidance
-from structlearn.testbeds.obstacles.recordings.unseen_avoidance import write_unseen_avoidance
+from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import (
+    write_avoidance_demonstrations,
+    write_trained_avoidance,
+)
+from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
+    write_changing_avoidance,
+    write_unseen_avoidance,
+)
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 

@@ -7,11 +7,16 @@ from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing import files
-from structlearn.testbeds.servoing.recordings.demonstrated_touches import write_touch_demonstrations
-from structlearn.testbeds.servoing.recordings.latent_maps import write_latent_maps
+from structlearn.testbeds.servoing.recordings.demonstrated_touches import (
+    write_latent_maps,
+    write_touch_demonstrations,
+)
 from structlearn.testbeds.servoing.recordings.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.recordings.servoing_scene import flat_skin
-from structlearn.testbeds.servoing.recordings.shown_touches import ServoingViewParameters, shown_touches
+from structlearn.testbeds.servoing.recordings.servoing_scene import (
+    ServoingViewParameters,
+    flat_skin,
+    shown_touches,
+)
 from structlearn.testbeds.servoing.world.servo_loop import handle_of
 
 

@@ -32,16 +32,9 @@ def taught(
 ) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
     """What one person teaches.
 
-    Args:
-        seed: of the person.
-        recorded: folder with the demonstrations of `person`.
-        scene: where obstacles stand.
-        person: who is recorded; others differ by their seed.
-        parameters: see there.
-
-    Returns:
-        The unhindered reach; the samples, see `avoidance_dataset.to_table`; scores of the demonstrations, see
-        `avoidance_protocols.demonstration_scores`; the tables with a column `person`.
+    `recorded`: folder with the demonstrations of `person`; `person`: who is recorded; others differ by their
+    seed. Returns the unhindered reach; the samples, see `avoidance_dataset.to_table`; scores of the
+    demonstrations, see `avoidance_protocols.demonstration_scores`; the tables with a column `person`.
     """
     places = scenarios(scene)
     unhindered, *sets = _demonstrated(seed, [None, *places], Path(recorded), scene, person)

@@ -87,15 +87,9 @@ def demonstrate(
 ) -> list[list[Recording]]:
     """Demonstrations in several scenarios, as motion capture records them.
 
-    Each depends on the seed, its scenario and its number only, not on what else is asked for.
-
-    Args:
-        scenarios: where; None is the baseline without obstacle.
-        scene: start and goal.
-        person: who, and how often.
-
-    Returns:
-        Per scenario, in order, recordings "01", "02", ... with a pose stream.
+    Each depends on the seed, its scenario and its number only, not on what else is asked for. `scenarios`:
+    where; None is the baseline without obstacle. Returns per scenario, in order, recordings "01", "02", ...
+    with a pose stream.
 
     Raises:
         InputError: an obstacle contains start or goal, or the reach has no direction.
@@ -122,13 +116,8 @@ def reaches(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """What the hand does in one scenario.
 
-    Args:
-        scenario: None is the baseline without obstacle.
-        scene: start and goal.
-        person: who, and how often.
-
-    Returns:
-        Per demonstration times (T,) s from 0 and measured positions (T, 3) m in the base frame.
+    `scenario`: None is the baseline without obstacle. Returns per demonstration times (T,) s from 0 and
+    measured positions (T, 3) m in the base frame.
 
     Raises:
         InputError: as `demonstrate`.
@@ -227,12 +216,8 @@ def _detour(
 def jerk_metric(count: int) -> np.ndarray:
     """How a path with rest at both ends gives way to a push with the least squared jerk.
 
-    Args:
-        count: points of the path.
-
-    Returns:
-        (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
-        rows and columns of the `FIXED_POINTS` at either end are 0.
+    Returns (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
+    rows and columns of the `FIXED_POINTS` at either end are 0.
     """
     third = np.diff(np.eye(count), n=3, axis=0)[:, FIXED_POINTS:-FIXED_POINTS]
     metric = np.zeros((count, count))
