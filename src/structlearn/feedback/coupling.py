@@ -24,8 +24,7 @@ from structlearn.primitives.position import PositionPrimitive, from_start
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
-Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
-"""Of the base frame: along it, or about it with an `r`."""
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]  # Of the base frame: along it, or about it with an `r`
 
 AXES: tuple[Axis, ...] = get_args(Axis)
 """In this order everywhere: three of the position, then three of the orientation."""

@@ -131,8 +131,7 @@ def _dataset(table: pd.DataFrame, setting: str, target: str) -> CouplingDataset:
 
 PARTS = ("train", "validation", "test", "generalization")
 
-FRACTIONS = (0.075, 0.075)
-"""Of the samples that are not left out, for validation and test (IV.9.3)."""
+FRACTIONS = (0.075, 0.075)  # Of the samples that are not left out, for validation and test (IV.9.3)
 
 
 @dataclass(frozen=True)

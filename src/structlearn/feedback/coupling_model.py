@@ -76,8 +76,7 @@ class NetworkParameters(Parameters):
 Jobs = Sequence[tuple[CouplingDataset, Fold]]
 """Samples, and which of them train a model, choose its step and test it; one model per job."""
 
-Nodes = Sequence[int]
-"""Of each hidden layer."""
+Nodes = Sequence[int]  # Of each hidden layer
 
 _NUMBERS = types.CPointer(types.float64)
 

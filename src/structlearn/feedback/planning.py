@@ -16,14 +16,14 @@ from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count
 
-Place = tuple[int, int]
-"""Index of the primitive, index of the axis."""
+Place = tuple[int, int]  # Index of the primitive, index of the axis
 
 HELD_DURATIONS = 4.0
 """How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
 
-MOST_TICKS = 10**7
-"""Of a run, which is planned ahead: at 1 kHz almost three hours; more are a slip of units."""
+MOST_TICKS = (
+    10**7
+)  # Of a run, which is planned ahead: almost three hours at 1 kHz; more suggests a unit error
 
 
 def plan_in_time(

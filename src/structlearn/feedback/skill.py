@@ -20,9 +20,7 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.primitives.vector import VectorPrimitive
 
-TARGET_MARGIN = 1.5
-"""A coupling term may be this much larger than any that was demonstrated."""
-
+TARGET_MARGIN = 1.5  # A coupling term may be this much larger than any that was demonstrated
 LARGEST_TURN, LARGEST_SHIFT = 40.0, ALPHA * BETA * 0.03
 """rad and m; held for long, they turn by 15 degrees and shift by 3 cm: where nothing else is said."""
 
@@ -79,8 +77,7 @@ def demonstrated_limits(targets: Mapping[Axis, Sequence[np.ndarray]], fading: Fa
 Networks = Mapping[str, Mapping[Axis, CouplingModel]]
 """Feedback models by the primitive's name, by axis; a primitive without them, or an axis, is left alone."""
 
-UNIT_TOLERANCE = 1e-6
-"""How far the norm of an axis or a quaternion may be from 1."""
+UNIT_TOLERANCE = 1e-6  # How far the norm of an axis or a quaternion may be from 1
 
 
 @dataclass(frozen=True)

@@ -30,9 +30,7 @@ from structlearn.primitives.primitive_files import (
 )
 from structlearn.primitives.vector import OFFSET_SAMPLES
 
-KIND = "reactive_skill"
-"""The one key of the description."""
-
+KIND = "reactive_skill"  # The one key of the description
 UNITS = {
     "length": "m",
     "angle": "rad",

@@ -43,8 +43,7 @@ from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
 from structlearn.primitives import canonical, kernels
 from structlearn.primitives.kernels import KERNEL_COUNT, features
 
-MOVEMENT_SAMPLES = 1000
-"""Samples of one movement over which the mean phase velocity of a kernel is taken."""
+MOVEMENT_SAMPLES = 1000  # Samples of one movement over which the mean phase velocity of a kernel is taken
 
 
 class StackedPhaseModulatedNetworks:
@@ -165,11 +164,8 @@ def kernel_scale(count: int) -> np.ndarray:
     return normalised.sum(axis=0) / np.abs(u @ normalised)
 
 
-DEMONSTRATIONS_PER_BATCH = 15
-"""Whole demonstrations in a step: as many as there are of one setting."""
-
-VALIDATION_INTERVAL = 50
-"""Steps between two looks at the demonstrations that training is stopped on."""
+DEMONSTRATIONS_PER_BATCH = 15  # Whole demonstrations in a step: as many as there are of one setting
+VALIDATION_INTERVAL = 50  # Steps between two looks at the demonstrations that training is stopped on
 
 
 def train_unrolled(

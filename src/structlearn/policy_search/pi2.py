@@ -101,8 +101,7 @@ def adapted_covariance(
     return full
 
 
-FEWEST_ROLLOUTS = 2
-"""One rollout says nothing of what is better."""
+FEWEST_ROLLOUTS = 2  # One rollout says nothing of what is better
 
 
 class PI2Parameters(Parameters):

@@ -45,8 +45,7 @@ from structlearn.primitives.kernels import KERNEL_COUNT
 SMALLEST_SINGULAR_VALUE = 1e-4
 """Relative to the largest; what is smaller is a kernel that the vanishing phase velocity hides."""
 
-KNOWN = 5
-"""Second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches."""
+KNOWN = 5  # Second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches
 
 
 class RefinementParameters(Parameters):

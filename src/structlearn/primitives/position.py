@@ -40,21 +40,10 @@ class PositionPrimitive:
         until: float | None = None,
         frame: np.ndarray | None = None,
     ) -> Trajectory:
-        """Generate the movement in the base frame; what is not given is the demonstrations' mean.
+        """Generate the movement in the base frame, (..., T, 3) m; arguments as of `VectorPrimitive.unroll`.
 
-        Args:
-            dt: sampling interval in s.
-            start: (3,) m.
-            goal: (3,) m.
-            duration: s.
-            velocity: (3,) initial velocity in m/s.
-            acceleration: (3,) initial acceleration in m/s^2.
-            coupling: feedback in the loop, in the local frame and relative to the start.
-            until: time of the last sample in s; default the duration.
-            frame: (3, 3) local to base; default the local frame from start to goal.
-
-        Returns:
-            Trajectory with (..., T, 3) signals.
+        `coupling`: in the local frame and relative to the start. `frame`: (3, 3) local to base; default the
+        local frame from start to goal.
         """
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)

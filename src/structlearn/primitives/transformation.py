@@ -35,15 +35,7 @@ def initial_goal(
 ) -> np.ndarray:
     """Evolving goal at which the system starts with the given acceleration (eq. IV.12).
 
-    Args:
-        x: (..., D) initial position.
-        xd: (..., D) initial velocity.
-        xdd: (..., D) initial acceleration.
-        tau: time constant in s.
-        forcing: (..., D) f + c at the start; 0 when the phase starts at 1.
-
-    Returns:
-        (..., D) g_0.
+    All (..., D); `forcing`: f + c at the start, 0 when the phase starts at 1. Returns g_0.
     """
     return x + ((tau**2 * xdd - forcing) / ALPHA + tau * xd) / BETA
 

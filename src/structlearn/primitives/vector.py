@@ -132,8 +132,7 @@ def sample_count(duration: float, dt: float) -> int:
     return round(duration / dt) + 1
 
 
-OFFSET_SAMPLES = 5
-"""The offset of a run is the mean of this many samples at its start."""
+OFFSET_SAMPLES = 5  # The offset of a run is the mean of this many samples at its start
 
 
 def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:

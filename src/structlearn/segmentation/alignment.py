@@ -21,11 +21,8 @@ from structlearn.segmentation.dtw import warping
 from structlearn.segmentation.parameters import SegmentParameters
 
 METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
-RESULT = "wls"
-"""The method whose cuts are used; the others are kept to be compared."""
-
-AS_PRINTED = "wls_text"
-"""The dissertation's."""
+RESULT = "wls"  # The method whose cuts are used; the others are kept to be compared
+AS_PRINTED = "wls_text"  # The dissertation's
 
 
 @dataclass(frozen=True)

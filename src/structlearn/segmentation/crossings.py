@@ -44,8 +44,7 @@ class Crossing:
     rested: float = 0.0
 
 
-Crossings = Mapping[str, Crossing]
-"""Of the primitives that have an axis, by name."""
+Crossings = Mapping[str, Crossing]  # Of the primitives that have an axis, by name
 
 
 def find_crossings(

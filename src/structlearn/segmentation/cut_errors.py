@@ -14,8 +14,7 @@ from structlearn.segmentation.motion_runs import path
 from structlearn.segmentation.parameters import Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.segments import Segmentation, cut
 
-SPREAD_SAMPLES = 200
-"""Points of the normalised time on which segments are compared."""
+SPREAD_SAMPLES = 200  # Points of the normalised time on which segments are compared
 
 
 def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentation) -> pd.DataFrame:
@@ -187,8 +186,7 @@ def between_dwells(
     )
 
 
-BASELINE = "ls"
-"""The method that the text compares weighted least squares with."""
+BASELINE = "ls"  # The method that the text compares weighted least squares with
 
 
 def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:

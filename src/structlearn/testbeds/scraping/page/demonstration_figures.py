@@ -35,8 +35,7 @@ from structlearn.testbeds.scraping.page.segmentation_results import Segmentation
 
 ELECTRODES_SHOWN = 4
 FORCING_SAMPLES = 300
-LINES = ("-", (0, (4, 1.5)))
-"""Line styles of the sequences in one figure."""
+LINES = ("-", (0, (4, 1.5)))  # Line styles of the sequences in one figure
 
 
 def busiest_electrodes(runs: Sequence[Demonstration]) -> np.ndarray:

@@ -15,8 +15,7 @@ from structlearn.reporting.claims import Evidence
 from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL, cost_ratios
 from structlearn.testbeds.scraping.world.layout import FLAT_ORIENTATION
 
-ALL = "all"
-"""In `ExecutionResults.ratios`: the cost summed over the primitives."""
+ALL = "all"  # In `ExecutionResults.ratios`: the cost summed over the primitives
 
 
 @dataclass(frozen=True)

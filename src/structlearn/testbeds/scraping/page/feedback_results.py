@@ -29,9 +29,7 @@ from structlearn.testbeds.scraping.protocol.execution_scores import (
 )
 from structlearn.testbeds.scraping.world.recorder import FINGERS
 
-SAMPLES = 101
-"""Points over normalised time on which curves are compared."""
-
+SAMPLES = 101  # Points over normalised time on which curves are compared
 MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLED: "unrolled"}
 """What executions are called in the keys of numbers."""
 

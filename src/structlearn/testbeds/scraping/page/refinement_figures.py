@@ -41,8 +41,7 @@ HAND_COLOURS = {BEFORE: "#d3d9df", AFTER: "#6b7681"}
 HEIGHT_DRAWN = 13.0
 """From the board to the tool where it hovers, at most: drawn higher the angles would be small."""
 
-VIEW, CLOSE_UP = (-48.0, 48.0, -17.0, 98.0), (-9.0, 9.0, -2.6, 4.0)
-"""mm, left, right, bottom, top."""
+VIEW, CLOSE_UP = (-48.0, 48.0, -17.0, 98.0), (-9.0, 9.0, -2.6, 4.0)  # mm, left, right, bottom, top
 
 
 @styled

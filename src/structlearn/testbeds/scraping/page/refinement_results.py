@@ -286,11 +286,8 @@ def _worst(verdicts: list[str]) -> str:
 
 
 PEOPLE, ADDED, EXPLORATION = "scraping/people", "scraping/added_executions", "scraping/exploration"
-STUDIES = (PEOPLE, ADDED, EXPLORATION)
-"""That the page rests on."""
-
-FORMS = ("text", "ours")
-"""Variants of the study over people."""
+STUDIES = (PEOPLE, ADDED, EXPLORATION)  # That the page rests on
+FORMS = ("text", "ours")  # Variants of the study over people
 
 Studies = Mapping[str, Study | None]
 

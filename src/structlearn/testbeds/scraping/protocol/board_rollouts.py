@@ -27,9 +27,7 @@ from structlearn.testbeds.scraping.protocol.execution_scores import orientation_
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
-REFINED = 4
-"""First number of a rollout's seed: what the run is for."""
-
+REFINED = 4  # First number of a rollout's seed: what the run is for
 FAILURES = (InputError, ValueError, FloatingPointError, ArithmeticError, np.linalg.LinAlgError)
 """What a run that diverges may raise; errors of the program itself are not hidden."""
 

@@ -66,9 +66,7 @@ def _tool_to_board(run: Demonstration) -> np.ndarray:
     return run.tool_to_board
 
 
-END_S = 0.2
-"""s at the end of a primitive over which its final roll is taken."""
-
+END_S = 0.2  # s at the end of a primitive over which its final roll is taken
 SETTLED_S = 1.0
 """s after the start of a primitive from which force is judged: contact and correction are over; of one
 that takes less than twice this the second half."""
@@ -163,9 +161,7 @@ def feedback_traces(
     return pd.concat(tables, ignore_index=True)
 
 
-NOMINAL = "nominal"
-"""Name of the executions without feedback."""
-
+NOMINAL = "nominal"  # Name of the executions without feedback
 BEFORE, AFTER = "before", "after"
 """Names of the executions with feedback before and after refinement by trial."""
 

@@ -12,11 +12,8 @@ from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, execute_run
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
-WARM_UP_RUNS = 1
-"""Runs before those that count: the first one compiles, or loads what was compiled."""
-
-STANDARD_RUN_S = 10.0
-"""s of movement to which the cost of a run is scaled."""
+WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled
+STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
 
 
 class TimingParameters(Parameters):

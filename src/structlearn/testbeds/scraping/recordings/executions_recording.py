@@ -66,9 +66,7 @@ felt; orange is above, blue below, grey as expected."""
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """Of the arm with its meshes, among the data that PyBullet brings."""
 
-JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
-"""Of the columns of joint positions."""
-
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # Of the columns of joint positions
 PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
 """What was done before refinement is the shadow of what is done after it, as in figure IV.21."""
 

@@ -78,24 +78,18 @@ Bars are the cuts: above a curve by its own velocity alone, below it as they are
 line `demonstration` is another demonstration.
 """
 
-DEMONSTRATION = "demonstration"
-"""Time line on which each step is another demonstration."""
-
+DEMONSTRATION = "demonstration"  # Time line on which each step is another demonstration
 HIGHLIGHTED = 8
 """Pairs of largest weight that are drawn bold, as many as in the text's figures IV.14 and IV.15."""
 
-SHOWN_PAIRS = 90
-"""Of all pairs, evenly spread: more of them merge into an area."""
-
+SHOWN_PAIRS = 90  # Of all pairs, evenly spread: more of them merge into an area
 WIDTH, HEIGHT, GAP = 32.0, 2.6, 2.4
 """Size of the drawing: of the longest segment in time, of a curve, and between the two curves."""
 
 LEFT, MARGIN = 5.0, 2.4
 """Room for the names left of the curves, and for cut points and time scales above and below them."""
 
-BAR = 0.6
-"""Height of a bar that marks a cut, and of the name at its end."""
-
+BAR = 0.6  # Height of a bar that marks a cut, and of the name at its end
 DROPPED = "#30353b"
 """Colour of a pair without weight: just visible on the viewer's dark ground."""
 

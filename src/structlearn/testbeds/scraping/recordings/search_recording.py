@@ -43,14 +43,9 @@ LABELS = {SAMPLE: (-1.5, -0.5), IMPROVED: (-0.3, 0.4), FEEDBACK: (0.3, -1.9)}
 WIDTH, HEIGHTS = 32.0, {"target": 14.0, "cost_rad": 8.0}
 """Of the diagrams over time in their drawings, by column of the samples."""
 
-CURVE_RATE_HZ = 50.0
-"""Points per second of a curve: they are the most that a search takes of a file."""
-
-ON_TOP = 40.0
-"""Draw order above rerun's own for lines and points, 20 and 30."""
-
-PALE = 0.4
-"""Opacity of the rollouts of other iterations."""
+CURVE_RATE_HZ = 50.0  # Points per second of a curve: they are the most that a search takes of a file
+ON_TOP = 40.0  # Draw order above rerun's own for lines and points, 20 and 30
+PALE = 0.4  # Opacity of the rollouts of other iterations
 
 
 @dataclass(frozen=True)

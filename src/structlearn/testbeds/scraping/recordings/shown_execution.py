@@ -26,9 +26,7 @@ from structlearn.testbeds.scraping.protocol.execution_scores import (
 from structlearn.testbeds.scraping.world.layout import EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.viewer.rrd import entity, plot, send_curve, thinning
 
-RATE_HZ = 50.0
-"""Poses, colours and samples of signals per second: smooth to the eye; they are most of a file."""
-
+RATE_HZ = 50.0  # Poses, colours and samples of signals per second: smooth to the eye; they are most of a file
 HEADINGS = {
     "roll on board": "roll of the tool on the board (degrees; 0 is flat)",
     "hand roll": "roll of the hand (degrees; grey: of the board)",

@@ -57,7 +57,6 @@ BOW_M = (
     np.array([[2.0, 2.0, 0.0], [0.8, 0.8, 0.0], [1.0, 0.0, 0.0]]) * 1e-3
 )  # std; hand paths are bowed a little
 BOARD_TAKES_OVER_S = 0.25  # from the first touch until the board holds the hand's noise along z
-
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 60_000_000_000
 GRID_HZ = 1000.0  # on which time warps are integrated

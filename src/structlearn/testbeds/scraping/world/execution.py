@@ -35,11 +35,8 @@ Advance = Callable[[np.ndarray], None]
 Engine = Callable[[World], AbstractContextManager[Advance]]
 """Integrates the robot's motion in a world instead of the compiled loop."""
 
-NO_PLAN, NOBODY = stepping.no_plan(), nobody()
-"""Where no controller leads, and where nobody corrects."""
-
-FINGER_TICKS = 3
-"""Control ticks per reading of the fingers: 100 Hz at 300 Hz."""
+NO_PLAN, NOBODY = stepping.no_plan(), nobody()  # Where no controller leads, and where nobody corrects
+FINGER_TICKS = 3  # Control ticks per reading of the fingers: 100 Hz at 300 Hz
 
 
 class ControlParameters(Parameters):
