@@ -8,7 +8,7 @@ import pandas as pd
 from reporting_scraping import DT, ease
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS, paired_orderings
+from structlearn.feedback.feedback_models import REPRESENTATIONS, STOPPINGS, paired_orderings
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervision import learn_expected
 from structlearn.ground import quaternion

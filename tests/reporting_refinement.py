@@ -9,7 +9,7 @@ import pandas as pd
 from committed import committed
 from reporting_feedback import ADAPTED, AXIS, execution
 
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults

@@ -19,7 +19,7 @@ from structlearn.feedback.coupling_model import (
     read_networks,
     write_networks,
 )
-from structlearn.feedback.model_comparison import NETWORKS
+from structlearn.feedback.feedback_models import NETWORKS
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import Limits
 from structlearn.ground.errors import InputError

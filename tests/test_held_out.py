@@ -62,9 +62,9 @@ from structlearn.feedback.feedback_models import (
     POINTWISE,
     UNROLLED,
     FeedbackParameters,
+    compare_representations,
     train_models,
 )
-from structlearn.feedback.model_comparison import compare_representations
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.parallel import BACKEND
 from structlearn.primitives import fitting

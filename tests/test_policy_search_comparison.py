@@ -13,7 +13,7 @@ from made_up_environment import KERNELS, MadeUp
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
-from structlearn.policy_search.rollouts import Rollout, kernel_activation
+from structlearn.policy_search.refinement import Rollout, kernel_activation
 from structlearn.policy_search.sample_efficiency import (
     CMA_ES,
     JUDGED,

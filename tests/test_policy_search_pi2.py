@@ -18,7 +18,7 @@ from structlearn.policy_search.pi2 import (
     time_weights,
     update,
 )
-from structlearn.policy_search.rollouts import kernel_activation
+from structlearn.policy_search.refinement import kernel_activation
 from structlearn.primitives.vector import fit_vector
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)

@@ -28,13 +28,15 @@ from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters, covariance_factor
 from structlearn.policy_search.refinement import (
+    FEEDBACK,
+    IMPROVED,
+    SAMPLE,
     RefinementParameters,
     compress,
     executed,
     open_loop_weights,
     refine,
 )
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
 
 EXPLORATION = 4.0
 KINDS = (FEEDBACK, SAMPLE, IMPROVED)

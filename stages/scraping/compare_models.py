@@ -3,7 +3,7 @@
 import pandas as pd
 
 from structlearn.feedback.coupling_model import TrainingParameters
-from structlearn.feedback.model_comparison import compare_representations, paired_orderings
+from structlearn.feedback.feedback_models import compare_representations, paired_orderings
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters

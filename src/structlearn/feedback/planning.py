@@ -28,26 +28,19 @@ MOST_TICKS = (
 
 def plan_in_time(
     skill: ReactiveSkill,
-    dt: float,
+    rate_hz: float,
     durations: Sequence[float],
     goals: Sequence[np.ndarray],
     turned_goals: Sequence[np.ndarray],
     feedback: bool,
-    limits: np.ndarray,
-    ages: np.ndarray,
 ) -> Plan:
     """The plan of a run, but for the position's forcing term, which `forcing_in_base_frame` gives.
 
-    Args:
-        skill: the skill.
-        dt: length of a tick in s.
-        durations: of the primitives in s.
-        goals: (3,) of the primitives in m.
-        turned_goals: (4,) of the primitives.
-        feedback: whether networks are used.
-        limits: see `Plan`.
-        ages: see `Plan`.
+    `rate_hz`: ticks per second. `durations`: of the primitives in s. `goals`, `turned_goals`: (3,) m and (4,)
+    of the primitives. `feedback`: whether networks are used.
     """
+    dt, limits = 1.0 / rate_hz, skill.limits
+    ages = [round(seconds * rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
     axes = skill.axes
     taus = np.array([canonical.time_constant(duration) for duration in durations])
     counts = [sample_count(duration, dt) for duration in durations]
@@ -84,8 +77,8 @@ def plan_in_time(
         orientation_forcing=turning,
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
-        limits=limits,
-        ages=ages,
+        limits=limits.of(axes, dt),
+        ages=np.array(ages, dtype=np.int64),
         **compiled_networks(networks, phases, len(axes)),
     )
 

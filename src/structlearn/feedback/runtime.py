@@ -79,21 +79,11 @@ class Controller:
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
-        self.skill, self.rate_hz, limits = skill, float(rate_hz), skill.limits
+        self.skill, self.rate_hz = skill, float(rate_hz)
         self._dt = 1.0 / self.rate_hz
         durations = planning.checked_durations(skill, durations, self._dt)
         positions, orientations = planning.checked_goals(skill, goals)
-        ages = [round(seconds * self.rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
-        self._plan = planning.plan_in_time(
-            skill,
-            self._dt,
-            durations,
-            positions,
-            orientations,
-            feedback,
-            limits.of(skill.axes, self._dt),
-            np.array(ages, dtype=np.int64),
-        )
+        self._plan = planning.plan_in_time(skill, self.rate_hz, durations, positions, orientations, feedback)
         self._goals = self._plan.position_goal.copy(), self._plan.orientation_goal.copy()
         self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
         self._state = stepping.resting_state(self._plan)

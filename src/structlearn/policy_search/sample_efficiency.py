@@ -22,7 +22,13 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
-from structlearn.policy_search.rollouts import Environment, Rollout, cost_matrix, kernel_activation, succeeded
+from structlearn.policy_search.refinement import (
+    Environment,
+    Rollout,
+    cost_matrix,
+    kernel_activation,
+    succeeded,
+)
 
 if TYPE_CHECKING:
     import cma

@@ -14,11 +14,11 @@ NODES = 100  # Of the hidden layer on either side of the code
 
 
 class AutoencodedNetwork(PrincipalComponents):
-    """How a phase-modulated network of an autoencoder's code is trained; as wide as the principal components."""
+    """How a phase-modulated network of an autoencoder's code is trained."""
 
     @classmethod
     def encoders(cls, jobs: Jobs, parameters: TrainingParameters) -> list[Encoder]:
-        """See `autoencoder`."""
+        """See `autoencoder`; the codes have as many dimensions as there are principal components."""
         dimensions = np.array([encoder.dimensions for encoder in principal_components(jobs)])
         return autoencoder(jobs, dimensions, parameters)
 

@@ -15,7 +15,7 @@ from structlearn.palette import (
     VERMILION,
     Look,
 )
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 

@@ -9,8 +9,7 @@ import pandas as pd
 
 from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.feedback_models import LEVEL, POINTWISE, UNROLLED
-from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS
+from structlearn.feedback.feedback_models import LEVEL, POINTWISE, REPRESENTATIONS, STOPPINGS, UNROLLED
 from structlearn.feedback.supervision import Cuts
 from structlearn.ground import signals
 from structlearn.ground.artefacts import Metrics
@@ -159,8 +158,8 @@ class FeedbackResults:
     datasets: Mapping[str, CouplingDataset]  # by primitive, of all settings
     checks: Mapping[str, pd.DataFrame]  # of `supervision.coupling_dataset`, by primitive
     networks: Mapping[str, CouplingModel]  # the pointwise models by primitive
-    comparison: pd.DataFrame  # of `model_comparison.compare_representations`, with `primitive`
-    orderings: pd.DataFrame  # of `model_comparison.paired_orderings`, with `primitive`
+    comparison: pd.DataFrame  # of `feedback_models.compare_representations`, with `primitive`
+    orderings: pd.DataFrame  # of `feedback_models.paired_orderings`, with `primitive`
     seen_deg: Sequence[float]  # settings that are learned from
     board: BoardResults  # what was executed with the models
 

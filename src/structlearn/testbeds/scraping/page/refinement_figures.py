@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 
 from structlearn.palette import BLACK
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded

@@ -15,7 +15,7 @@ import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE, mean_interval, verdict
-from structlearn.policy_search.rollouts import FEEDBACK
+from structlearn.policy_search.refinement import FEEDBACK
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence, Found, by_case, geometric_mean, mean
@@ -34,7 +34,7 @@ PUBLISHED_ITERATIONS = 2
 class RefinementResults(ExecutionResults):
     """Executions without feedback, before and after refinement; `example_deg` is the tilt refined on."""
 
-    history: pd.DataFrame  # of `rollouts.history_rows`, with `primitive`
+    history: pd.DataFrame  # of `refinement.history_rows`, with `primitive`
     search: pd.DataFrame  # of `sample_efficiency.compare`, with `primitive`; empty where not made
     parameters: BoardRefinementParameters
 

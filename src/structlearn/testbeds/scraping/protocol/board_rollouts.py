@@ -16,7 +16,7 @@ from structlearn.feedback.supervision import (
 )
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.policy_search.rollouts import Rollout
+from structlearn.policy_search.refinement import Rollout
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.clock import synchronise

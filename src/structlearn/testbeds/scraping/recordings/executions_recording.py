@@ -99,8 +99,8 @@ def write_refinement(
     primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
 
     `settings`: of `shown_execution.read_refined_runs`. `history`: one row per rollout, of
-    `policy_search.rollouts.history_rows` with `primitive`. `samples`: what was felt and done, of
-    `policy_search.rollouts.sample_rows` with `primitive`.
+    `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
+    `refinement.sample_rows` with `primitive`.
     """
     origin = origin_label([one.run for group in settings.values() for one in group])
     with recording(path, title) as stream:

@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import LIGHT_GREY, VERMILION
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.testbeds.scraping.names import ROLLOUTS
 from structlearn.viewer.diagram import Diagram, diagram_view, rounded_range, send_axes, texts
 from structlearn.viewer.rrd import TIME, blended, entity, rgba, thinning
@@ -53,8 +53,8 @@ class Search:
     """Rollouts of the search for one primitive."""
 
     primitive: str
-    history: pd.DataFrame  # one row per rollout, see `policy_search.rollouts.history_rows`
-    samples: pd.DataFrame  # what was felt and done, see `policy_search.rollouts.sample_rows`
+    history: pd.DataFrame  # one row per rollout, see `refinement.history_rows`
+    samples: pd.DataFrame  # what was felt and done, see `refinement.sample_rows`
 
     @property
     def iterations(self) -> list[int]:
@@ -85,8 +85,8 @@ class Search:
 def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
     """One search per primitive, in the order in which they were refined.
 
-    `history`: rows of `policy_search.rollouts.history_rows` with `primitive`. `samples`: rows of
-    `policy_search.rollouts.sample_rows` with `primitive`.
+    `history`: rows of `refinement.history_rows` with `primitive`. `samples`: rows of
+    `refinement.sample_rows` with `primitive`.
     """
     return [
         Search(name, own, samples[samples["primitive"] == name])

@@ -333,27 +333,16 @@ def _aim(reference: Reference, k: int, height: float, roll: float, target: Targe
 
 
 def _empty_reference(ticks: int) -> Reference:
+    widths = dict.fromkeys(Reference._fields[:-1], 3) | {"orientation": 4}
+    primitive = np.empty(ticks, dtype=np.int64)
     return Reference(
-        position=np.empty((ticks, 3)),
-        velocity=np.empty((ticks, 3)),
-        acceleration=np.empty((ticks, 3)),
-        orientation=np.empty((ticks, 4)),
-        angular_velocity=np.empty((ticks, 3)),
-        angular_acceleration=np.empty((ticks, 3)),
-        primitive=np.empty(ticks, dtype=np.int64),
+        **{name: np.empty((ticks, width)) for name, width in widths.items()}, primitive=primitive
     )
 
 
 def _empty_log(ticks: int) -> RunLog:
-    widths = {
-        "position": 3,
-        "orientation": 4,
-        "joint_positions": ARM_JOINTS,
-        "joint_velocities": ARM_JOINTS,
-        "joint_torques": ARM_JOINTS,
-        "wrench": 6,
-        "tool_to_board": 4,
-    }
+    widths = {"position": 3, "orientation": 4, "wrench": 6, "tool_to_board": 4}
+    widths |= dict.fromkeys(("joint_positions", "joint_velocities", "joint_torques"), ARM_JOINTS)
     count_ticks = np.arange(0, ticks, FINGER_TICKS)
     return RunLog(
         counts=np.empty((len(count_ticks), CHANNELS)),
