@@ -116,10 +116,3 @@ def test_traces_hold_what_the_model_made_of_the_deviations(expected):
         exact = network.coupling(deviation[::2], p, u)
         np.testing.assert_allclose(rows["coupling"], exact)
     assert len(table) == 3 * 101
-
-
-def test_without_a_model_there_is_no_coupling(expected):
-    run = execution()
-    table = feedback_traces({5.0: [run]}, {5.0: cuts([run])["turn"]}, expected, None, PARAMETERS)
-    assert (table["coupling"] == 0.0).all()
-    assert table["channel_03"].abs().max() > 0

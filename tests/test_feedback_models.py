@@ -96,11 +96,6 @@ def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained
     np.testing.assert_array_equal(rows["setting_deg"], paths.setting)
 
 
-def test_without_data_there_are_no_networks():
-    """A task without corrections goes through the pipeline."""
-    assert train_models({}, {}, FEW) == {model: [] for model in MODELS}
-
-
 def test_one_demonstration_is_too_few():
     one = toy_dataset(demonstrations=1, settings=(0.0, 5.0, 10.0))
     with pytest.raises(InputError, match="at least two demonstration numbers"):

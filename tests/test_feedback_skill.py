@@ -80,16 +80,10 @@ FAULTS = {
         lambda skill: replace(skill, expected={"down": skill.expected["down"]}),
         "network of 'tilt' for rx takes 6 channels, but there are no expected traces",
     ),
-    "layers": (broken(phase_weights=np.ones((25, 9))), "network of 'tilt' for rx has layers that do not fit"),
-    "phase biases": (broken(phase_biases=np.ones(24)), "network of 'tilt' for rx has layers that do not fit"),
     "input scale": (broken(input_scale=np.ones(5)), "network of 'tilt' for rx has layers that do not fit"),
     "zero scale": (
         broken(input_scale=np.zeros(6)),
         "network of 'tilt' for rx has an input scale that is not positive",
-    ),
-    "NaN": (
-        broken(output_weights=np.full(25, np.nan)),
-        "network of 'tilt' for rx holds a value that is not finite",
     ),
 }
 

@@ -310,11 +310,7 @@ def test_cuts_a_little_outside_the_recording_end_at_its_ends(primitive, expected
     [
         ({"tactile": None}, fit_quaternion, "07: has no tactile stream"),
         ({"orientation": None}, fit_quaternion, "07: 'turn' needs orientations"),
-        (
-            {"tactile": np.zeros((1321, 3))},
-            fit_quaternion,
-            "07: has 3 channels of tactile, the expected",
-        ),
+        ({"tactile": np.zeros((1321, 3))}, fit_quaternion, "07: has 3 channels of tactile, the expected"),
         ({}, fit_twist_swing, "07: 'turn' needs orientations, and a turn of less than half"),
     ],
 )

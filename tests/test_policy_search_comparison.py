@@ -112,18 +112,6 @@ def test_all_begin_with_the_same_policy_distribution_and_random_numbers(table, e
         np.testing.assert_allclose(asked, [first[0]] * 2, rtol=1e-4)
 
 
-def test_equal_numbers_meet_equal_conditions(table, environment):
-    seeds = [seed for _, seed in environment.calls]
-    for seed in range(PARAMETERS.seeds):
-        numbers = [number for first, kind, number in seeds if (first, kind) == (seed, SEARCHED)]
-        per_method = table[table["seed"] == seed].groupby("method")["rollouts"].max()
-        expected = [n for used in per_method for n in range(used)]
-        assert sorted(numbers) == sorted(expected)
-    judged = [seed for seed in seeds if seed[1] == JUDGED]
-    means = (table["update"] > 0).sum() + 1  # the start is executed once for all
-    assert judged == [(0, JUDGED, number) for _ in range(means) for number in range(3)]
-
-
 def test_the_mean_policies_are_those_of_the_searches(environment, table):
     """The first update of PI2-CMA by hand: the cost of its mean is in the table."""
     search = PathIntegralSearch(

@@ -8,18 +8,7 @@ import pandas as pd
 import pytest
 from committed import committed
 from feedback_skills import random_network
-from made_up_environment import (
-    CHANNELS,
-    KERNELS,
-    LEARNED,
-    NEW,
-    PHASE,
-    TICKS,
-    MadeUp,
-    dataset,
-    felt,
-    wanted,
-)
+from made_up_environment import CHANNELS, KERNELS, LEARNED, NEW, PHASE, TICKS, MadeUp, dataset, felt, wanted
 
 from structlearn.feedback.coupling_dataset import concatenated
 from structlearn.feedback.coupling_model import TrainingParameters, train_final

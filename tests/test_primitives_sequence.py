@@ -89,19 +89,6 @@ def test_the_reported_derivatives_hold_across_the_switches(turns, rng):
 
 @given(rngs)
 @few
-def test_the_sequence_starts_from_rest_where_asked(rng):
-    primitives = learned(rng, TURNS["short"])
-    start = PoseGoal(rng.normal(size=3), random_orientations(rng))
-    for asked, expected in ((start, start), (None, sequence.default_start(primitives))):
-        path = sequence.unroll(primitives, DT, asked)
-        np.testing.assert_allclose(path.position.position[0], expected.position, atol=1e-12)
-        np.testing.assert_allclose(path.orientation.orientation[0], expected.orientation, atol=1e-12)
-        for pose, name in (SIGNALS[1], SIGNALS[2], SIGNALS[4], SIGNALS[5]):
-            np.testing.assert_allclose(getattr(getattr(path, pose), name)[0], 0.0, atol=1e-9)
-
-
-@given(rngs)
-@few
 def test_all_parts_share_one_clock(rng):
     durations = rng.uniform(0.5, 2.0, size=3)
     path = sequence.unroll(learned(rng, TURNS["mixed"]), DT, durations=durations)

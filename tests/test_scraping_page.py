@@ -85,13 +85,7 @@ def made(monkeypatch, settings, segmentation):
     for name in ("segmentation_drawings", "feedback_drawings", "refinement_drawings"):
         monkeypatch.setattr(module, name, lambda *results: {})
 
-    def make(
-        feedback=None,
-        refinement=None,
-        segmentation=segmentation,
-        study=None,
-        **studies,
-    ):
+    def make(feedback=None, refinement=None, segmentation=segmentation, study=None, **studies):
         results = (segmentation, feedback or feedback_results(), refinement or refinement_results())
         studies = {f"scraping/{name}": one for name, one in studies.items()}
         studies[people_module.STUDY] = study
@@ -117,11 +111,7 @@ def refinement_evidence(results, text=None):
     return found
 
 
-PAGES = {
-    "segmentation": sweep_evidence,
-    "feedback": feedback_evidence,
-    "refinement": refinement_evidence,
-}
+PAGES = {"segmentation": sweep_evidence, "feedback": feedback_evidence, "refinement": refinement_evidence}
 
 
 def judged(page, results):

@@ -228,14 +228,6 @@ def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_p
     assert drawn[-1] == rgba([CHEAP])[0]
 
 
-def test_a_refinement_that_ended_before_it_began(tmp_path):
-    path = tmp_path / "refinement.rrd"
-    write_refinement(path, {10.0: refined()}, *rollouts(iterations=0))
-    rows, entities, _ = contents(path)
-    assert rows["/search/turn/target/feedback"] == 1
-    assert "/search/turn/target/sample" not in entities
-
-
 def test_curves_of_rollouts_that_were_not_cut_alike():
     history, samples = rollouts(("turn",), iterations=1)
     kept = ~((samples["kind"] == "sample") & (samples["number"] == 1) & (samples["time_s"] > 0.2))

@@ -60,15 +60,6 @@ def test_the_turn_is_what_lies_between(two_move_demonstrations):
         np.testing.assert_array_equal(turn["end_s"], scrape["start_s"])
 
 
-def test_extension_is_undone(two_move_demonstrations):
-    short, long = (
-        cut(two_move_demonstrations, parameters(extension_s=extension)).result("scrape")
-        for extension in (0.1, 5.0)  # the longer one is clipped at both ends of every recording
-    )
-    np.testing.assert_allclose(short["start_s"], long["start_s"], atol=0.04)
-    np.testing.assert_allclose(short["end_s"], long["end_s"], atol=0.04)
-
-
 @pytest.mark.parametrize("primitive", ["down", "scrape"])
 def test_the_rest_on_both_sides_is_aligned_too(two_move_demonstrations, primitive):
     """Line 11 of algorithm IV.1: the crossings may be wrong, so both ends reach further by the extension."""

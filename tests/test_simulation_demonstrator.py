@@ -150,18 +150,7 @@ def test_noise_is_band_limited(noise_free):
 
 @pytest.mark.parametrize(
     "parameters",
-    [
-        {"count": 0},
-        {"noise_mm": -0.1},
-        {"noise_mm": float("nan")},
-        {"hesitation_depth": 1.0},
-        {"durations_s": (2.6, 0.0, 3.6)},
-        {"durations_s": (2.6, 3.6)},
-        {"pause_s": (0.4, 0.1)},
-        {"rest_s": (-1.0, 1.0)},
-        {"noise": 0.3},
-        {"tactile_rate_hz": 100.0},
-    ],
+    [{"noise_mm": float("nan")}, {"pause_s": (0.4, 0.1)}, {"rest_s": (-1.0, 1.0)}, {"noise": 0.3}],
 )
 def test_parameters_out_of_range_are_rejected(parameters):
     with pytest.raises(ValidationError):

@@ -133,13 +133,6 @@ def test_the_wrist_has_the_noise_that_it_is_given(pressed):
     np.testing.assert_allclose(noise[:, 3:].std(), 2e-4, rtol=0.5)
 
 
-def test_fingers_are_read_at_a_third_of_the_control_rate(pressed):
-    log = pressed[0.0]
-    np.testing.assert_array_equal(log.count_ticks, np.arange(0, 600, FINGER_TICKS))
-    assert log.counts.shape == (200, 38)
-    np.testing.assert_array_equal(log.counts, np.rint(log.counts))
-
-
 def test_fingers_feel_the_turn_of_the_tool_in_the_hand():
     """A tool dragged over the tilted board turns about several axes of the grasp; fingers feel that."""
     way = DT * np.arange(300)[:, None] * np.array([0.02, -0.03, 0.0])

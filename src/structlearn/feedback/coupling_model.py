@@ -121,10 +121,7 @@ class CouplingModel(ABC):
         """
 
     def train_in_unroll(
-        self,
-        training: "CorrectedPaths",
-        validation: "CorrectedPaths",
-        parameters: UnrolledTrainingParameters,
+        self, training: "CorrectedPaths", validation: "CorrectedPaths", parameters: UnrolledTrainingParameters
     ) -> "CouplingModel":
         """This model, trained on in the unroll (`train_unrolled`); one that cannot be stays as it is."""
         return self

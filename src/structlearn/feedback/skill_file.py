@@ -136,11 +136,7 @@ def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str,
             name = file.relative_to(source.parent).as_posix()
             digests[name] = hashlib.sha256(file.read_bytes()).hexdigest()
     text = json.dumps(parameters, sort_keys=True)
-    return {
-        "bags": digests,
-        "parameters": hashlib.sha256(text.encode()).hexdigest(),
-        "version": __version__,
-    }
+    return {"bags": digests, "parameters": hashlib.sha256(text.encode()).hexdigest(), "version": __version__}
 
 
 def _described(path: str | Path) -> dict[str, Any]:

@@ -130,10 +130,7 @@ class StackedPhaseModulatedNetworks:
 
 
 def train_networks(
-    jobs: Jobs,
-    parameters: TrainingParameters,
-    hidden: Sequence[int],
-    initial: PhaseModulatedNetwork | None,
+    jobs: Jobs, parameters: TrainingParameters, hidden: Sequence[int], initial: PhaseModulatedNetwork | None
 ) -> list[Trained[PhaseModulatedNetwork]]:
     """Train one network per job as a stack; see `CouplingModel.train`."""
     generator, models = seeded(parameters.seed), len(jobs)

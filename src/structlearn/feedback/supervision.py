@@ -13,14 +13,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, field_validator
 
-from structlearn.feedback.coupling import (
-    AXES,
-    Axis,
-    direction,
-    orientation_target,
-    reach_target,
-    turns,
-)
+from structlearn.feedback.coupling import AXES, Axis, direction, orientation_target, reach_target, turns
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError

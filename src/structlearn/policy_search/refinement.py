@@ -167,10 +167,7 @@ class Progress:
 
 
 def start(
-    environment: Environment,
-    initial: CouplingModel,
-    parameters: RefinementParameters,
-    exploration: float,
+    environment: Environment, initial: CouplingModel, parameters: RefinementParameters, exploration: float
 ) -> Progress:
     """Execute the initial network (algorithm IV.3, line 2).
 

@@ -59,10 +59,7 @@ class PositionPrimitive:
             until=until,
         )
         return Trajectory(
-            path.time,
-            start + path.position @ axes.T,
-            path.velocity @ axes.T,
-            path.acceleration @ axes.T,
+            path.time, start + path.position @ axes.T, path.velocity @ axes.T, path.acceleration @ axes.T
         )
 
 

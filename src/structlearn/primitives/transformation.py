@@ -27,11 +27,7 @@ ones at every step, and the next step overwrites them."""
 
 
 def initial_goal(
-    x: np.ndarray,
-    xd: np.ndarray,
-    xdd: np.ndarray | float,
-    tau: float,
-    forcing: np.ndarray | float = 0.0,
+    x: np.ndarray, xd: np.ndarray, xdd: np.ndarray | float, tau: float, forcing: np.ndarray | float = 0.0
 ) -> np.ndarray:
     """Evolving goal at which the system starts with the given acceleration (eq. IV.12).
 
@@ -212,12 +208,7 @@ def _step_and_show(
 
 @numba.njit(cache=True)
 def _unroll(
-    matrix: np.ndarray,
-    tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
-    path: np.ndarray,
+    matrix: np.ndarray, tau: float, goal: np.ndarray, state: np.ndarray, forcing: np.ndarray, path: np.ndarray
 ) -> None:
     """All steps without feedback, one movement after the other: they are contiguous in memory."""
     batch, samples, axes = forcing.shape

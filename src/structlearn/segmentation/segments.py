@@ -178,9 +178,7 @@ def _refined(
 
 
 def _cut_rows(
-    demonstration: Demonstration,
-    refined: dict[str, Refined],
-    parameters: SegmentParameters,
+    demonstration: Demonstration, refined: dict[str, Refined], parameters: SegmentParameters
 ) -> pd.DataFrame:
     """Rows of `Segmentation.cuts`, with the primitives in between filled in, clipped to the recording."""
     dt, duration = demonstration.dt, demonstration.time[-1]

@@ -103,10 +103,7 @@ class PhaseModulatedNetwork(CouplingModel):
         return train_networks(jobs, parameters, hidden, initial)
 
     def train_in_unroll(
-        self,
-        training: "CorrectedPaths",
-        validation: "CorrectedPaths",
-        parameters: UnrolledTrainingParameters,
+        self, training: "CorrectedPaths", validation: "CorrectedPaths", parameters: UnrolledTrainingParameters
     ) -> "PhaseModulatedNetwork":
         """See `stacked_pmnn.train_unrolled`."""
         from structlearn.feedback.stacked_pmnn import train_unrolled

@@ -9,11 +9,7 @@ import pandas as pd
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import Limits, ReactiveSkill, on_axis
-from structlearn.feedback.supervision import (
-    SupervisionParameters,
-    corrected_primitive,
-    coupling_samples,
-)
+from structlearn.feedback.supervision import SupervisionParameters, corrected_primitive, coupling_samples
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.refinement import Rollout

@@ -87,14 +87,7 @@ def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Record
     start = (movement.edge[0] + movement.edge_noise[0], quaternion.matrix(first))
     fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
     log = execute(
-        testbed.world,
-        guided_motion(movement),
-        start,
-        ticks,
-        conditions,
-        testbed.control,
-        fingers,
-        wrist_rng,
+        testbed.world, guided_motion(movement), start, ticks, conditions, testbed.control, fingers, wrist_rng
     )
     return recorded(
         movement.name,

@@ -10,11 +10,7 @@ from pydantic import Field
 from structlearn.ground.params import Parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
-from structlearn.testbeds.scraping.world.execution import (
-    FINGER_TICKS,
-    Conditions,
-    ControlParameters,
-)
+from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, Conditions, ControlParameters
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.testbeds.scraping.world.recorder import RecorderParameters
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
