@@ -14,7 +14,7 @@ from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill, 
 
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.training_parameters import MODELS
+from structlearn.feedback.feedback_models import MODELS
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.recordings import synchronise

@@ -49,16 +49,22 @@ from structlearn.avoidance.network_training import NetworkParameters, held_out_r
 from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
-from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
-from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.folds import FRACTIONS, leave_one_out, without_generalization
-from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.training_parameters import (
+from structlearn.feedback.coupling_dataset import (
+    FRACTIONS,
+    CouplingDataset,
+    concatenated,
+    leave_one_out,
+    to_table,
+    without_generalization,
+)
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.feedback_models import (
     LEVEL,
     POINTWISE,
     UNROLLED,
     FeedbackParameters,
-    TrainingParameters,
+    compare_representations,
+    train_models,
 )
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.parallel import BACKEND

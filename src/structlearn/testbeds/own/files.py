@@ -20,7 +20,7 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.runs import read_runs
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.result import Segmentation, read_segmentation
+from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
 SKILL, ABSENT, RUNS = "skill.safetensors", "absent.txt", "runs"

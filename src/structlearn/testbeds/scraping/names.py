@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
+from structlearn.feedback.feedback_models import LEVEL, POINTWISE, UNROLLED
 from structlearn.palette import (
     BLUE,
     GREEN,
@@ -15,9 +15,9 @@ from structlearn.palette import (
     VERMILION,
     Look,
 )
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
 CORRECTED = "corrected"
 """Key of the executions that a person corrects."""
