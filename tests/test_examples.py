@@ -94,7 +94,7 @@ def test_a_network_of_ones_own_is_trained_runs_on_the_board_and_stands_in_the_sk
         skill = scraping_skill(read_networks(tmp_path / f"{model}.safetensors"))
         board = EvaluationParameters(settings_deg=(8.8,), runs=1)
         testbed, clock = committed(TestbedParameters, "testbed"), committed(ClockParameters, "clock")
-        _, executed = executed_set(model, skill, board, testbed, clock)
+        executed = executed_set(model, skill, board, testbed, clock)
         assert {type(network).__name__ for network in executed.networks.values()} == {"LinearFeedback"}
         assert np.isfinite(executed.runs[8.8][0].orientation).all()
     write_skill(

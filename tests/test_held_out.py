@@ -134,6 +134,10 @@ HOLDS_NOTHING_OUT = {
     "recorded/unscrewing": "a primitive of every log, and one of all logs",
     "scraping/record_nominal": "simulates",
     "scraping/record_corrections": "simulates",
+    "scraping/import_nominal": "reads recordings",
+    "scraping/import_corrections": "reads recordings",
+    "dynamics/import_logs": "reads recordings",
+    "servoing/import_touch": "reads recordings",
     "scraping/segment": "cuts demonstrations",
     "scraping/sweep": "cuts demonstrations",
     "scraping/expected_traces": "traces of all runs that it is given; the further ones go to other files",
@@ -457,7 +461,7 @@ def unhindered_reach(monkeypatch, tmp_path):
     scene = committed(SceneParameters, "obstacle_scene", settings=1)
     person = committed(AvoiderParameters, "obstacle_demonstrator", count=2, baseline_count=3)
     parameters = committed(AvoidanceDataParameters, "obstacle_dataset")
-    sets = people.demonstrations([None, *scenarios(scene)], scene, person)
+    sets = [people.demonstrations(place, scene, person) for place in (None, *scenarios(scene))]
 
     def learn(data):
         monkeypatch.setattr(people, "_demonstrated", lambda *_: data)

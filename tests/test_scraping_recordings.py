@@ -16,9 +16,10 @@ from structlearn.ground.artefacts import write_table
 from structlearn.primitives.fitting import FitParameters, learn_primitive
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.trajectory import differentiated, differentiated_orientation
-from structlearn.recordings import write_recordings
+from structlearn.recordings import synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.runs import write_runs as write_sets
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
@@ -338,12 +339,12 @@ def files(tmp_path):
     folder.mkdir(parents=True)
     learned = [learn_primitive(name, [paths, paths], parameters) for name in PRIMITIVES]
     write_primitives(learned, folder / "primitives.safetensors")
-    return ScrapingFiles(CLOCK, tmp_path)
+    return ScrapingFiles(tmp_path)
 
 
 def write_runs(files, place, setting, names=("01", "02"), **run):
-    folder = files.data / "raw/scraping" / place
-    write_recordings([streams(board_run(name, **run)) for name in names], folder / setting)
+    runs = [synchronise(streams(board_run(name, **run)), **CLOCK.model_dump()) for name in names]
+    write_sets(runs, files.data / "runs/scraping" / place / f"{setting}.parquet")
 
 
 def write_traces(files, kind, models, settings):
@@ -388,7 +389,7 @@ def test_runs_with_feedback_are_found_where_the_stages_wrote_them(files):
 
 
 def test_refined_runs_are_found_where_the_stages_wrote_them(files):
-    write_runs(files, "unrolls", "", names=("01",), hand_deg=0.0)
+    write_runs(files, "", "unrolls", names=("01",), hand_deg=0.0)
     rolls = {NOMINAL: -9.0, BEFORE: -4.0, AFTER: -1.0}
     for model, roll in rolls.items():
         for setting in ("5", "10") if model != AFTER else ("10",):  # at 5 degrees not all were executed

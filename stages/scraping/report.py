@@ -9,6 +9,7 @@ from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters
+from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
@@ -49,7 +50,13 @@ def main() -> None:
     studies = {name: read_study(name) for name in STUDIES}
     report = scraping_report(*results, studies, parameters)
     publish_report(
-        "reports/scraping", report.pages, report.drawings, report.tables, report.metrics, report.headlines
+        "reports/scraping",
+        report.pages,
+        report.drawings,
+        report.tables,
+        report.metrics,
+        report.headlines,
+        quoted_claims(),
     )
 
 

@@ -90,4 +90,4 @@ def _costs(skill: ReactiveSkill, primitives: list[str]) -> Metrics:
 
 
 if __name__ == "__main__":
-    run(main, in_times=False)
+    run(main)
