@@ -45,7 +45,7 @@ REPRESENTATIONS = {
     "pca": Look("PCA, then phase kernels", PURPLE),
     "autoencoder": Look("autoencoder, then phase kernels", PURPLE),
 }
-"""Forms of the feedback model, by the names of `feedback.model_comparison`."""
+"""Forms of the feedback model, by the names of `feedback_models`."""
 
 CUT_METHODS = {method: Look(name, METHOD_COLOURS[method]) for method, name in METHOD_NAMES.items()}
 """Ways of finding cut points."""
