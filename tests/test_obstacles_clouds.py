@@ -41,9 +41,3 @@ def test_a_cloud_stays_or_moves_as_told():
 def test_clouds_that_are_none_are_refused(points, options, message):
     with pytest.raises(InputError, match=message):
         cloud_batch(points, **options)
-
-
-def test_a_motion_that_is_not_finite_is_refused():
-    batch = cloud_batch(CORNERS[None], motion=lambda time: np.full(3, np.nan if time else 0.0))
-    with pytest.raises(InputError, match="not finite"):
-        batch.path(np.array([0.0, 1.0]))

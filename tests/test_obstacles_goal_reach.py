@@ -95,13 +95,6 @@ def test_no_more_than_the_return_coupling_is_needed_against_a_stubborn_model(ask
     assert acted.max() <= max(asked, RETURN)
 
 
-def test_a_modest_coupling_term_is_left_alone():
-    couplings = 40 * np.exp(-0.5 * ((np.arange(SAMPLES) - 35) / 8.0) ** 2)[:, None, None] * np.ones((1, 1, 2))
-    deviations, acted = driven(couplings, DEADLINES)
-    assert np.abs(deviations).max() > 0.05  # a detour worth the name
-    np.testing.assert_array_equal(acted[:100], couplings[:100])
-
-
 def test_after_the_first_deadline_nothing_acts_but_what_the_next_one_needs():
     reach = GoalReach((1, 2), STEP, DEADLINES, RETURN)
     asked = np.full((1, 2), 40.0)

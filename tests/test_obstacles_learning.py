@@ -7,7 +7,6 @@ from structlearn.avoidance.learned_models import read_models, write_models
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
 from structlearn.avoidance.shapes import obstacle
 from structlearn.feedback.training_parameters import TrainingParameters
-from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
@@ -95,8 +94,3 @@ def test_models_come_back_from_their_files(learned, tmp_path):
             assert set(ours) == set(theirs)
             for name in set(ours) - {"setting"}:
                 np.testing.assert_allclose(ours[name](*state), theirs[name](*state), rtol=1e-9)
-
-
-def test_samples_of_other_scenarios_are_refused(datasets):
-    with pytest.raises(InputError, match="not those of 3 scenarios"):
-        learn(datasets, SCENARIOS[:3], PARAMETERS, modulated=7)

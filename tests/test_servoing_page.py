@@ -336,36 +336,6 @@ def test_claims_on_closed_loops_can_say_yes_and_no(results):
     assert "rest on the study" not in rendered(results)
 
 
-def test_one_person_decides_nothing(results):
-    """All verdicts stand on people; models and trials of one person, however many, on none."""
-    assert set(verdicts(results).values()) == {"not tested"}
-    found = with_people(results, everything())
-    other = replace(
-        found, models=replace(results.models, latent=latent_table(9.0, 9.0), forward=forward_table(9.0))
-    )
-    other = replace(other, comparison=comparison({TEXT: 12}), skin_tables=skin_tables(text=12))
-    assert evidence(other) == evidence(found)
-
-
-def test_a_number_that_the_study_did_not_keep_leaves_its_row_untested(results):
-    kept = everything()
-    del kept[forward_key("LL", "none", True, 2)], kept["servo_success_rate_ll_published"]
-    words = reporting_verdicts.cases(page.PACKAGE, evidence(with_people(results, kept)))
-    assert words["grows"] == {"structure": "not tested", "no structure": "yes"}
-    assert (
-        words["structure_serves"]["LL"] == words["able_ll"][""] == words["loss_needed_ll"][""] == "not tested"
-    )
-    assert words["able"] == {"": "no"}
-
-
-def test_shares_are_clustered_by_person(results):
-    """Half of the targets over people of whom two reach all and two none: nothing is known of others."""
-    found = evidence(with_people(results, {"servo_success_rate_published": np.array([1.0, 0.0, 1.0, 0.0])}))
-    assert found["able"].value == 0.5
-    assert (found["able"].low, found["able"].high) == (0.0, 1.0)
-    assert found["able"].n == 4 * CHOSEN["train_latent"].seeds * CHOSEN["servo"].trials
-
-
 def test_rows_say_that_they_are_quoted_and_none_repeats_the_numbers_of_another(results):
     rng = np.random.default_rng(0)
     found = with_people(results, {key: rng.uniform(0.6, 0.9, 4) for key in everything()})

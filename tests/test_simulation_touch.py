@@ -10,14 +10,12 @@ from scipy.optimize import minimize_scalar
 
 from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
-from structlearn.simulation.touch import Handle, make_finger, moved, read_out, rested, touch, touching
+from structlearn.simulation.touch import Handle, make_finger, moved, rested, touch, touching
 from structlearn.simulation.touch_demonstrator import (
-    TRUTH,
     ToucherParameters,
     demonstrate,
     held_on_handle,
     recorded,
-    true_contacts,
 )
 from structlearn.tactile.electrodes import SKINS, biotac
 from structlearn.tactile.touch_preparation import contact_points
@@ -125,14 +123,6 @@ def test_pressure_rises_with_load_all_over_the_skin(name):
     assert (np.diff(pressure, axis=0) > 0).all()
 
 
-def test_a_rested_finger_reads_its_offsets():
-    signal, _ = touch(np.zeros((3, 2)), np.zeros((3, 2, 3)), FINGER, rested(2, FINGER))
-    np.testing.assert_array_equal(signal, np.broadcast_to(FINGER.response.offset[0], signal.shape))
-    counts = read_out(np.zeros((4000, 19)), FINGER, np.random.default_rng(0))
-    np.testing.assert_array_equal(counts, np.rint(counts))
-    assert counts.std() == pytest.approx(np.hypot(FINGER.noise_counts, 12**-0.5), rel=0.03)
-
-
 @pytest.fixture(scope="module")
 def person():
     return committed(ToucherParameters, "toucher", areas=2, rotations=1, translations=1)
@@ -178,9 +168,3 @@ def test_recordings_are_valid_and_repeat(runs, person):
             np.testing.assert_array_equal(left.values, right.values)
             np.testing.assert_array_equal(left.stamps, right.stamps)
         assert len(one.streams[0].stamps) == pytest.approx(3 * len(one.streams[1].stamps), abs=3)
-
-
-def test_the_truth_has_a_row_per_sample(runs, person):
-    table = true_contacts(runs[0], person)
-    assert tuple(table) == TRUTH
-    assert len(table) == len(runs[0].counts)

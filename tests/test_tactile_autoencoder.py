@@ -1,7 +1,7 @@
 import numpy as np
 import torch
 
-from structlearn.tactile.autoencoder import StackedAutoencoders, latent_losses
+from structlearn.tactile.latent_models import StackedAutoencoders, latent_losses
 
 
 def test_losses_are_those_of_the_text():

@@ -17,7 +17,6 @@ from structlearn.tactile.forward_dynamics import (
 )
 from structlearn.tactile.inverse_dynamics import (
     LatentStep,
-    inferred_action,
     linearised,
     negative_gradient,
     optimal_action,
@@ -121,16 +120,6 @@ def test_negative_gradient_is_that_of_autograd():
     (gradient,) = torch.autograd.grad(distance, action)
     time_step = torch.tensor([DT], dtype=torch.float64)
     torch.testing.assert_close(negative_gradient(dynamics, latent, target, time_step), -gradient)
-
-
-@pytest.mark.parametrize(("inverse", "dynamics"), [("LL", locally_linear()), ("NG", nonlinear())])
-def test_inverse_models_lead_towards_the_target(inverse, dynamics):
-    at, rest = step(), torch.zeros(MODELS, 6, SAMPLES, dtype=torch.float64)
-    idle = at.latent + DT * dynamics.rate(at.latent, rest)
-    target = idle + 1e-3 * draw(MODELS, 3, SAMPLES, seed=4)
-    action = inferred_action(inverse, dynamics, at, target, penalty=0.1)
-    arrived = at.latent + DT * dynamics.rate(at.latent, 1e-2 * action)  # short: the model is not linear
-    assert ((arrived - target).norm(dim=1) < (idle - target).norm(dim=1)).all()
 
 
 @pytest.mark.parametrize("horizon", [1, 2, 5])

@@ -72,10 +72,6 @@ def test_the_steepest_action_is_the_best_on_its_line():
         assert (cost(best) < cost(factor * best)).all()
 
 
-def test_no_slope_asks_for_no_action():
-    assert (steepest_action(torch.zeros(1, 3, 6, 2), torch.ones(1, 3, 2), torch.zeros(1)) == 0).all()
-
-
 def test_likely_actions_are_those_of_the_training_split():
     """Of one component; their scales are of one kind, linear or angular, over its components."""
     dataset = toy_dataset(contacts=10)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from structlearn.tactile.electrodes import biotac, flat_pad, path_length, skin_distance, sphere
+from structlearn.tactile.electrodes import biotac, flat_pad, skin_distance, sphere
 
 
 def test_on_a_cylinder_it_is_a_helix():
@@ -24,13 +24,3 @@ def test_on_a_plane_it_is_straight():
     skin = flat_pad()
     first, second = skin.surface([-0.015], [-0.005]), skin.surface([-0.002], [0.006])
     assert skin_distance(first, second, skin)[0] == pytest.approx(np.hypot(0.013, 0.011), rel=1e-6)
-
-
-def test_no_way_is_no_length():
-    point = biotac().surface([-0.004], [0.002])
-    assert skin_distance(point, point, biotac())[0] < 1e-15
-
-
-def test_length_of_a_path():
-    corner = np.array([[0, 0, 0], [3, 0, 0], [3, 4, 0]], dtype=float)
-    assert path_length(corner) == 7

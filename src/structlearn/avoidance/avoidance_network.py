@@ -56,10 +56,7 @@ class AvoidanceNetworks:
         """Coupling terms of a batch: of network b for sample b, or of the only network for all samples.
 
         `features` (B, 17) of `features.features`; `phase` (B,) p; `phase_velocity` (B,) u. Returns (B, 3)
-        coupling terms in m.
-
-        Raises:
-            ValueError: there are several networks, and not as many as samples.
+        coupling terms in m. Raises ValueError: there are several networks, and not as many as samples.
         """
         inputs = self.inputs(features, phase, phase_velocity)
         if len(self) == 1:

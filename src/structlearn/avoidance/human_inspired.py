@@ -83,10 +83,8 @@ def steering_features(features: np.ndarray) -> np.ndarray:
 def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspiredModels:
     """Fit one model.
 
-    `features` (S, 17); `target` (S, 3) coupling terms in m. Returns a stack of one model.
-
-    Raises:
-        InputError: fewer than two samples.
+    `features` (S, 17); `target` (S, 3) coupling terms in m. Returns a stack of one model. Raises InputError:
+    fewer than two samples.
     """
     if len(target) < 2:
         raise InputError(f"{len(target)} samples are too few for a regression")

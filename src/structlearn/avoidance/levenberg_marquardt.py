@@ -202,10 +202,7 @@ def train(
     """Train one network from random initial weights.
 
     `validation`: samples that say when to stop; needed by that rule, and only by it; `stream`: which random
-    numbers are this network's own.
-
-    Raises:
-        ValueError: validation samples are missing, or given for nothing.
+    numbers are this network's own. Raises ValueError: validation samples are missing, or given for nothing.
     """
     if (parameters.rule == VALIDATION) != (validation is not None):
         raise ValueError(

@@ -88,10 +88,7 @@ def cost_to_go(
     """Cheapest ways past all shapes in the horizontal plane halfway up the reach.
 
     `shapes`: any number, in any order, base frame; `start` (3,) m, base frame; the grid covers it; `goal`
-    (3,) m.
-
-    Raises:
-        InputError: start or goal is not finite.
+    (3,) m. Raises InputError: start or goal is not finite.
     """
     ends = np.array([start, goal], dtype=float)
     if not np.isfinite(ends).all():

@@ -26,8 +26,7 @@ from structlearn.avoidance.scene_models import (
     samples_of_scene,
     scene_states,
 )
-from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
-from structlearn.avoidance.scene_unroll import Scenes
+from structlearn.avoidance.scene_unroll import SceneLearningParameters, SceneReach, Scenes
 
 MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
 WAYS = (NONE, *MODELS, PLANNED)

@@ -26,9 +26,10 @@ from structlearn.avoidance.network_training import (
     stacked,
     train_member,
 )
-from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
 from structlearn.avoidance.scene_unroll import (
     TAU,
+    SceneLearningParameters,
+    SceneReach,
     Scenes,
     feedback_of_nearest,
     feedback_of_scene,

@@ -57,11 +57,8 @@ def parallel_map(
     lost, whatever the number of processes. `function`: a picklable function of one item; randomness must come
     from a seed in the item; `lost`: result of an item that ends its process; `local`: the work needs files of
     this machine and is not for a cluster. Returns the results in the order of the items, whatever the number
-    of processes.
-
-    Raises:
-        InputError: a variable of the environment makes no sense, or the cluster cannot be reached.
-        RuntimeError: a process died, and there is no `lost`.
+    of processes. Raises InputError: a variable of the environment makes no sense, or the cluster cannot be
+    reached. Raises RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
     backend = os.environ.get(BACKEND, "fork")

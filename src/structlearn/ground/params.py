@@ -51,11 +51,9 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
     """Check the value of one key of a YAML file against its model.
 
     `path`: the YAML file, usually `params.yaml`; `key`: the stage's key at the top level, or with dots one
-    below, e.g. `testbed.touch`. Returns the checked, frozen parameters.
-
-    Raises:
-        InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a value
-            is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
+    below, e.g. `testbed.touch`. Returns the checked, frozen parameters. Raises InputError: the file is
+    missing or no YAML mapping, the key is absent, a key stands twice, or a value is missing, unknown, of the
+    wrong type or out of range; the message names file, key and reason.
     """
     return checked(value_at(path, key), model, path, key)
 

@@ -289,10 +289,8 @@ def judge(
 ) -> list[Judged]:
     """Hold claims against what was found.
 
-    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used.
-
-    Raises:
-        ValueError: evidence is missing, or no claim uses it.
+    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used. Raises
+    ValueError: evidence is missing, or no claim uses it.
     """
     used = {claim.evidence for claim in claims}
     if used != set(evidence):

@@ -201,10 +201,8 @@ def differences(
     """Largest differences between a run of the compiled engine and the same one in PyBullet.
 
     `compiled`: signals (T, n) by name, some of `LARGEST`. Returns a row per signal: `run`, `signal`,
-    `largest_difference`, `allowed`.
-
-    Raises:
-        RuntimeError: a difference is larger than allowed, or one engine stopped earlier.
+    `largest_difference`, `allowed`. Raises RuntimeError: a difference is larger than allowed, or one engine
+    stopped earlier.
     """
     rows = []
     for signal, one in compiled.items():

@@ -83,10 +83,7 @@ class FingerPair:
         """Take a grasp.
 
         `sensor_seed`: of what tells one electrode from another; the same for all runs of a robot; `trial`: of
-        grip, seat of the tool and noise.
-
-        Raises:
-            ValueError: the rate is not positive.
+        grip, seat of the tool and noise. Raises ValueError: the rate is not positive.
         """
         if not rate_hz > 0:
             raise ValueError(f"rate must be positive, is {rate_hz} Hz")
@@ -108,10 +105,7 @@ class FingerPair:
 
         `force` (3,) N that the tool exerts on the hand, hand frame; `torque` (3,) N m about the grasp's
         centre, the same; `turn` (3,) rad, rotation vector of the tool in the grasp, hand frame. Returns (38,)
-        whole counts, left finger first.
-
-        Raises:
-            ValueError: a number is not finite.
+        whole counts, left finger first. Raises ValueError: a number is not finite.
         """
         sample = np.empty((1, 9))
         sample[0, :3], sample[0, 3:6], sample[0, 6:] = force, torque, turn
@@ -121,10 +115,7 @@ class FingerPair:
         """The next T samples at once, the same numbers as `read` one by one.
 
         `force` (T, 3) as for `read`; so are `torque` and `turn`; `torque` (T, 3); `turn` (T, 3). Returns (T,
-        38) whole counts.
-
-        Raises:
-            ValueError: a number is not finite.
+        38) whole counts. Raises ValueError: a number is not finite.
         """
         return self._read(np.hstack([force, torque, turn]).astype(float))
 

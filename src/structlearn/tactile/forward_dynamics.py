@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from structlearn.networks.stacked_layers import StackedLayers
-from structlearn.tactile.autoencoder import LATENT
+from structlearn.tactile.latent_parameters import LATENT
 
 ACTION = 6
 """Components of the action of a finger that also turns; a skin that is only pressed has fewer (K)."""

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from structlearn.tactile.autoencoder import LATENT
 from structlearn.tactile.forward_dynamics import (
     AffineDynamics,
     ForwardDynamics,
@@ -23,7 +22,7 @@ from structlearn.tactile.forward_dynamics import (
     NonLinearDynamics,
     applied,
 )
-from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
+from structlearn.tactile.latent_parameters import LATENT, NEGATIVE_GRADIENT
 
 
 @dataclass(frozen=True)

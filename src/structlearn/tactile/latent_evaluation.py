@@ -11,10 +11,9 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from structlearn.tactile.autoencoder import map_distance
 from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_models import LatentModels, map_distance
 from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.latent_training import encoded
 from structlearn.tactile.touch_dataset import LINEAR, TouchDataset, TouchUnits

@@ -14,6 +14,12 @@ from pydantic import Field, PositiveInt
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 
+LATENT = 3
+"""Dimensions of the latent state: map x, map y, pressure."""
+
+MAP = 2
+"""Of these, the ones of the map."""
+
 STRUCTURES = (True, False)
 """Whether the latent space has structure: L_MDS and L_CDP in its loss."""
 

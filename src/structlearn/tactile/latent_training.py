@@ -18,11 +18,10 @@ from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
-from structlearn.tactile.autoencoder import latent_losses
 from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_models import LatentModels, latent_losses
 from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits
 
@@ -53,10 +52,8 @@ def draw_pairs(
 ) -> Pairs:
     """Random pairs of one split; both of a pair are in the same bin, as their distance must be known.
 
-    `dataset`: the samples; `split`: which samples.
-
-    Raises:
-        InputError: a bin has fewer than two samples of the split.
+    `dataset`: the samples; `split`: which samples. Raises InputError: a bin has fewer than two samples of the
+    split.
     """
     bins = len(geodesics.rows)
     members = [np.flatnonzero(dataset.split[rows] == split) for rows in geodesics.rows]

@@ -54,10 +54,8 @@ def pressed_skin(
     """Presses as the sensor's description lets them be seen.
 
     `counts` (N, E) readings; `place` (N, 3) m of the probe; `split` (N,) of each press; `copies`: times that
-    each press is there, from the second on with a gain that drifted.
-
-    Raises:
-        InputError: see `SensorDescription.seen`.
+    each press is there, from the second on with a gain that drifted. Raises InputError: see
+    `SensorDescription.seen`.
     """
     if copies != 1:
         assert rng is not None, "gains are drawn"

@@ -184,11 +184,8 @@ def touch_units(dataset: TouchSamples, chains: Chains, length_m: float) -> Touch
     """Units from the training samples.
 
     `dataset`: samples of touch; `chains`: of the training split; their actions give the scales and the likely
-    actions; `length_m`: m on the skin per unit of the map.
-
-    Raises:
-        InputError: there is no training sample or chain, or an electrode, the pressure or the velocity
-            never changes.
+    actions; `length_m`: m on the skin per unit of the map. Raises InputError: there is no training sample or
+    chain, or an electrode, the pressure or the velocity never changes.
     """
     rows = dataset.split == TRAIN
     if not rows.any() or not len(chains):

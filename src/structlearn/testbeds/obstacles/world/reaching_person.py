@@ -89,10 +89,7 @@ def demonstrate(
 
     Each depends on the seed, its scenario and its number only, not on what else is asked for. `scenarios`:
     where; None is the baseline without obstacle. Returns per scenario, in order, recordings "01", "02", ...
-    with a pose stream.
-
-    Raises:
-        InputError: an obstacle contains start or goal, or the reach has no direction.
+    with a pose stream. Raises InputError: an obstacle contains start or goal, or the reach has no direction.
     """
     return [_recordings(scenario, scene, person) for scenario in scenarios]
 
@@ -117,10 +114,7 @@ def reaches(
     """What the hand does in one scenario.
 
     `scenario`: None is the baseline without obstacle. Returns per demonstration times (T,) s from 0 and
-    measured positions (T, 3) m in the base frame.
-
-    Raises:
-        InputError: as `demonstrate`.
+    measured positions (T, 3) m in the base frame. Raises InputError: as `demonstrate`.
     """
     count = person.baseline_count if scenario is None else person.count
     draws = [np.random.default_rng(seed) for seed in _seeds(scenario, person, count)]

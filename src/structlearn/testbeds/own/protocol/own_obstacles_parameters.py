@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from structlearn.avoidance.scene_reaches import SceneLearningParameters
+from structlearn.avoidance.scene_unroll import SceneLearningParameters
 from structlearn.ground.params import Name
 from structlearn.recordings.topics import SceneTopicMap
 

@@ -10,7 +10,7 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.avoidance.scene_folds import SceneResults, judge_folds
-from structlearn.avoidance.scene_reaches import (
+from structlearn.avoidance.scene_unroll import (
     SceneLearningParameters,
     SceneReach,
     SceneReachParameters,

@@ -308,10 +308,7 @@ def shown_touches(
     `demonstrations`: all of them, in the order in which the dataset numbers them; `dataset`: samples of their
     contacts; `latent_map`: a row for each sample, see `tactile.latent_evaluation.latent_map`; `names`: which
     are wanted; see `ServoingViewParameters`; `air_s`: at the start of each, in the air; counts there are the
-    offset.
-
-    Raises:
-        InputError: there is no demonstration of such a name.
+    offset. Raises InputError: there is no demonstration of such a name.
     """
     numbers = {one.name: number for number, one in enumerate(demonstrations)}
     if unknown := [name for name in names if name not in numbers]:
