@@ -15,7 +15,6 @@ from parallel_work import (
     missing,
     noisy_matrix,
     noisy_mean,
-    process_alone,
     process_of,
     processes_within,
     product_of_ones,
@@ -92,12 +91,6 @@ def test_the_number_of_processes_does_not_change_a_bit(monkeypatch):
     assert found[0] == found[1]
 
 
-def test_one_process_is_one_at_a_time_and_not_this_one(monkeypatch, tmp_path):
-    monkeypatch.setenv("STRUCTLEARN_PROCESSES", "1")
-    found = parallel_map(partial(process_alone, door=tmp_path / "door"), range(8), "alone")
-    assert os.getpid() not in found
-
-
 def test_the_order_is_kept_whoever_finishes_first():
     assert parallel_map(slow_first_square, range(12), "squares") == expected(12, {})
 
@@ -164,12 +157,6 @@ def test_a_cluster_gives_what_a_loop_gives(on_cluster):
     assert Client.current() is first
 
 
-def test_a_cluster_gives_the_bits_of_this_machine(on_cluster, monkeypatch):
-    found = parallel_map(noisy_matrix, range(4), "matrices")
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
-    assert found == parallel_map(noisy_matrix, range(4), "matrices")
-
-
 def test_items_reach_a_cluster_as_they_are(on_cluster):
     """Dask would take a tuple that begins with a function for a call."""
     items = [(abs, -1), "text", ["text", {"key": (1, 2)}], None]
@@ -199,12 +186,6 @@ def test_the_environment_alone_chooses_the_cluster(cluster):
     )
     assert done.stderr == ""
     assert done.stdout == f"{list(range(9, 0, -1))}\n"
-
-
-def test_dask_that_is_not_installed(chosen, monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match="STRUCTLEARN_BACKEND=dask needs the package `distributed`"):
-        parallel_map(square, range(3), "squares")
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "localhost"])

@@ -228,11 +228,8 @@ def dominant_axis(dataset: AvoidanceDataset) -> str | None:
     return None
 
 
-DOMINANCE = 1.5
-"""How much larger the coupling along the dominant axis is than along the other."""
-
-COURSE_SAMPLES = 50
-"""Of a demonstration in normalised time."""
+DOMINANCE = 1.5  # how much larger the coupling along the dominant axis is than along the other
+COURSE_SAMPLES = 50  # of a demonstration in normalised time
 
 
 def _courses(dataset: AvoidanceDataset) -> np.ndarray:

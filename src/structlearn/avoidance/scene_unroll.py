@@ -23,8 +23,7 @@ from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
 
-TAU = canonical.time_constant(1.0)
-"""Time constant in durations."""
+TAU = canonical.time_constant(1.0)  # time constant in durations
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,7 @@ from safetensors.numpy import load_file, save
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.publication import publish
 
-Metrics = dict[str, float | int | str | bool | None]
-"""Flat key figures."""
+Metrics = dict[str, float | int | str | bool | None]  # flat key figures
 
 
 def filled(folder: str | Path, at_least: int = 1) -> Path:

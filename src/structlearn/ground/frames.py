@@ -4,8 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-UP = np.array([0.0, 0.0, 1.0])
-"""Opposite of gravity in the base frame."""
+UP = np.array([0.0, 0.0, 1.0])  # opposite of gravity in the base frame
 
 SIDE = np.array([0.0, 1.0, 0.0])
 """Anchor of the y axis for reaches along gravity, where "closest to up" is undefined."""

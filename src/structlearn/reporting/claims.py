@@ -165,8 +165,7 @@ def unknown(reason: str) -> Evidence:
     return replace(UNKNOWN, reason=reason)
 
 
-Found = Evidence | Mapping[str, Evidence]
-"""What was found for one claim: one number, or one by case."""
+Found = Evidence | Mapping[str, Evidence]  # what was found for one claim: one number, or one by case
 
 
 def quoted(found: Mapping[str, Found], study: str) -> dict[str, Found]:

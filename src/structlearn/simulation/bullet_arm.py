@@ -25,8 +25,7 @@ from structlearn.simulation.arm import Payload
 _PAYLOAD = "payload"
 
 
-SOLVER_ITERATIONS = 1000
-"""For friction; Bullet's 50 stop early."""
+SOLVER_ITERATIONS = 1000  # for friction; Bullet's 50 stop early
 
 
 class BulletArm:

@@ -29,15 +29,13 @@ from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 
 CHANNELS = 2 * len(ELECTRODES_MM)
 
-PAD_DISTANCE_MM = 10.0
-"""Half the distance between the pads, d: a tool 20 mm thick."""
+PAD_DISTANCE_MM = 10.0  # half the distance between the pads, d: a tool 20 mm thick
 
 HOME_MM = (-2.0, -3.0)
 """Contact centre of the left and the right finger along the finger when nothing pulls at the tool, from the
 start of the round tip; chosen where the flat of the pad is."""
 
-HOME_ACROSS_MM = (0.0, 1.0)
-"""The same across the finger; chosen since two fingers never meet exactly."""
+HOME_ACROSS_MM = (0.0, 1.0)  # the same across the finger; chosen since two fingers never meet exactly
 
 
 class TouchParameters(ResponseParameters):
@@ -66,8 +64,7 @@ PLAY_MM = np.array([0.03, 0.1, 0.3, 1.0])
 to the largest displacement, so that a loop's width stays about the same share of its length (as rubber's
 loss does) whatever its size."""
 
-PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])
-"""The same for the load."""
+PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])  # the same for the load
 
 
 class FingerPair:

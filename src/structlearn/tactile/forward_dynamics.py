@@ -17,8 +17,7 @@ from torch import Tensor
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.latent_parameters import LATENT
 
-ACTION = 6
-"""Components of the action of a finger that also turns; a skin that is only pressed has fewer (K)."""
+ACTION = 6  # components of the action of a finger that also turns; a skin that is only pressed has fewer (K)
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,8 @@ from structlearn.tactile.touch_dataset import LINEAR, TouchDataset, TouchUnits
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 """Parts of an action whose directions are compared."""
 
-PREDICTED = ["structure", "seed", "forward", "trained_with", "steps"]
-"""Columns that name a prediction."""
-
-SHORTEST = 1e-9
-"""Floor of a norm by which is divided."""
+PREDICTED = ["structure", "seed", "forward", "trained_with", "steps"]  # columns that name a prediction
+SHORTEST = 1e-9  # floor of a norm by which is divided
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ The autoencoders' code is a flat map of the skin and the pressure (II.3.2, II.3.
 
     z = enc(s):   z_xy distances in the map are geodesic distances on the skin,   z_z is the contact pressure
 
-All quantities are in the units of `touch_dataset.TouchUnits`, so that the three losses are of comparable size.
+All quantities are in the units of `TouchUnits`, so that the three losses are of comparable size.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,8 +40,7 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.tactile.touch_dataset import TouchUnits
 
-SQUARED_DISTANCE_FLOOR = 1e-9
-"""Keeps the gradient of a distance finite where two points coincide."""
+SQUARED_DISTANCE_FLOOR = 1e-9  # keeps the gradient of a distance finite where two points coincide
 
 
 @dataclass(frozen=True)
@@ -100,8 +99,7 @@ def map_distance(first: Tensor, second: Tensor) -> Tensor:
     return (squared + SQUARED_DISTANCE_FLOOR).sqrt()
 
 
-NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
-"""Names of a stack's networks in files."""
+NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")  # names of a stack's networks in files
 
 
 @dataclass(frozen=True)

@@ -25,17 +25,10 @@ from structlearn.tactile.latent_models import LatentModels, latent_losses
 from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits
 
-CHAIN_STEPS = 3
-"""Actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)."""
-
-DRAWN_AT_ONCE = 100
-"""Steps whose batches are drawn in one call."""
-
-COMPARED_PAIRS = 4096
-"""Pairs by which starts are compared."""
-
-SHORTEST_ACTION = 1e-6
-"""Floor of the length by which an action is divided, in the networks' units."""
+CHAIN_STEPS = 3  # actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)
+DRAWN_AT_ONCE = 100  # steps whose batches are drawn in one call
+COMPARED_PAIRS = 4096  # pairs by which starts are compared
+SHORTEST_ACTION = 1e-6  # floor of the length by which an action is divided, in the networks' units
 
 
 @dataclass(frozen=True)

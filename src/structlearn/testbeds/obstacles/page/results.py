@@ -35,8 +35,7 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario
 TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
 """Kind of model and rules of what avoids: as the text has it, and as this project does."""
 
-FEW_HITS = 1
-"""Of the unseen spheres, that a person's model may hit to be good."""
+FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,7 @@ from structlearn.viewer.rrd import (
     time_column,
 )
 
-SPHERE = "sphere"
-"""Time line on which each step is another sphere."""
+SPHERE = "sphere"  # time line on which each step is another sphere
 
 STEPS_PER_S = 2.0
 
@@ -173,8 +172,7 @@ def _notes(title: str, groups: Sequence[Group]) -> str:
     )
 
 
-SHOWN = 3
-"""Reaches per situation, evenly spread over those in which the reach without avoidance hits."""
+SHOWN = 3  # reaches per situation, evenly spread over those in which the reach without avoidance hits
 
 EXPLAINED = {
     MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",

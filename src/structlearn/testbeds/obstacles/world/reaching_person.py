@@ -25,28 +25,21 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParame
 PLAN_POINTS = 51
 """Points of a planned path over its normalised duration; it is smooth, recorded samples are in between."""
 
-FIXED_POINTS = 3
-"""At either end of a plan: place, velocity and acceleration there stay those of rest."""
-
-SIDES = 16
-"""Directions across the reach among which a person picks the side."""
-
-DETOURS_M = np.linspace(0.0, 0.5, 101)
-"""Detours that are tried on each side."""
+FIXED_POINTS = 3  # at either end of a plan: place, velocity and acceleration there stay those of rest
+SIDES = 16  # directions across the reach among which a person picks the side
+DETOURS_M = np.linspace(0.0, 0.5, 101)  # detours that are tried on each side
 
 DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4
 """Of the descent: it stops when no clearance is missed by more than the tolerance."""
 
-TIGHT = 0.9
-"""Share of the free space at start or goal that is kept where it is less than the clearance."""
+TIGHT = 0.9  # share of the free space at start or goal that is kept where it is less than the clearance
 
 NOISE_CORRELATION_S = 0.12
 """Of motor noise: std of the Gaussian that smooths it; corrections within a reach take 0.1 to 0.3 s."""
 
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 10_000_000_000
-UPRIGHT = (1.0, 0.0, 0.0, 0.0)
-"""Orientation of all poses: markers on the hand give a position only."""
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)  # orientation of all poses: markers on the hand give a position only
 
 
 Seconds = Annotated[float, Field(ge=0, le=10)]

@@ -28,8 +28,7 @@ about 0.12 m off, so nearly all of them have to be avoided and a few of them are
 FAR_ALONG = (-0.6, 1.6)
 """Range of far obstacles along the reach, in reaches from the start: before it, beside it, beyond it."""
 
-FAR_M = (0.9, 0.2)
-"""Half width sideways and upwards of the box in which far obstacles lie."""
+FAR_M = (0.9, 0.2)  # half width sideways and upwards of the box in which far obstacles lie
 
 FAR_CLEARANCE_M = 0.25
 """Between the line of the reach and the centre of a far obstacle: nobody makes a detour for it."""
