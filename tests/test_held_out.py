@@ -149,8 +149,8 @@ HOLDS_NOTHING_OUT = {
 }
 """Stages without a case, and why."""
 
-SHOWS = ("report", "view", "calibration_report")
-"""Stages that show what others wrote."""
+SHOWS = ("report", "view", "calibration_report", "code")
+"""Stages that show what others wrote, or list sources."""
 
 
 @dataclass(frozen=True)

@@ -104,12 +104,8 @@ def scraping_report(
 ) -> ScrapingReport:
     """The report.
 
-    Args:
-        segmentation: of the first page.
-        feedback: of the second.
-        refinement: of the third.
-        studies: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
-        parameters: all of `PARAMETERS` by key.
+    `studies`: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
+    `parameters`: all of `PARAMETERS` by key.
     """
     report, printed = ScrapingReport(), published()
     primitives = [primitive.name for primitive in segmentation.primitives]

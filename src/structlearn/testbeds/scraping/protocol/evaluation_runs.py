@@ -19,15 +19,8 @@ def executed_set(
 ) -> tuple[dict[float, list[Recording]], ExecutedSet]:
     """Execute a skill in every setting.
 
-    Args:
-        model: name of the set.
-        skill: with the networks of that model, or with none.
-        parameters: settings and number of runs; runs of equal number meet equal conditions in every set.
-        testbed: see there.
-        clock: on which the runs are judged.
-
-    Returns:
-        The recordings by setting, and the set.
+    `skill`: with the networks of that model, or with none. `parameters`: settings and number of runs; runs of
+    equal number meet equal conditions in every set. Returns the recordings by setting, and the set.
     """
     runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
     recordings = executions(skill, runs, testbed)

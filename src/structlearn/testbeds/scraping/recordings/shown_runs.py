@@ -28,11 +28,8 @@ REFINED_RUNS = {model: (REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
 def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
     """The first nominal, corrected and closed-loop run of every setting that has all three.
 
-    Returns:
-        By roll of the board in degrees, the largest first; empty where nothing was executed.
-
-    Raises:
-        InputError: a file is not readable.
+    Returns by roll of the board in degrees, the largest first; empty where nothing was executed. Raises
+    InputError: a file is not readable.
     """
     traces = files.table("traces")
     if traces.empty:
