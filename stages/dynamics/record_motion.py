@@ -6,7 +6,7 @@ from pathlib import Path
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import JointLog, write_joint_log
 from structlearn.rigid_body.model_names import IDEAL, ROBOT

@@ -1,7 +1,7 @@
 """The report of the obstacle testbed: figures, tables, metrics and the page that shows them."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files

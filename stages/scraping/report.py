@@ -2,7 +2,7 @@
 
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
 from structlearn.feedback.training_parameters import FeedbackParameters, TrainingParameters
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters

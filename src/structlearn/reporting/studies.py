@@ -21,8 +21,7 @@ from pydantic import Field, PositiveFloat
 
 from structlearn.ground.artefacts import publish, read_csv, read_metrics, write_csv
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters, checked, read_parameters, read_values
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Parameters, Population, checked, read_parameters, read_values
 from structlearn.ground.source_closure import SourceTree
 from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Document, Table, render

@@ -14,7 +14,7 @@ import pandas as pd
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.obstacles.files import Evaluation
