@@ -39,23 +39,15 @@ HOME_ACROSS_MM = (0.0, 1.0)  # the same across the finger; chosen since two fing
 
 
 class TouchParameters(ResponseParameters):
-    """The two fingers. What electrodes count: `ResponseParameters`."""
+    """The two fingers; reasons as in `ResponseParameters`, which says what electrodes count."""
 
-    # force of the pinch; chosen so that a 60 g tool pushed with 1 N does not slip at friction 0.5
-    grip_n: float = Field(gt=0)
-    # its standard deviation between trials, relative; chosen as what a force-controlled gripper repeats
-    grip_spread: float = Field(ge=0)
-    # standard deviation between trials of where the tool sits, per finger and direction; chosen small: the
-    # hand keeps the tool between runs, only slip moves it
-    slip_mm: float = Field(ge=0)
-    # how far shear moves the contact centre, as if the skin were a layer of 500 N/m; so that contact with the
-    # board and scraping move the electrodes about as far as recorded
+    grip_n: float = Field(gt=0)  # so that a 60 g tool pushed with 1 N does not slip at friction 0.5
+    grip_spread: float = Field(ge=0)  # chosen as what a force-controlled gripper repeats
+    slip_mm: float = Field(ge=0)  # chosen small: the hand keeps the tool between runs, only slip moves it
+    # as if the skin were a layer of 500 N/m: contact and scraping move electrodes as far as recorded
     shear_mm_n: float = Field(ge=0)
-    # how far a turn of the tool moves it; pads that are d off the axis take most of d per radian up by
-    # rolling
-    rolling_mm_rad: float = Field(ge=0)
-    # how far torque about the pinch axis moves it across the finger; small, since in the recording the drag
-    # of the scraped edge moves the electrodes far less than contact does
+    rolling_mm_rad: float = Field(ge=0)  # pads d off the axis take up most of d per radian by rolling
+    # across the finger; recorded, the drag of the scraped edge moves electrodes far less than contact
     twist_mm_n_m: float = Field(ge=0)
 
 
