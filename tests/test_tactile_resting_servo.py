@@ -8,8 +8,7 @@ import torch
 from committed import committed
 from tactile_toy import doubled, toy_dataset
 
-from structlearn.tactile.forward_dynamics import LocallyLinearDynamics, NonLinearDynamics, applied
-from structlearn.tactile.inverse_dynamics import LatentStep
+from structlearn.tactile.latent_dynamics import LatentStep, LocallyLinearDynamics, NonLinearDynamics, applied
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.latent_training import CHAIN_STEPS

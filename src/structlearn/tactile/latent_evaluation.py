@@ -11,8 +11,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from structlearn.tactile.forward_dynamics import chained
-from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
+from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
 from structlearn.tactile.latent_models import LatentModels, map_distance
 from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.latent_training import encoded

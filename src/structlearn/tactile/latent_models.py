@@ -23,7 +23,7 @@ from torch import Tensor
 from structlearn.ground.artefacts import read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.networks.stacked_layers import StackedLayers
-from structlearn.tactile.forward_dynamics import (
+from structlearn.tactile.latent_dynamics import (
     ACTION,
     ForwardDynamics,
     LocallyLinearDynamics,

@@ -18,9 +18,8 @@ from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
-from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
+from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
 from structlearn.tactile.latent_models import LatentModels, latent_losses
 from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits

@@ -21,13 +21,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.tactile.forward_dynamics import (
+from structlearn.tactile.latent_dynamics import (
     AffineDynamics,
     ForwardDynamics,
+    LatentStep,
     LocallyLinearDynamics,
     applied,
+    receding_horizon_action,
 )
-from structlearn.tactile.inverse_dynamics import LatentStep, receding_horizon_action
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import LATENT, NEGATIVE_GRADIENT
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo, as_states
