@@ -218,8 +218,10 @@ def test_the_lists_of_code_have_every_script_and_every_file_of_the_package():
     found = {script: sources.closure(script) for pipeline in CODE for script in scripts(pipeline)}
     assert {script.relative_to(ROOT).as_posix() for script in found} == set(STAGES)
     used = {path for its in found.values() for path in its}
-    files = {path.relative_to(PACKAGE.parent) for path in PACKAGE.rglob("*.*")}
-    unused = {path.as_posix() for path in files - used if path.suffix not in (".py", ".pyc")}
+    files = {
+        path.relative_to(PACKAGE.parent) for path in PACKAGE.rglob("*.*") if "__pycache__" not in path.parts
+    }
+    unused = {path.as_posix() for path in files - used if path.suffix != ".py"}
     assert unused == {"structlearn/py.typed"}
 
 

@@ -2,6 +2,7 @@
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.recordings.runs import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
@@ -27,7 +28,7 @@ def main() -> None:
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
     skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.model_scores().latent_map
     shown = shown_touches(
-        files.demonstrations(prepared.rate_hz),
+        read_runs(files.RUNS),
         dataset,
         latent_map,
         files.true_contacts(),

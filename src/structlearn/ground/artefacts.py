@@ -49,12 +49,16 @@ def write_table(frame: pd.DataFrame, target: str | Path) -> None:
     write_arrow(pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), target)
 
 
-def write_arrow(table: pyarrow.Table, target: str | Path) -> None:
+def write_arrow(table: pyarrow.Table, target: str | Path, **encoding: Any) -> None:
     """Publish a table of Arrow as `write_table` does; what its metadata say is covered by the digest."""
     metadata = {**(table.schema.metadata or {}), HEADINGS: _headings(table)}
     with publish(target) as path:
         pyarrow.parquet.write_table(
-            table.replace_schema_metadata(metadata), path, compression="zstd", write_page_checksum=True
+            table.replace_schema_metadata(metadata),
+            path,
+            compression="zstd",
+            write_page_checksum=True,
+            **encoding,
         )
 
 

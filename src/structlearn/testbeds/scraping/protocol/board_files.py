@@ -27,7 +27,7 @@ def read_board(
     Returns the board and the demonstrations by primitive. Raises InputError: a file is missing or not
     readable, or a setting was not recorded.
     """
-    files = ScrapingFiles(clock, Path(data))
+    files = ScrapingFiles(Path(data))
     datasets = files.datasets(settings_deg)
     largest = largest_coupling([one.target for one in datasets.values()])
     board = Board(
@@ -36,7 +36,7 @@ def read_board(
         preceding={},
         name=supervision.primitives[0],
         setting_deg=setting_deg,
-        nominal=nominal_orientation(files.unrolls()),
+        nominal=nominal_orientation(files.runs("unrolls")),
         supervision=supervision,
         testbed=testbed,
         limits=Limits(largest_coupling={supervision.axis: largest}),
