@@ -143,9 +143,7 @@ READERS = [
 
 @pytest.mark.parametrize(("read", "name", "complaint"), READERS)
 @pytest.mark.parametrize(
-    "content",
-    [b"", b"time,x\n0,1\n" * 50, b"\x80\x81\xfe\xff" * 20],
-    ids=["empty", "text", "binary"],
+    "content", [b"", b"time,x\n0,1\n" * 50, b"\x80\x81\xfe\xff" * 20], ids=["empty", "text", "binary"]
 )
 def test_a_foreign_file_is_named(tmp_path, read, name, complaint, content):
     (tmp_path / name).write_bytes(content)

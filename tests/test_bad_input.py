@@ -140,10 +140,7 @@ def test_parameters(root, project, capsys, key, values, words):
 
 
 def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
-    write_recordings(
-        simulated(count=2),
-        "data/raw/scraping/nominal",
-    )
+    write_recordings(simulated(count=2), "data/raw/scraping/nominal")
     message = complaint(root, "scraping/fit_primitives.py", capsys)
     assert "data/segments/scraping/cuts.parquet: no such file" in message
 

@@ -11,12 +11,7 @@ from scipy.optimize import minimize_scalar
 from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
 from structlearn.simulation.touch import Handle, make_finger, moved, rested, touch, touching
-from structlearn.simulation.touch_demonstrator import (
-    ToucherParameters,
-    demonstrate,
-    held_on_handle,
-    recorded,
-)
+from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, held_on_handle, recorded
 from structlearn.tactile.electrodes import SKINS, biotac
 from structlearn.tactile.touch_preparation import contact_points
 

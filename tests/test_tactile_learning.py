@@ -14,11 +14,7 @@ from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_comparison import learn
-from structlearn.tactile.latent_evaluation import (
-    ChainData,
-    decoded_errors,
-    direction_errors,
-)
+from structlearn.tactile.latent_evaluation import ChainData, decoded_errors, direction_errors
 from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,

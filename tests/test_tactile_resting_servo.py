@@ -12,13 +12,7 @@ from structlearn.tactile.latent_dynamics import LatentStep, LocallyLinearDynamic
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.latent_training import CHAIN_STEPS
-from structlearn.tactile.resting_servo import (
-    Caution,
-    RestingServo,
-    action_slope,
-    corrected,
-    steepest_action,
-)
+from structlearn.tactile.resting_servo import Caution, RestingServo, action_slope, corrected, steepest_action
 from structlearn.tactile.servo_controller import ServoParameters
 from structlearn.tactile.touch_dataset import LINEAR, TRAIN, TouchUnits, chains, touch_units
 

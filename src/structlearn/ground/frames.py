@@ -30,11 +30,7 @@ def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
 
 
 def local_frame(
-    start: np.ndarray,
-    goal: np.ndarray,
-    kind: FrameKind = "up",
-    up: np.ndarray = UP,
-    side: np.ndarray = SIDE,
+    start: np.ndarray, goal: np.ndarray, kind: FrameKind = "up", up: np.ndarray = UP, side: np.ndarray = SIDE
 ) -> np.ndarray:
     """Rotation matrix of the local frame: its columns are the local axes in the base frame.
 

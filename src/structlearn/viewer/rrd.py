@@ -237,18 +237,10 @@ def eye_view(
 ) -> rrb.Spatial3DView:
     """3-D view onto a target (3,) from a place (3,) relative to it, both in m; the camera turns about it."""
     eye = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=target + from_target,
-        look_target=target,
-        eye_up=[0.0, 0.0, 1.0],
+        kind=rrb.Eye3DKind.Orbital, position=target + from_target, look_target=target, eye_up=[0.0, 0.0, 1.0]
     )
     return rrb.Spatial3DView(
-        name=name,
-        origin="/",
-        contents=list(contents),
-        background=GROUND,
-        eye_controls=eye,
-        line_grid=False,
+        name=name, origin="/", contents=list(contents), background=GROUND, eye_controls=eye, line_grid=False
     )
 
 

@@ -12,11 +12,7 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.testbeds.servoing.protocol.servo_variants import PUBLISHED, RESTING, Variant
 
-INVERSE_COLOURS: dict[InverseModel, str] = {
-    LOCALLY_LINEAR: GREEN,
-    NEGATIVE_GRADIENT: PURPLE,
-    JACOBIAN: BLUE,
-}
+INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
 """Inverse models, in the order of the text."""
 
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}

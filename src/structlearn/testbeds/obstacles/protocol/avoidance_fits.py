@@ -123,11 +123,7 @@ def learn(
 
 
 def _lessons(
-    person: int,
-    dataset: AvoidanceDataset,
-    test: np.ndarray,
-    scenarios: Sequence[Scenario],
-    own: np.ndarray,
+    person: int, dataset: AvoidanceDataset, test: np.ndarray, scenarios: Sequence[Scenario], own: np.ndarray
 ) -> Iterator[_Lesson]:
     """The own scenarios of a person one by one, all scenarios of each shape, all there are."""
     if set(dataset.scenario) != set(range(len(scenarios))):

@@ -49,11 +49,7 @@ STEPS_PER_S = 2.0
 
 
 def write_unseen_avoidance(
-    path: str | Path,
-    situation: Situations,
-    groups: Sequence[Group],
-    baseline: PositionPrimitive,
-    title: str,
+    path: str | Path, situation: Situations, groups: Sequence[Group], baseline: PositionPrimitive, title: str
 ) -> None:
     """Write reaches past unseen spheres as a recording.
 
@@ -234,11 +230,7 @@ def surface_distances(
 
 
 def _send_scene(
-    stream: rr.RecordingStream,
-    situation: Situations,
-    index: int,
-    group: Group,
-    baseline: PositionPrimitive,
+    stream: rr.RecordingStream, situation: Situations, index: int, group: Group, baseline: PositionPrimitive
 ) -> rrb.Vertical:
     """Log one reach past its spheres by every ensemble; a scene and the distances below it."""
     heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"
