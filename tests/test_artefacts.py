@@ -76,20 +76,6 @@ def test_an_old_folder_stays_when_no_new_one_is_complete(tmp_path, writes_half):
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_leftovers_of_a_killed_run_are_cleaned(tmp_path):
-    target = tmp_path / "logs"
-    with artefacts.publish(target) as path:
-        path.mkdir()
-        left_behind = path.parent
-    left_behind.mkdir()
-    (left_behind / "logs").mkdir()
-    (left_behind / "logs" / "half").write_text("half")
-    with artefacts.publish(target) as path:
-        path.mkdir()  # would fail if the leftover were still there
-    assert list(tmp_path.iterdir()) == [target]
-    assert list(target.iterdir()) == []
-
-
 WRITERS = {
     "table.parquet": lambda path: artefacts.write_table(TABLE, path),
     "tensors.safetensors": lambda path: artefacts.write_tensors(TENSORS, path, "test"),

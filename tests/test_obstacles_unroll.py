@@ -143,16 +143,6 @@ def test_pushes_to_one_side_are_not_added_up_and_those_to_either_side_are():
     np.testing.assert_array_equal(strongest_pushes(np.repeat(terms[:1], 4, axis=0)), terms[0])
 
 
-def test_obstacles_on_either_side_act_together():
-    first, second = spheres([[0.2, 0.1, 0.0]]), spheres([[0.45, -0.1, 0.0]])
-    model, shown = recorder(lambda features, phase, rate: 20.0 * features[:, TO_CENTRE])
-    paths = unroll(PRIMITIVE, model, [first, second], DT, TEXT_ONLY)
-    np.testing.assert_allclose(shown[0][0][:, 0] - shown[1][0][:, 0], 0.2 - 0.45)
-    k = 5  # neither is passed yet
-    expected = strongest_pushes(np.stack([shown[2 * k - 2 + number][0][0, TO_CENTRE] for number in (0, 1)]))
-    np.testing.assert_allclose(paths.coupling[0, k], 20.0 * expected * [0, 1, 1])
-
-
 def test_a_change_of_goal_adds_the_step_response_of_a_triple_pole():
     change = GoalChange(0.8, GOAL + np.array([0.05, -0.1, 0.08]))
     own = baseline_path()

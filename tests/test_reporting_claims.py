@@ -215,19 +215,6 @@ def test_a_difference_of_rates_has_an_interval_where_nobody_differs():
     assert rate_difference(first, 0.5 * first) == difference(100 * first, 50 * first)
 
 
-def test_intervals_of_many_cases_together_cover_with_95_percent():
-    rng = np.random.default_rng(0)
-    draws = rng.normal(size=(4000, 4, 5))  # draws, cases, people
-    covered = [
-        all(
-            one.low <= 0 <= one.high
-            for one in by_case(mean, {str(k): [case] for k, case in enumerate(cases)}).values()
-        )
-        for cases in draws
-    ]
-    assert 0.94 < np.mean(covered) < 0.965  # Bonferroni: 0.95, slightly more for independent cases
-
-
 def test_cases_of_every_maker_are_widened():
     samples = np.array([0.5, 0.7, 0.9, 0.8])
     for make, arguments in (

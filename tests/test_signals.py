@@ -23,10 +23,6 @@ def test_a_sinusoid_far_below_the_cutoff_passes():
     np.testing.assert_allclose(inside(low_pass(wave, DT, 10.0)), inside(wave), atol=1e-6)
 
 
-def test_a_sinusoid_far_above_the_cutoff_is_removed():
-    assert np.abs(low_pass(sinusoid(100.0), DT, 2.0)[900:-900]).max() < 1e-6
-
-
 @pytest.mark.parametrize("cutoff_hz", [1.0, 5.0, 20.0])
 def test_the_cutoff_halves_the_amplitude_and_shifts_nothing(cutoff_hz):
     wave = sinusoid(cutoff_hz, phase=0.3)
@@ -56,14 +52,6 @@ def test_the_derivative_of_a_parabola_is_exact_up_to_its_ends(rng):
     a, b, c = rng.normal(size=(3, 2))
     time = 0.02 * np.arange(50)[:, None]
     np.testing.assert_allclose(derivative(a + b * time + c * time**2, 0.02), b + 2 * c * time, atol=1e-10)
-
-
-def test_the_derivative_converges_with_the_square_of_the_step():
-    def largest_error(dt):
-        time = dt * np.arange(round(1.0 / dt) + 1)
-        return np.abs(derivative(np.sin(5 * time), dt) - 5 * np.cos(5 * time)).max()
-
-    assert largest_error(0.002) / largest_error(0.001) == pytest.approx(4.0, rel=0.05)
 
 
 def test_standardised_columns_have_no_mean_and_unit_variance():

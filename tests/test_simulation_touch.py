@@ -73,14 +73,6 @@ def test_rolling_moves_the_contact_round_the_finger():
     assert after.load[0] == pytest.approx(before.load[0])
 
 
-def test_swiping_moves_the_contact_the_other_way_and_pressing_loads_it():
-    position, orientation = held_on_handle(np.array([-0.005]), np.zeros(1), np.ones(1), BAR, FINGER)
-    swiped = touching(*moved(position, orientation, np.array([[0.01, 0, 0, 0, 0, 0]]), 0.1), BAR, FINGER)
-    assert FINGER.skin.coordinates(swiped.point)[0][0] == pytest.approx(-0.006)
-    pressed = touching(*moved(position, orientation, np.array([[0, 0, -0.001, 0, 0, 0]]), 0.1), BAR, FINGER)
-    assert pressed.load[0] == pytest.approx(FINGER.stiffness * (FINGER.indentation(1.0) + 1e-4) ** 1.5)
-
-
 def test_a_motion_is_in_the_frame_of_the_finger():
     orientation = quaternion.from_rotation_vector(np.array([[0, 0, np.pi / 2]]))
     position, turned = moved(np.zeros((1, 3)), orientation, np.array([[1.0, 0, 0, 0, 0, 0.1]]), 0.5)
