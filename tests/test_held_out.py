@@ -77,12 +77,7 @@ from structlearn.recordings.drive_log import DriveLog
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.training_grid import (
-    DynamicsTrainingParameters,
-    EpochLimits,
-    train,
-    trainings,
-)
+from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, EpochLimits, train, trainings
 from structlearn.segmentation.segments import cut
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile import latent_comparison
@@ -537,12 +532,7 @@ def own_reaches_past_obstacles(monkeypatch, tmp_path):
             found[2 * number] = own.made_up(f"blocked {number}", bow + more, 0.0, 0.01 * number)
         return found
 
-    learn = each(
-        monkeypatch,
-        scene_folds,
-        "learn",
-        lambda its: learn_past_obstacles(its, own.chosen()),
-    )
+    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, own.chosen()))
     return Case(lambda its: learn(its)[0][1], recordings(), recordings(2), recordings(1))
 
 

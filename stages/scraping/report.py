@@ -3,7 +3,7 @@
 from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.feedback.feedback_models import FeedbackParameters
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters

@@ -49,10 +49,7 @@ def train_phase_modulated(
     """Train on all samples but those that say when to stop.
 
     `dataset`: samples of any number of scenarios; `parameters`: of the training; its chunks of consecutive
-    samples are split together.
-
-    Raises:
-        InputError: too few samples, or the target of an axis is constant.
+    samples are split together. Raises InputError: too few samples, or the target of an axis is constant.
     """
     per_axis = [coupling_dataset(dataset, axis) for axis in range(len(AXES))]
     fold = without_generalization(per_axis[0], FRACTIONS, parameters.chunk_samples, parameters.seed)

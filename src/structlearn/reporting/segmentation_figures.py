@@ -192,12 +192,7 @@ def noise_figure(
 
 
 def _draw_methods(
-    panel: Axes,
-    table: pd.DataFrame,
-    places: dict[float, int],
-    mean: str,
-    half: str,
-    methods: Sequence[str],
+    panel: Axes, table: pd.DataFrame, places: dict[float, int], mean: str, half: str, methods: Sequence[str]
 ) -> None:
     """Lines with error bars; methods stand a little beside each other so that the bars can be told apart."""
     for number, method in enumerate(methods):
