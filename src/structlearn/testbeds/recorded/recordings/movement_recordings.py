@@ -17,7 +17,7 @@ from structlearn.recordings.demonstration import SIGNALS, Demonstration
 from structlearn.recordings.slide import material_of
 from structlearn.segmentation.result import RESULT, Segmentation
 from structlearn.testbeds.recorded.names import LEARNED, PATHS, SLIDE_GROUPS
-from structlearn.testbeds.recorded.protocol.corrected_reaches import typical_paths
+from structlearn.testbeds.recorded.protocol.corrections import typical_paths
 from structlearn.testbeds.recorded.protocol.slides import GROUPS, SlideParameters, trial_groups
 from structlearn.viewer.learned_primitives import write_primitives
 from structlearn.viewer.notes import legend

@@ -13,7 +13,7 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
 from structlearn.testbeds.recorded.names import LEARNED, RECORDED
-from structlearn.testbeds.recorded.protocol.unscrewing import turning
+from structlearn.testbeds.recorded.protocol.movement import turning
 from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import entity, eye_view, layout, plot, recording, rgba, send_series, time_column
 
