@@ -110,7 +110,7 @@ from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 ROOT = Path(__file__).parents[1]
 
@@ -146,8 +146,8 @@ HOLDS_NOTHING_OUT = {
 }
 """Stages without a case, and why."""
 
-SHOWS = ("report", "view", "calibration_report")
-"""Stages that show what others wrote."""
+SHOWS = ("report", "view", "calibration_report", "list_code")
+"""Stages that show what others wrote, or list sources."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Tasks of one's own: entries, what stages make of recordings, and the README's three commands."""
+"""Tasks of one's own: entries, what stages make of recordings, and the documentation's three commands."""
 
 import json
 import re
@@ -83,10 +83,8 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 
 def readme(root: Path, language: str, place: int = 0) -> str:
-    """A block of code of the section on demonstrations."""
-    section = (
-        (root / "README.md").read_text().split("## Bringing your own demonstrations")[1].split("\n## ")[0]
-    )
+    """A block of code of the page on your own data."""
+    section = (root / "docs/own-data.md").read_text()
     return re.findall(rf"```{language}\n(.*?)```", section, re.DOTALL)[place]
 
 

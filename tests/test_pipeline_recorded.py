@@ -114,7 +114,7 @@ def test_everything_is_shown(project):
 
 def test_the_import_runs_whenever_dvc_is_asked_for_anything(few, source):
     asked, variables = f"{FILE}:reaches", {"RECORDED_DATA": str(source)}
-    assert repro(few, asked, **variables) == [f"{FILE}:import_recordings", asked]
+    assert repro(few, asked, **variables) == [f"{FILE}:code", f"{FILE}:import_recordings", asked]
     assert repro(few, asked, **variables) == [f"{FILE}:import_recordings"]
 
 

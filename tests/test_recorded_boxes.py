@@ -13,7 +13,7 @@ from recordings_bags import recorded_data
 
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
-from structlearn.avoidance.scene_learning import displaced_states, samples_of_scene, scene_states
+from structlearn.avoidance.scene_models import displaced_states, samples_of_scene, scene_states
 from structlearn.avoidance.scene_people import (
     ScenePeopleParameters,
     folds_of_people,
