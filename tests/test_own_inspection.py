@@ -21,8 +21,7 @@ from recordings_bags import (
 
 from structlearn import inspect
 from structlearn.ground.errors import InputError
-from structlearn.recordings import bag_writer
-from structlearn.recordings.bag_reader import read_bag
+from structlearn.recordings import bag as bags
 from structlearn.recordings.recording import Stream
 from structlearn.recordings.transforms import TransformSeries
 from structlearn.simulation.arm import urdf_path
@@ -76,14 +75,14 @@ def rewritten(source, target, topics, change=lambda topic: topic):
     """Some topics of every bag of a folder, each changed or not."""
     target.mkdir()
     for path in sorted(source.iterdir()):
-        bag = read_bag(path, topics)
+        bag = bags.read_bag(path, topics)
         raw = []
         for topic, messages in bag.messages.items():
-            (schema,) = messages.schemas.values()
+            (schema,) = messages.schemas
             table = np.frombuffer(b"".join(messages.data), dtype=np.uint8).reshape(len(messages.data), -1)
             text = schema.data.decode()
-            raw.append(change(bag_writer.RawTopic(topic, schema.name, text, messages.log_times, table)))
-        bag_writer.write_bag(target / path.name, {"provenance": "{}", "true_segments": "null"}, raw)
+            raw.append(change(bags.RawTopic(topic, schema.name, text, messages.log_times, table)))
+        bags.write_bag(target / path.name, {"provenance": "{}", "true_segments": "null"}, raw)
     return target
 
 

@@ -18,13 +18,11 @@ from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.params import read_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.bag_recording import read_recording
+from structlearn.recordings import read_demonstrations, read_recording, write_recording
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.drive_log import DriveLog, read_drive_log, write_drive_log
 from structlearn.recordings.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
 from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
-from structlearn.recordings.mcap_file import write_recording
 from structlearn.recordings.reaches_past_boxes import TRIALS, read_reaches_past_boxes
 from structlearn.recordings.recording import NamedShape
 from structlearn.recordings.text_log import read_stamped_table

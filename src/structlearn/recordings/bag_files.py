@@ -19,7 +19,7 @@ from typing import Literal
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import NAME, read_values
-from structlearn.recordings.bag_reader import COMPRESSED, Bag, joined, read_bag, unpacked_messages
+from structlearn.recordings.bag import COMPRESSED, Bag, joined, read_bag, unpacked_messages
 from structlearn.recordings.pose_table import read_pose_table
 from structlearn.recordings.rosbags_reader import read_db3, read_ros1_bag
 from structlearn.recordings.shape_table import FILE as SHAPE_FILE
@@ -69,10 +69,8 @@ class RecordingFile:
 def recording_files(source: str | Path) -> list[RecordingFile]:
     """Every recording of a source, in natural order of their names: 2 before 10.
 
-    Args:
-        source: one file; a folder of files; a ROS 2 bag (folder with metadata.yaml); or a folder of such
-            bags. `~` is the home folder. Hidden files and other ones are passed over, and tables where there
-            are bags.
+    A source is one file; a folder of files; a ROS 2 bag (folder with metadata.yaml); or a folder of such
+    bags. `~` is the home folder. Hidden and other files are passed over, and tables where there are bags.
 
     Raises:
         InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files of
@@ -105,8 +103,7 @@ def as_recording_file(path: Path) -> RecordingFile:
 def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
     """Topics, their types, and messages of the topics that are wanted, of a file of any format.
 
-    Messages are ROS 2 messages (CDR) with their definitions, whatever the file holds. A table has the topics
-    of `pose_table.TABLE_TOPICS`.
+    Messages are ROS 2 messages (CDR) with their definitions, whatever the file holds.
 
     Raises:
         InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.

@@ -1,31 +1,68 @@
-"""One recording from one file of any format: messages of the topics that are named become streams."""
+"""One recording and its file: messages of the topics that are named become streams, and streams messages."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag import Bag, damage_named, own_provenance, write_bag
 from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag
-from structlearn.recordings.bag_reader import Bag, damage_named, own_provenance
+from structlearn.recordings.checks import check_recording
 from structlearn.recordings.forward_kinematics import joint_pose
 from structlearn.recordings.joint_series import JointSeries, chosen, joint_series
-from structlearn.recordings.messages import check_readable, to_shapes, to_stream
-from structlearn.recordings.recording import JOINT_KINDS, Recording, Stream
+from structlearn.recordings.messages import check_readable, shapes_topic, to_shapes, to_stream, to_topic
+from structlearn.recordings.recording import JOINT_KINDS, NamedShape, Recording, Stream
 from structlearn.recordings.shape_table import read_shapes, shape_file
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
-from structlearn.recordings.topics import OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
+from structlearn.recordings.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
 from structlearn.recordings.transforms import transform_pose
+
+_TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}
+_TOPICS.update(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Write a recording as an MCAP file of ROS 2 messages on `OWN_TOPICS`.
+
+    Log and publish time are the stamp. Shapes stand in one message at the first of all stamps. The same
+    recording gives the same bytes. Tactile counts are written as float32 (whole numbers up to 2^24 are
+    exact), everything else as float64. The name is that of the file. It is written in place: whoever calls
+    publishes it or the folder that it is in (`structlearn.ground.artefacts.publish`).
+
+    Raises:
+        InputError: the recording fails `check_recording`, a stamp is negative or after 2^31 s, a tactile
+            count is beyond float32, or there are more than `MAX_FINGERS` tactile streams.
+    """
+    check_recording(recording)
+    if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
+        raise InputError(f"{recording.name}: has more than {MAX_FINGERS} tactile streams")
+    tactile = iter(OWN_TOPICS.tactile)
+    raw = []
+    for stream in recording.streams:
+        topic = next(tactile) if stream.kind == "tactile" else _TOPICS[stream.kind]
+        raw.append(to_topic(f"{recording.name}: {topic}", topic, stream))
+    if recording.shapes:
+        start = min(int(stream.stamps[0]) for stream in recording.streams)
+        raw.append(shapes_topic(_TOPICS["obstacles"], start, recording.shapes))
+    write_bag(path, to_metadata(recording), raw)
+
+
+def to_metadata(recording: Recording) -> dict[str, str]:
+    """The metadata record, values as JSON with sorted keys; numbers keep all their digits."""
+    segments = recording.true_segments
+    return {
+        "provenance": json.dumps(dict(recording.provenance), sort_keys=True),
+        "true_segments": json.dumps(None if segments is None else np.asarray(segments, dtype=float).tolist()),
+    }
 
 
 def read_recording(
     file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> Recording:
-    """Read a recording from a file of any format (`bag_files`).
-
-    Which message types are understood, and which clock stamps a message, is told in `messages`.
+    """Read a recording from a file of any format (`bag_files`), message types as `messages` says.
 
     Args:
         file: a path, or one of `bag_files.recording_files`.
@@ -48,7 +85,8 @@ def read_recording(
         file = as_recording_file(Path(file))
     bag = open_bag(file, topics.topics)
     with damage_named(file.path):
-        segments = _true_segments(bag.metadata)
+        known = None if bag.metadata is None else json.loads(bag.metadata["true_segments"])
+        segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
     read = _Reading(file, bag, topics, stamps)
     streams = read.streams()
     provenance = own_provenance(bag, file.path) | read.remarks()
@@ -88,9 +126,9 @@ class _Reading:
             streams[place:place] = self._joint_streams(joints)
         return streams
 
-    def shapes(self) -> tuple:
+    def shapes(self) -> tuple[NamedShape, ...]:
         """Solids on the topic that is named for them."""
-        found: tuple = ()
+        found: tuple[NamedShape, ...] = ()
         for topic, role in self._topics.roles():
             if role == "obstacles" and self._has(topic, role):
                 found += to_shapes(self._checked(topic, role), self._bag.messages[topic])
@@ -198,8 +236,3 @@ class _Reading:
     def _note(self, topic: str, note: str | None) -> None:
         if note is not None:
             self._mended[topic] = note
-
-
-def _true_segments(metadata: Mapping[str, str] | None) -> np.ndarray | None:
-    segments = None if metadata is None else json.loads(metadata["true_segments"])
-    return None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)

@@ -51,7 +51,8 @@ def check_recording(recording: Recording) -> None:
     for stream in recording.streams:
         where = f"{recording.name}: {stream.topic}"
         _check_shape(where, stream)
-        _check_clock(where, stream.stamps)
+        if fault := disorder(stream.stamps):
+            raise InputError(f"{where}: {fault}")
         _check_values(where, stream)
 
 
@@ -92,11 +93,6 @@ def _check_shape(where: str, stream: Stream) -> None:
         raise InputError(f"{where}: needs at least two samples, has {len(stream.stamps)}")
 
 
-def _check_clock(where: str, stamps: np.ndarray) -> None:
-    if fault := disorder(stamps):
-        raise InputError(f"{where}: {fault}")
-
-
 def _check_values(where: str, stream: Stream) -> None:
     finite = np.isfinite(stream.values)
     if not finite.all():
@@ -118,10 +114,6 @@ def check_speed(name: str, stream: Stream) -> None:
 
     Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
     between two touches of a surface; a reading is off where the next one turns back.
-
-    Args:
-        name: of the recording.
-        stream: poses that `check_recording` let pass.
 
     Raises:
         InputError: a step from one pose to the next is faster than `FASTEST`; topic and row are named.

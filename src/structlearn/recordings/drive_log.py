@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import own_provenance, read_bag
-from structlearn.recordings.bag_writer import write_bag
+from structlearn.recordings.bag import own_provenance, read_bag, write_bag
 from structlearn.recordings.joint_log import JOINT_STATES, DriveLog, on_clock
 from structlearn.recordings.joint_series import joint_series
 from structlearn.recordings.messages import check_readable, joint_topic

@@ -20,14 +20,7 @@ from structlearn.recordings.topics import JointPose
 
 
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
-    """Stream of the pose of a link.
-
-    Joints that come at different times are put on the clock of the slowest (`clock.shared_stamps`).
-
-    Args:
-        where: file and topic of the joint states, for error messages.
-        series: with names.
-        pose: robot and link.
+    """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`).
 
     Raises:
         InputError: the URDF is missing or no URDF, has no such link, or a joint on the way to it is not
@@ -60,11 +53,7 @@ def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> St
 
 
 class _Chain:
-    """The joints between a robot's root and a link.
-
-    Attributes:
-        names: (n,) of the joints, from the root on.
-    """
+    """The joints between a robot's root and a link; `names` (n,) from the root on."""
 
     def __init__(self, pose: JointPose) -> None:
         import pinocchio  # half a second, which only those who need it wait for

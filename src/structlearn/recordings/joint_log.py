@@ -13,9 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag import own_provenance, write_bag
 from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
-from structlearn.recordings.bag_reader import own_provenance
-from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.clock import MAX_GAP_S, on_one_clock
 from structlearn.recordings.joint_series import chosen, joint_series

@@ -20,14 +20,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from mcap.records import Schema
-from mcap.well_known import SchemaEncoding
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import Bag, RawMessages
-from structlearn.recordings.bag_writer import RawTopic
-from structlearn.recordings.joint_series import FIELDS
-from structlearn.recordings.messages import LAST_STAMP, joint_topic, to_topic
+from structlearn.recordings.bag import Bag, in_time_order
+from structlearn.recordings.messages import FIELDS, LAST_STAMP, joint_topic, to_topic
 from structlearn.recordings.recording import Stream
 from structlearn.recordings.text_log import read_stamped_table
 
@@ -73,7 +69,7 @@ def read_pose_table(path: Path) -> Bag:
     return Bag(
         topics={topic.name: [topic.message_type] for topic in topics},
         metadata={"provenance": json.dumps(provenance, sort_keys=True), "true_segments": "null"},
-        messages={topic.name: _messages(topic) for topic in topics},
+        messages={topic.name: in_time_order(topic.rows()) for topic in topics},
     )
 
 
@@ -162,10 +158,3 @@ def _complete(path: Path, columns: Mapping[str, np.ndarray], names: Sequence[str
 def _block(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
     """(T, D) of some columns."""
     return np.stack([columns[name] for name in names], axis=1)
-
-
-def _messages(topic: RawTopic) -> RawMessages:
-    definition = topic.definition.encode()
-    schema = Schema(id=1, name=topic.message_type, encoding=SchemaEncoding.ROS2, data=definition)
-    data = [row.tobytes() for row in topic.messages]
-    return RawMessages({1: schema}, np.ones(len(data), dtype=np.int64), topic.stamps, data)

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from mcap.well_known import SchemaEncoding
 
-from structlearn.recordings.bag_reader import RawMessages
+from structlearn.recordings.bag import RawMessages
 
 INNER = (5.0, 95.0)
 """Percentiles between which jitter and spread are taken: nine of ten samples, whatever the rest does."""
@@ -34,9 +34,6 @@ class Stamps:
     """One clock of a topic.
 
     Attributes:
-        count: of messages.
-        first_s: of the earliest, s.
-        last_s: of the latest, s.
         rate_hz: one over the median step; NaN where all messages have one stamp.
         largest_gap_s: s between neighbouring stamps.
         gap_at_s: where it begins, s since the first stamp.
@@ -65,10 +62,8 @@ class Stamps:
 class Delay:
     """How much later the recorder's clock says a message came than its header says it was sent.
 
-    Attributes:
-        median_s: over the messages.
-        spread_s: half the range of the inner nine tenths.
-        drift_s: median of the last tenth of the messages minus that of the first.
+    The spread is half the range of the inner nine tenths, the drift the median of the last tenth minus that
+    of the first.
     """
 
     median_s: float
@@ -78,14 +73,7 @@ class Delay:
 
 @dataclass(frozen=True)
 class TopicClocks:
-    """Stamps of a topic by both clocks.
-
-    Attributes:
-        log: when the recorder got the messages.
-        header: when they say that they were taken; None where they do not.
-        delay: log minus header; None likewise.
-        frames: names of frames in the headers.
-    """
+    """When the recorder got messages, when they were taken by their headers, and the frames of these."""
 
     log: Stamps
     header: Stamps | None
@@ -99,14 +87,7 @@ class TopicClocks:
 
 
 def topic_clocks(messages: RawMessages) -> TopicClocks:
-    """Both clocks of a topic, from stamps alone.
-
-    Args:
-        messages: at least one.
-
-    Returns:
-        The header's clock is None where the type has no header, or where all its stamps are zero.
-    """
+    """Both clocks of a topic with at least one message; the header's is None where it is never set."""
     log = stamps_of(messages.log_times)
     place = _header_place(messages)
     if place is None:
@@ -167,10 +148,13 @@ def header_stamps(messages: RawMessages, place: int) -> np.ndarray:
 
 def _header_place(messages: RawMessages) -> int | None:
     """Where stamps stand in all messages of a topic; None where there are none."""
-    schemas = messages.schemas.values()
-    if any(schema is None or schema.encoding != SchemaEncoding.ROS2 for schema in schemas):
-        return None  # the same definition in another encoding puts its fields elsewhere
-    places = {_place_in(schema.data.decode(errors="replace")) for schema in schemas}
+    places = {
+        # the same definition in another encoding puts its fields elsewhere
+        _place_in(schema.data.decode(errors="replace"))
+        if schema and schema.encoding == SchemaEncoding.ROS2
+        else None
+        for schema in messages.schemas
+    }
     place = places.pop() if len(places) == 1 else None
     whole = place is not None and all(len(message) >= place + 12 for message in messages.data)
     return place if whole else None

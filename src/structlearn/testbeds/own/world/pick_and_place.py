@@ -17,8 +17,8 @@ import numpy as np
 import structlearn
 from structlearn.ground import minimum_jerk, quaternion
 from structlearn.ground.frames import UP
-from structlearn.recordings.bag_writer import RawTopic, write_bag
-from structlearn.recordings.mcap_file import to_metadata
+from structlearn.recordings.bag import RawTopic, write_bag
+from structlearn.recordings.bag_recording import to_metadata
 from structlearn.recordings.messages import joint_topic, to_topic
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.simulation.arm import urdf_path
