@@ -5,7 +5,6 @@ channel has.
 """
 
 import json
-import os
 import tempfile
 import zlib
 from collections import Counter
@@ -38,6 +37,9 @@ COMPRESSED = ".zstd"
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """How a zstd frame begins; no message does, its first byte is 0."""
 
+Row = tuple[int, Schema | None, bytes]
+"""Log time in ns, definition and content of a message."""
+
 
 @dataclass(frozen=True)
 class RawMessages:
@@ -55,19 +57,25 @@ class RawMessages:
     log_times: np.ndarray
     data: Sequence[bytes]
 
-    def rows(self) -> Iterator[tuple[int, Schema | None, bytes]]:
-        """Log time, definition and bytes of each message."""
+    def rows(self) -> Iterator[Row]:
+        """Messages one by one."""
         schemas = (self.schemas[kind] for kind in self.kinds.tolist())
         return zip(self.log_times.tolist(), schemas, self.data, strict=True)
 
 
-def in_time_order(rows: Iterable[tuple[int, Schema | None, bytes]]) -> RawMessages:
-    """Messages of one topic (log time, definition, bytes), at equal times in the order in which they come."""
+def in_time_order(rows: Iterable[Row]) -> RawMessages:
+    """Messages of one topic, those of equal times in the order in which they come."""
     log_times, schemas, data = zip(*sorted(rows, key=itemgetter(0)), strict=True)
     different = {id(one): one for one in schemas}
     places = {number: place for place, number in enumerate(different)}
     kinds = np.array([places[id(one)] for one in schemas])
-    return RawMessages(list(different.values()), kinds, np.array(log_times, dtype=np.int64), list(data))
+    return RawMessages(list(different.values()), kinds, np.array(log_times, dtype=np.int64), data)
+
+
+def of_one_type(message_type: str, definition: str, stamps: np.ndarray, content: np.ndarray) -> RawMessages:
+    """Messages (T, L) uint8 of one type, with the text of its definition and (T,) increasing stamps in ns."""
+    schema = Schema(id=0, name=message_type, encoding=SchemaEncoding.ROS2, data=definition.encode())
+    return RawMessages([schema], np.zeros(len(stamps), dtype=int), stamps, [row.tobytes() for row in content])
 
 
 @dataclass(frozen=True)
@@ -84,55 +92,38 @@ class Bag:
     metadata: Mapping[str, str] | None
     messages: Mapping[str, RawMessages]
 
-
-@dataclass(frozen=True)
-class RawTopic:
-    """Messages of one length, to be written.
-
-    Attributes:
-        name: the topic.
-        message_type: `package/msg/Type`.
-        definition: text of the type with those of all nested types.
-        stamps: (T,) int64 ns, not negative, increasing: log and publish time; at least one.
-        messages: (T, L) uint8, one message per row.
-    """
-
-    name: str
-    message_type: str
-    definition: str
-    stamps: np.ndarray
-    messages: np.ndarray
-
-    def rows(self) -> Iterator[tuple[int, Schema, bytes]]:
-        """Log time, definition and bytes of each message."""
-        schema = Schema(
-            id=0, name=self.message_type, encoding=SchemaEncoding.ROS2, data=self.definition.encode()
-        )
-        for stamp, row in zip(self.stamps.tolist(), self.messages, strict=True):
-            yield stamp, schema, row.tobytes()
+    def provenance(self, path: Path) -> dict[str, str]:
+        """What our own metadata say of the origin; a file without them was recorded."""
+        if self.metadata is None:
+            return {"origin": "recorded", "source": path.name}
+        with damage_named(path):
+            found = json.loads(self.metadata["provenance"])
+            if not isinstance(found, dict) or not all(isinstance(word, str) for word in found.values()):
+                raise _Damage("its provenance is not a mapping of words to words")
+        return found
 
 
-def write_bag(path: str | Path, metadata: Mapping[str, str], topics: Sequence[RawTopic]) -> None:
-    """Write an MCAP file of ROS 2 messages; the same messages give the same bytes.
+def write_bag(
+    path: str | Path, metadata: Mapping[str, str], messages: Iterable[tuple[str, RawMessages]]
+) -> None:
+    """Write messages of ROS 2 with their topics as an MCAP file; the same ones give the same bytes.
 
-    Messages stand in the order of their stamps, at equal stamps in the order of the topics. The file is
-    written in place; its folder exists.
+    Those of a topic have one type. They stand in the order of their log times, at equal times in the order of
+    the topics. The file is written in place; its folder exists.
     """
     with open(path, "wb") as file:
         writer = Writer(file, enable_data_crcs=True)
         writer.start(profile=Profile.ROS2)
         writer.add_metadata(METADATA, dict(metadata))
-        definitions = {topic.message_type: topic.definition for topic in topics}
-        schemas = {
-            name: writer.register_schema(name, SchemaEncoding.ROS2, text.encode())
-            for name, text in definitions.items()
-        }
+        schemas: dict[str, int] = {}
         rows = []
-        for topic in topics:
-            channel = writer.register_channel(topic.name, MessageEncoding.CDR, schemas[topic.message_type])
-            rows += [(stamp, channel, data) for stamp, _, data in topic.rows()]
-        rows.sort(key=itemgetter(0))
-        for stamp, channel, data in rows:
+        for topic, its in messages:
+            (schema,) = filter(None, its.schemas)
+            if schema.name not in schemas:
+                schemas[schema.name] = writer.register_schema(schema.name, schema.encoding, schema.data)
+            channel = writer.register_channel(topic, MessageEncoding.CDR, schemas[schema.name])
+            rows += [(stamp, channel, data) for stamp, _, data in its.rows()]
+        for stamp, channel, data in sorted(rows, key=itemgetter(0)):
             writer.add_message(channel, log_time=stamp, data=data, publish_time=stamp)
         writer.finish()
 
@@ -140,13 +131,11 @@ def write_bag(path: str | Path, metadata: Mapping[str, str], topics: Sequence[Ra
 def read_bag(path: Path, topics: Collection[str]) -> Bag:
     """Read the messages of some topics of an MCAP file, as `ros2 bag record -s mcap` or `write_bag` left it.
 
-    One that is compressed as a whole has `COMPRESSED` at the end of its name.
-
     Raises:
         InputError: the file is missing, not an MCAP file, cut off or damaged; the message names it.
     """
     try:
-        with open(path, "rb") as raw, uncompressed(path, raw) as file:
+        with unpacked_file(path) as plain, open(plain, "rb") as file:
             _check_complete(path, file)
             with damage_named(path):
                 return _read(file, topics)
@@ -155,28 +144,27 @@ def read_bag(path: Path, topics: Collection[str]) -> Bag:
 
 
 @contextmanager
-def uncompressed(path: Path, file: BinaryIO) -> Iterator[BinaryIO]:
-    """What is in a file, or where it is compressed as a whole a file without a name that has it."""
+def unpacked_file(path: Path) -> Iterator[Path]:
+    """The file, or where it is one zstd frame, as `ros2 bag` leaves it, another one with its content.
+
+    Raises:
+        InputError: the frame is damaged or cut off.
+    """
     if path.suffix != COMPRESSED:
-        yield file
+        yield path
         return
-    with tempfile.TemporaryFile() as plain:
-        unpack_file(path, file, plain)
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / path.stem
+        unpacker = zstandard.ZstdDecompressor().decompressobj()
+        with open(path, "rb") as file, open(plain, "wb") as unpacked:
+            try:
+                while not unpacker.eof and (block := file.read(2**20)):
+                    unpacked.write(unpacker.decompress(block))
+            except zstandard.ZstdError as error:
+                raise InputError(f"{path}: damaged zstd file: {error}") from error
+        if not unpacker.eof:
+            raise InputError(f"{path}: the zstd file is cut off at its end")
         yield plain
-
-
-def unpack_file(path: Path, file: BinaryIO, plain: BinaryIO) -> None:
-    """Unpack a file that is one zstd frame; an InputError where that is damaged or cut off."""
-    unpacker = zstandard.ZstdDecompressor().decompressobj()
-    try:
-        while not unpacker.eof and (block := file.read(2**20)):
-            plain.write(unpacker.decompress(block))
-    except zstandard.ZstdError as error:
-        raise InputError(f"{path}: damaged zstd file: {error}") from error
-    if not unpacker.eof:
-        raise InputError(f"{path}: the zstd file is cut off at its end")
-    plain.flush()
-    plain.seek(0)
 
 
 def unpacked_messages(where: str, messages: RawMessages) -> RawMessages:
@@ -185,19 +173,15 @@ def unpacked_messages(where: str, messages: RawMessages) -> RawMessages:
     Raises:
         InputError: a frame is damaged, or grows beyond `LARGEST_CHUNK`.
     """
-    if not any(message.startswith(ZSTD_MAGIC) for message in messages.data):
-        return messages
-    unpacker = zstandard.ZstdDecompressor()
-    data = []
-    for row, message in enumerate(messages.data):
+    data = list(messages.data)
+    for row, message in enumerate(data):
         if message.startswith(ZSTD_MAGIC):
             try:
                 if zstandard.frame_content_size(message) > LARGEST_CHUNK:
                     raise zstandard.ZstdError(f"it grows beyond {LARGEST_CHUNK} bytes")
-                message = unpacker.decompress(message, max_output_size=LARGEST_CHUNK)
+                data[row] = zstandard.ZstdDecompressor().decompress(message, max_output_size=LARGEST_CHUNK)
             except (zstandard.ZstdError, MemoryError) as error:
                 raise InputError(f"{where}: row {row}: damaged compressed message: {error}") from error
-        data.append(message)
     return replace(messages, data=data)
 
 
@@ -206,7 +190,7 @@ def joined(bags: Sequence[Bag]) -> Bag:
     if len(bags) == 1:
         return bags[0]
     topics: dict[str, list[str]] = {}
-    rows: dict[str, list[tuple[int, Schema | None, bytes]]] = {}
+    rows: dict[str, list[Row]] = {}
     for bag in bags:
         for topic, types in bag.topics.items():
             topics[topic] = list(dict.fromkeys([*topics.get(topic, ()), *types]))
@@ -214,21 +198,6 @@ def joined(bags: Sequence[Bag]) -> Bag:
             rows.setdefault(topic, []).extend(messages.rows())
     metadata = next((bag.metadata for bag in bags if bag.metadata is not None), None)
     return Bag(topics, metadata, {topic: in_time_order(its) for topic, its in rows.items()})
-
-
-def own_provenance(bag: Bag, path: Path) -> dict[str, str]:
-    """What our own metadata say of the origin; a file without them was recorded.
-
-    Raises:
-        InputError: it is not a mapping of words to words.
-    """
-    if bag.metadata is None:
-        return {"origin": "recorded", "source": path.name}
-    with damage_named(path):
-        provenance = json.loads(bag.metadata["provenance"])
-        if not isinstance(provenance, dict) or not all(isinstance(word, str) for word in provenance.values()):
-            raise _Damage("its provenance is not a mapping of words to words")
-    return provenance
 
 
 class _Damage(Exception):  # noqa: N818 - it is what is found
@@ -240,10 +209,9 @@ def damage_named(where: str | Path, what: str = "MCAP file") -> Iterator[None]:
     """Turn whatever is raised on damaged bytes into an InputError; only what reads them goes inside."""
     try:
         yield
-    except _Damage as error:
-        raise InputError(f"{where}: damaged {what}: {error}") from error
     except Exception as error:
-        raise InputError(f"{where}: damaged {what}: {type(error).__name__}: {error}") from error
+        kind = "" if isinstance(error, _Damage) else f"{type(error).__name__}: "
+        raise InputError(f"{where}: damaged {what}: {kind}{error}") from error
 
 
 def _check_complete(path: Path, file: BinaryIO) -> None:
@@ -251,7 +219,7 @@ def _check_complete(path: Path, file: BinaryIO) -> None:
     size = len(MCAP0_MAGIC)
     if file.read(size) != MCAP0_MAGIC:
         raise InputError(f"{path}: not an MCAP file")
-    file.seek(max(size, os.fstat(file.fileno()).st_size - size))
+    file.seek(max(size, file.seek(0, 2) - size))
     if file.read() != MCAP0_MAGIC:
         raise InputError(f"{path}: the MCAP file is cut off at its end; `mcap recover` saves what is there")
     file.seek(0)
@@ -261,7 +229,7 @@ def _read(file: BinaryIO, topics: Collection[str]) -> Bag:
     """Content of a file; topics may be defined, and again, anywhere in it."""
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    metadata: list[Metadata] = []
+    metadata: dict[str, Metadata] = {}
     messages: dict[str, list[Message]] = {topic: [] for topic in topics}
     counted: Counter[int] = Counter()
     statistics: Statistics | None = None
@@ -279,8 +247,8 @@ def _read(file: BinaryIO, topics: Collection[str]) -> Bag:
         elif isinstance(record, Channel):
             if channels.setdefault(record.id, record) != record:
                 raise _Damage(f"channel {record.id} is defined twice")
-        elif isinstance(record, Metadata) and record.name == METADATA:
-            metadata.append(record)
+        elif isinstance(record, Metadata):
+            metadata.setdefault(record.name, record)
         elif isinstance(record, Statistics):
             statistics = record
     if statistics and statistics.chunk_count != chunks:
@@ -288,14 +256,25 @@ def _read(file: BinaryIO, topics: Collection[str]) -> Bag:
     for number, said in statistics.channel_message_counts.items() if statistics else ():
         if counted[number] != said:
             raise _Damage(f"channel {number} has {counted[number]} messages, not {said}")
+    definitions = {number: schemas.get(channel.schema_id) for number, channel in channels.items()}
     found = {
-        topic: in_time_order(
-            (one.log_time, schemas.get(channels[one.channel_id].schema_id), one.data) for one in its
-        )
+        topic: in_time_order((one.log_time, definitions[one.channel_id], one.data) for one in its)
         for topic, its in messages.items()
         if its
     }
-    return Bag(_present(channels, schemas), dict(metadata[0].metadata) if metadata else None, found)
+    present: dict[str, list[str]] = {}
+    for number, channel in channels.items():
+        types, name = present.setdefault(channel.topic, []), _type_name(channel, definitions[number])
+        types += [name] * (name not in types)
+    return Bag(present, metadata[METADATA].metadata if METADATA in metadata else None, found)
+
+
+def _type_name(channel: Channel, schema: Schema | None) -> str:
+    if channel.message_encoding == MessageEncoding.CDR and schema and schema.encoding == SchemaEncoding.ROS2:
+        return schema.name
+    encodings = f"{channel.message_encoding}, {schema.encoding if schema else 'no schema'}"
+    name = schema.name if schema else "unknown"
+    return f"{name} [{encodings}: not ROS 2 messages with ros2msg definitions]"
 
 
 def _records(file: BinaryIO) -> Iterator[McapRecord]:
@@ -330,20 +309,3 @@ def _unpacked(chunk: Chunk) -> Chunk:
     if len(content) != size:
         raise _Damage(f"a chunk of {size} bytes does not unpack to as many")
     return replace(chunk, compression="", data=content)
-
-
-def _present(channels: Mapping[int, Channel], schemas: Mapping[int, Schema]) -> dict[str, list[str]]:
-    """Topics of a file with the types of their messages."""
-    present: dict[str, list[str]] = {}
-    for channel in channels.values():
-        schema = schemas.get(channel.schema_id)
-        name = schema.name if schema is not None else "unknown"
-        if channel.message_encoding != MessageEncoding.CDR or (
-            schema and schema.encoding != SchemaEncoding.ROS2
-        ):
-            encodings = f"{channel.message_encoding}, {schema.encoding if schema else 'no schema'}"
-            name = f"{name} [{encodings}: not ROS 2 messages with ros2msg definitions]"
-        types = present.setdefault(channel.topic, [])
-        if name not in types:
-            types.append(name)
-    return present

@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag import Bag, damage_named, own_provenance, write_bag
+from structlearn.recordings.bag import Bag, damage_named, write_bag
 from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag
 from structlearn.recordings.checks import check_recording
 from structlearn.recordings.forward_kinematics import joint_pose
 from structlearn.recordings.joint_series import JointSeries, chosen, joint_series
-from structlearn.recordings.messages import check_readable, shapes_topic, to_shapes, to_stream, to_topic
+from structlearn.recordings.messages import check_readable, shapes_message, to_messages, to_shapes, to_stream
 from structlearn.recordings.recording import JOINT_KINDS, NamedShape, Recording, Stream
 from structlearn.recordings.shape_table import read_shapes, shape_file
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
@@ -40,14 +40,14 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
         raise InputError(f"{recording.name}: has more than {MAX_FINGERS} tactile streams")
     tactile = iter(OWN_TOPICS.tactile)
-    raw = []
+    messages = []
     for stream in recording.streams:
         topic = next(tactile) if stream.kind == "tactile" else _TOPICS[stream.kind]
-        raw.append(to_topic(f"{recording.name}: {topic}", topic, stream))
+        messages.append((topic, to_messages(f"{recording.name}: {topic}", stream)))
     if recording.shapes:
         start = min(int(stream.stamps[0]) for stream in recording.streams)
-        raw.append(shapes_topic(_TOPICS["obstacles"], start, recording.shapes))
-    write_bag(path, to_metadata(recording), raw)
+        messages.append((_TOPICS["obstacles"], shapes_message(start, recording.shapes)))
+    write_bag(path, to_metadata(recording), messages)
 
 
 def to_metadata(recording: Recording) -> dict[str, str]:
@@ -89,7 +89,7 @@ def read_recording(
         segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
     read = _Reading(file, bag, topics, stamps)
     streams = read.streams()
-    provenance = own_provenance(bag, file.path) | read.remarks()
+    provenance = bag.provenance(file.path) | read.remarks()
     table = shape_file(file.path, file.name)
     shapes = read.shapes() + (read_shapes(table) if table else ())
     return Recording(file.name, tuple(streams), segments, provenance, shapes)

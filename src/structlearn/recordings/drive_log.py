@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag import own_provenance, read_bag, write_bag
+from structlearn.recordings.bag import read_bag, write_bag
 from structlearn.recordings.joint_log import JOINT_STATES, DriveLog, on_clock
 from structlearn.recordings.joint_series import joint_series
-from structlearn.recordings.messages import check_readable, joint_topic
+from structlearn.recordings.messages import check_readable, joint_messages
 from structlearn.recordings.recording import Kind
 from structlearn.recordings.stamps import AS_WRITTEN
 
@@ -46,11 +46,11 @@ def write_drive_log(log: DriveLog, path: str | Path) -> None:
     """
     states = {kind: getattr(log, name) for kind, name in STATES.items()}
     tables = {JOINT_STATES: states} | {topic: {EFFORT: getattr(log, name)} for name, topic in DRIVES.items()}
-    topics = [
-        joint_topic(f"{log.name}: {topic}", topic, log.joints, log.stamps, values)
+    topics = {
+        topic: joint_messages(f"{log.name}: {topic}", log.joints, log.stamps, values)
         for topic, values in tables.items()
-    ]
-    write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, topics)
+    }
+    write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, topics.items())
 
 
 def read_drive_log(path: str | Path) -> DriveLog:
@@ -81,4 +81,4 @@ def read_drive_log(path: str | Path) -> DriveLog:
         clocks.append((one.names, one.stamps))
         if one.names != clocks[0][0] or not np.array_equal(one.stamps, clocks[0][1]):
             raise InputError(f"{where} has other joints or stamps than '{JOINT_STATES}'")
-    return DriveLog(path.stem, *clocks[0], **found, provenance=own_provenance(bag, path))
+    return DriveLog(path.stem, *clocks[0], **found, provenance=bag.provenance(path))

@@ -58,33 +58,14 @@ class ProbeRun:
 
 
 def read_runs(folder: str | Path, kind: str) -> list[ProbeRun]:
-    """All runs of one kind.
-
-    Args:
-        folder: the data set's folder.
-        kind: `PRESSES` or `STROKES`.
-
-    Returns:
-        Runs in the order of their names, which are times; none where the kind's folder is missing.
-
-    Raises:
-        InputError: see `read_run`.
-    """
+    """All runs of one kind, `PRESSES` or `STROKES`, in the order of their names, which are times."""
     folder = Path(folder)
     paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
     return [read_run(path, folder, kind == STROKES) for path in paths]
 
 
 def read_run(path: Path, root: Path, on_scale: bool) -> ProbeRun:
-    """One run.
-
-    Args:
-        path: folder of `states.csv` and `sensor_post_baselines.csv`.
-        root: the data set's folder.
-        on_scale: whether the states end with a scale's reading.
-
-    Returns:
-        The run, in SI units.
+    """One run from a folder below the data set's; `on_scale`: its states end with a scale's reading.
 
     Raises:
         InputError: a file is missing or no table of its columns, times do not rise, a reading has no state
@@ -127,9 +108,6 @@ def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
 def read_all_runs(folder: str | Path) -> dict[str, list[ProbeRun]]:
     """Runs of all kinds, by kind.
 
-    Args:
-        folder: the data set's folder.
-
     Raises:
         MissingInputError: there is no run over places.
         InputError: see `read_run`.
@@ -141,12 +119,7 @@ def read_all_runs(folder: str | Path) -> dict[str, list[ProbeRun]]:
 
 
 def write_runs(found: Mapping[str, Sequence[ProbeRun]], target: Path) -> None:
-    """Write runs as tables, one per kind, with their provenance.
-
-    Args:
-        found: runs by kind.
-        target: an empty folder.
-    """
+    """Write runs by kind as tables into an empty folder, with their provenance."""
     for kind, runs in found.items():
         if runs:
             write_table(to_table(runs), target / f"{kind}.parquet")
@@ -173,12 +146,7 @@ def to_table(runs: Sequence[ProbeRun]) -> pd.DataFrame:
 
 
 def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANNELS) -> list[ProbeRun]:
-    """Runs as `write_runs` wrote them; none where there were none of a kind.
-
-    Args:
-        folder: that was written to.
-        kind: `PRESSES` or `STROKES`.
-        channels: columns that are the skin's, in this order.
+    """Runs of a kind as `write_runs` wrote them, with these of their columns as channels; maybe none.
 
     Raises:
         InputError: the table lacks a channel.

@@ -13,12 +13,12 @@ from typing import TypeVar
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag import own_provenance, write_bag
+from structlearn.recordings.bag import write_bag
 from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.clock import MAX_GAP_S, on_one_clock
 from structlearn.recordings.joint_series import chosen, joint_series
-from structlearn.recordings.messages import check_readable, joint_topic
+from structlearn.recordings.messages import check_readable, joint_messages
 from structlearn.recordings.recording import JOINT_KINDS, Stream
 from structlearn.recordings.series_table import Series, read_series, write_series
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
@@ -193,8 +193,9 @@ def write_joint_log(log: JointLog, path: str | Path) -> None:
         InputError: a stamp is negative or after 2^31 s.
     """
     values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
-    topic = joint_topic(f"{log.name}: {JOINT_STATES}", JOINT_STATES, log.joints, log.stamps, values)
-    write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
+    messages = joint_messages(f"{log.name}: {JOINT_STATES}", log.joints, log.stamps, values)
+    provenance = json.dumps(dict(log.provenance), sort_keys=True)
+    write_bag(path, {"provenance": provenance}, [(JOINT_STATES, messages)])
 
 
 def read_joint_logs(
@@ -255,7 +256,7 @@ def read_joint_log(
                 f"{where} has no {kind.replace('_', ' ')}; a dynamics model is learned from "
                 "position, velocity and effort"
             )
-    provenance = own_provenance(bag, file.path)
+    provenance = bag.provenance(file.path)
     if note is not None:
         provenance["stamps"] = f"{topic}: {note}"
     if others:

@@ -24,7 +24,7 @@ from mcap.reader import make_reader
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import cdr
-from structlearn.recordings.bag import RawMessages, RawTopic
+from structlearn.recordings.bag import RawMessages, of_one_type
 from structlearn.recordings.decoding import (
     decoded,
     fields_named,
@@ -87,7 +87,7 @@ def to_stream(
     return Stream(topic, role, stamps, values), note
 
 
-def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
+def to_messages(where: str, stream: Stream) -> RawMessages:
     """Messages of a stream, one per row.
 
     Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep their 64
@@ -99,35 +99,37 @@ def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
     values = stream.values
     if stream.kind in JOINT_KINDS:
         names = stream.joints or [f"joint_{joint + 1}" for joint in range(values.shape[1])]
-        return joint_topic(where, topic, names, stream.stamps, {stream.kind: values})
+        return joint_messages(where, names, stream.stamps, {stream.kind: values})
     if stream.kind == "pose":
         values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
     elif stream.kind == "tool_to_board":
         values = quaternion.to_xyzw(values)
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
-    raw, columns = _blank(where, topic, MESSAGE_TYPES[stream.kind], stream.stamps, (), lengths)
-    places = READERS[stream.kind][cdr.short_name(raw.message_type)](columns)
+    message_type = MESSAGE_TYPES[stream.kind]
+    content, columns = _blank(where, message_type, stream.stamps, (), lengths)
+    places = READERS[stream.kind][cdr.short_name(message_type)](columns)
     with np.errstate(over="ignore"):
         for place, column in zip(places, values.T, strict=True):
             place[:] = column
     if np.isinf(places).any():
         raise InputError(f"{where}: a count is too large for float32")
-    return raw
+    return of_one_type(message_type, definition(message_type), stream.stamps, content)
 
 
-def joint_topic(
-    where: str, topic: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
-) -> RawTopic:
+def joint_messages(
+    where: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
+) -> RawMessages:
     """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled.
 
     Raises:
         InputError: a stamp is negative or beyond what a header holds.
     """
+    message_type = MESSAGE_TYPES["joint_positions"]
     lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
-    raw, columns = _blank(where, topic, MESSAGE_TYPES["joint_positions"], stamps, names, lengths)
+    content, columns = _blank(where, message_type, stamps, names, lengths)
     for kind, its in values.items():
         getattr(columns, FIELDS[kind])[:] = its
-    return raw
+    return of_one_type(message_type, definition(message_type), stamps, content)
 
 
 def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
@@ -161,7 +163,7 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     return tuple(shapes)
 
 
-def shapes_topic(topic: str, stamp: int, shapes: Sequence[NamedShape]) -> RawTopic:
+def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
     """One message of markers with all shapes; their names, which differ, become the namespaces."""
     seconds, rest = divmod(int(stamp), 10**9)
     header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": FRAME}
@@ -181,7 +183,7 @@ def shapes_topic(topic: str, stamp: int, shapes: Sequence[NamedShape]) -> RawTop
         for shape in shapes
     ]
     data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
-    return RawTopic(topic, SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
+    return of_one_type(SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
 
 
 def _type_of(messages: RawMessages) -> str:
@@ -191,13 +193,8 @@ def _type_of(messages: RawMessages) -> str:
 
 
 def _blank(
-    where: str,
-    topic: str,
-    message_type: str,
-    stamps: np.ndarray,
-    names: Sequence[str],
-    lengths: Mapping[str, int],
-) -> tuple[RawTopic, SimpleNamespace]:
+    where: str, message_type: str, stamps: np.ndarray, names: Sequence[str], lengths: Mapping[str, int]
+) -> tuple[np.ndarray, SimpleNamespace]:
     """Messages with stamps, joints' names and sequences of zeros, and columns to fill in the numbers."""
     if stamps.min() < 0 or stamps.max() > LAST_STAMP:
         fault = "before 0" if stamps.min() < 0 else "beyond 2^31 s"
@@ -209,7 +206,7 @@ def _blank(
     if hasattr(columns, "header"):
         stamp = columns.header.stamp
         stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
-    return RawTopic(topic, message_type, definition(message_type), stamps, messages), columns
+    return messages, columns
 
 
 @cache

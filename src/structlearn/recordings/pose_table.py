@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag import Bag, in_time_order
-from structlearn.recordings.messages import FIELDS, LAST_STAMP, joint_topic, to_topic
+from structlearn.recordings.bag import Bag
+from structlearn.recordings.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
 from structlearn.recordings.recording import Stream
 from structlearn.recordings.text_log import read_stamped_table
 
@@ -52,24 +52,24 @@ def read_pose_table(path: Path) -> Bag:
     pose = np.zeros((len(stamps), 7))
     pose[:, 3] = 1.0
     pose[:, : 7 if oriented else 3] = _block(columns, POSITION + (ORIENTATION if oriented else ()))
-    topics = [to_topic(str(path), TABLE_TOPICS["pose"], Stream("", "pose", stamps, pose))]
+    messages = {TABLE_TOPICS["pose"]: to_messages(str(path), Stream("", "pose", stamps, pose))}
     if _complete(path, columns, WRENCH):
         wrench = Stream("", "wrench", stamps, _block(columns, WRENCH))
-        topics.append(to_topic(str(path), TABLE_TOPICS["wrench"], wrench))
+        messages[TABLE_TOPICS["wrench"]] = to_messages(str(path), wrench)
     if joints:
         fields = {
             kind: _block(columns, [f"{field}.{joint}" for joint in joints])
             for kind, field in FIELDS.items()
             if f"{field}.{joints[0]}" in columns
         }
-        topics.append(joint_topic(str(path), TABLE_TOPICS["joint_states"], joints, stamps, fields))
+        messages[TABLE_TOPICS["joint_states"]] = joint_messages(str(path), joints, stamps, fields)
     provenance = {"origin": "recorded", "source": path.name}
     if not oriented:
         provenance["orientation"] = "not recorded"
     return Bag(
-        topics={topic.name: [topic.message_type] for topic in topics},
+        topics={topic: [one.name for one in its.schemas if one] for topic, its in messages.items()},
         metadata={"provenance": json.dumps(provenance, sort_keys=True), "true_segments": "null"},
-        messages={topic.name: in_time_order(topic.rows()) for topic in topics},
+        messages=messages,
     )
 
 

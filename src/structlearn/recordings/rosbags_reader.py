@@ -4,7 +4,6 @@ The library is an extra of this package, since most have MCAP. Messages of ROS 1
 same numbers in CDR, headers without their counter.
 """
 
-import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,7 @@ from mcap.records import Schema
 from mcap.well_known import SchemaEncoding
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag import COMPRESSED, Bag, in_time_order, unpack_file
+from structlearn.recordings.bag import Bag, Row, in_time_order, unpacked_file
 
 HEADER = "std_msgs/msg/Header"
 
@@ -25,13 +24,13 @@ def read_db3(path: Path, topics: Collection[str]) -> Bag:
     Raises:
         InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
     """
-    with _library_named(path), _with_suffix(path) as plain:
+    with _library_named(path), unpacked_file(path) as plain:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
         latest = get_typestore(Stores.LATEST)
         with AnyReader([plain], default_typestore=latest) as reader:
-            return _bag(reader, topics, (reader.typestore, latest), bytes)
+            return _bag(reader, topics, (reader.typestore, latest), lambda raw, kind: raw)
 
 
 def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
@@ -71,33 +70,18 @@ def _library_named(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: damaged bag: {type(error).__name__}: {error}") from error
 
 
-@contextmanager
-def _with_suffix(path: Path) -> Iterator[Path]:
-    """The file, or its content unpacked beside others that nobody needs; the library goes by the suffix."""
-    if path.suffix != COMPRESSED:
-        yield path
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        plain = Path(folder) / path.stem
-        with open(path, "rb") as file, open(plain, "wb") as unpacked:
-            unpack_file(path, file, unpacked)
-        yield plain
-
-
 def _bag(reader: Any, topics: Collection[str], stores: Collection[Any], to_cdr: Any) -> Bag:
-    """Content of an open reader; `stores` know the types, `to_cdr` turns (bytes, type) or bytes into CDR."""
+    """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
     present: dict[str, list[str]] = {}
     for connection in reader.connections:
         types = present.setdefault(connection.topic, [])
-        if connection.msgtype not in types:
-            types.append(connection.msgtype)
+        types += [connection.msgtype] * (connection.msgtype not in types)
     wanted = [connection for connection in reader.connections if connection.topic in topics]
     schemas = {name: _schema(name, stores) for name in dict.fromkeys(one.msgtype for one in wanted)}
-    rows: dict[str, list[tuple[int, Schema | None, bytes]]] = {}
+    rows: dict[str, list[Row]] = {}
     for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
-        kind = connection.msgtype
-        data = bytes(raw) if to_cdr is bytes else bytes(to_cdr(raw, kind))
-        rows.setdefault(connection.topic, []).append((log_time, schemas[kind], data))
+        row = (log_time, schemas[connection.msgtype], bytes(to_cdr(raw, connection.msgtype)))
+        rows.setdefault(connection.topic, []).append(row)
     return Bag(present, None, {topic: in_time_order(its) for topic, its in rows.items()})
 
 
