@@ -82,9 +82,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
     if not source.is_dir():
         return [as_recording_file(source)]
     folders = [source, *sorted(path.parent for path in source.glob(f"*/{METADATA}"))]
-    found = [file for folder in folders for file in _bags(folder)] or [
-        as_recording_file(path) for path in _files(source, ("table",))
-    ]
+    found = [file for folder in folders for file in _bags(folder)] or _files(source, ("table",))
     if not found:
         raise InputError(f"{source}: holds no bag (.mcap, .db3, .bag) and no table (.csv, .parquet)")
     for file in found:
@@ -101,9 +99,7 @@ def as_recording_file(path: Path) -> RecordingFile:
 
 
 def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
-    """Topics, their types, and messages of the topics that are wanted, of a file of any format.
-
-    Messages are ROS 2 messages (CDR) with their definitions, whatever the file holds.
+    """Topics with their types, and messages (ROS 2, CDR) of those that are wanted, of a file of any format.
 
     Raises:
         InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
@@ -147,7 +143,7 @@ def _suffix(path: Path) -> str:
     return "".join(path.suffixes[-2:]) if path.suffix == COMPRESSED else path.suffix
 
 
-def _files(folder: Path, formats: Collection[str]) -> list[Path]:
+def _files(folder: Path, formats: Collection[str]) -> list[RecordingFile]:
     """Files of some formats in natural order; tables of shapes are no recordings."""
     paths = [
         path
@@ -156,16 +152,19 @@ def _files(folder: Path, formats: Collection[str]) -> list[Path]:
         and not path.name.startswith(".")
         and not path.name.endswith(SHAPE_FILE)
     ]
-    return sorted(paths, key=lambda path: natural_order(path.name))
+    return [as_recording_file(path) for path in sorted(paths, key=lambda path: natural_order(path.name))]
 
 
 def _bags(folder: Path) -> list[RecordingFile]:
     """Bags in a folder: its files one by one, unless it is a bag that is split over them."""
-    files = [as_recording_file(path) for path in _files(folder, READERS)]
+    files = _files(folder, READERS)
     if not (folder / METADATA).exists():
         return files
+    content = read_values(folder / METADATA)
+    information = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    listed = information.get("relative_file_paths") if isinstance(information, dict) else None
     present = {path.name.removesuffix(COMPRESSED) for file in files for path in file.paths}
-    for name in _listed(folder / METADATA):
+    for name in [PurePath(str(name)).name for name in listed] if isinstance(listed, list) else []:
         if name.removesuffix(COMPRESSED) not in present:
             raise InputError(f"{folder}: the bag's file {name}, which {METADATA} names, is missing")
     if len(files) < 2:
@@ -174,11 +173,3 @@ def _bags(folder: Path) -> list[RecordingFile]:
     if len(formats) > 1:
         raise InputError(f"{folder}: the bag has files of several kinds: {', '.join(formats)}")
     return [RecordingFile(folder.name, formats[0], tuple(file.paths[0] for file in files))]
-
-
-def _listed(path: Path) -> list[str]:
-    """Names of the files that the description of a bag lists; none where it has another form."""
-    content = read_values(path)
-    information = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
-    listed = information.get("relative_file_paths") if isinstance(information, dict) else None
-    return [PurePath(str(name)).name for name in listed] if isinstance(listed, list) else []

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -64,11 +63,6 @@ def read_recording(
 ) -> Recording:
     """Read a recording from a file of any format (`bag_files`), message types as `messages` says.
 
-    Args:
-        file: a path, or one of `bag_files.recording_files`.
-        topics: which topic carries which signal, and what the pose is computed from where none does.
-        stamps: how stamps are taken.
-
     Returns:
         The recording, named after the file's stem, streams in the order of the topic map. A file without our
         metadata has the provenance origin "recorded" and its file name as source. Provenance also says, under
@@ -110,13 +104,13 @@ class _Reading:
         pose = self._topics.pose
         streams = [] if isinstance(pose, str) else [self._computed_pose(pose)]
         joints: list[JointSeries] = []
+        place = 0
         for topic, role in self._topics.roles():
             if role == "obstacles" or not self._has(topic, role):
                 continue
             where = self._checked(topic, role)
             if role == "joint_states":
-                if not joints:
-                    place = len(streams)
+                place = place if joints else len(streams)
                 joints += self._joints(topic)
             else:
                 stream, note = to_stream(where, topic, role, self._bag.messages[topic], self._policy)
@@ -128,22 +122,19 @@ class _Reading:
 
     def shapes(self) -> tuple[NamedShape, ...]:
         """Solids on the topic that is named for them."""
-        found: tuple[NamedShape, ...] = ()
-        for topic, role in self._topics.roles():
-            if role == "obstacles" and self._has(topic, role):
-                found += to_shapes(self._checked(topic, role), self._bag.messages[topic])
-        return found
+        topics = [topic for topic, role in self._topics.roles() if role == "obstacles"]
+        found = [topic for topic in topics if self._has(topic, "obstacles")]
+        wheres = [self._checked(topic, "obstacles") for topic in found]
+        return sum(map(to_shapes, wheres, (self._bag.messages[topic] for topic in found)), ())
 
     def remarks(self) -> dict[str, str]:
         """What provenance is to say of how the bag was read."""
-        remarks = {}
-        if self._mended:
-            remarks["stamps"] = "; ".join(f"{topic}: {note}" for topic, note in self._mended.items())
-        if self._policy.clock == "log":
-            remarks["clock"] = "log"
-        if self._left_out:
-            remarks["joints"] = "; ".join(self._left_out)
-        return remarks
+        remarks = {
+            "stamps": "; ".join(f"{topic}: {note}" for topic, note in self._mended.items()),
+            "clock": "log" if self._policy.clock == "log" else "",
+            "joints": "; ".join(self._left_out),
+        }
+        return {key: remark for key, remark in remarks.items() if remark}
 
     def _computed_pose(self, pose: TransformPose | JointPose) -> Stream:
         if isinstance(pose, JointPose):
@@ -182,26 +173,26 @@ class _Reading:
         return series
 
     def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
-        """Streams of joint states of all topics."""
+        """Streams of joint states of all topics; a kind of signal that some joints lack is left out."""
         named = all(one.names for one in series)
         if self._topics.joints is not None:
             where = f"{self._path}: {', '.join(dict.fromkeys(one.topic for one in series))}"
             series, _ = chosen(where, series, self._topics.joints)
         streams = [stream for one in series for stream in one.streams()]
-        for kind in JOINT_KINDS:
-            sources = [stream for stream in streams if stream.kind == kind]
-            joints = [name for stream in sources for name in stream.joints]
-            if len(sources) > 1 and (not named or len(set(joints)) < len(joints)):
-                listing = ", ".join(dict.fromkeys(stream.topic for stream in sources))
+        joints = {kind: [n for s in streams if s.kind == kind for n in s.joints] for kind in JOINT_KINDS}
+        for kind, names in joints.items():
+            topics = [stream.topic for stream in streams if stream.kind == kind]
+            if len(topics) > 1 and (not named or len(set(names)) < len(names)):
+                listing = ", ".join(dict.fromkeys(topics))
                 raise InputError(f"{self._path}: {kind} come from several topics: {listing}")
         if not named:
             return streams
-        of_kind = {kind: {n for s in streams if s.kind == kind for n in s.joints} for kind in JOINT_KINDS}
-        most = set[str]().union(*of_kind.values())
-        for kind, names in of_kind.items():
-            if names and names != most:
-                self._left_out.append(f"{kind} are not of {', '.join(sorted(most - names))} and left out")
-        kept = [stream for stream in streams if of_kind[stream.kind] == most]
+        most = {name for names in joints.values() for name in names}
+        for kind, names in joints.items():
+            if names and set(names) != most:
+                lacking = ", ".join(sorted(most - set(names)))
+                self._left_out.append(f"{kind} are not of {lacking} and left out")
+        kept = [stream for stream in streams if set(joints[stream.kind]) == most]
         if not kept:
             raise InputError(
                 f"{self._path}: no signal is of all joints {', '.join(sorted(most))}: name those that are "
@@ -217,7 +208,7 @@ class _Reading:
             raise self._missing(topic, role)
         return False
 
-    def _checked(self, topic: str, role: Role | Literal["transforms"]) -> str:
+    def _checked(self, topic: str, role: Role) -> str:
         """File and topic, whose messages can be read in the role, and of which there are some."""
         where = self._where(topic)
         check_readable(where, role, self._bag.topics[topic])

@@ -5,12 +5,13 @@ Franka Emika Panda robot with retrieval of feasible parameters using penalty-bas
 Torques are those of the links, gravity included.
 """
 
+from functools import partial
 from pathlib import Path
 
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.joint_log import JointLog
-from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance
+from structlearn.recordings.text_log import read_each, read_stamped_table, read_table, source_provenance
 
 REPOSITORY = "https://github.com/marcocognetti/FrankaEmikaPandaDynModel"
 COMMIT = "24d85ce4e648e2e894c832bfeee9b16711eb1a1a"
@@ -23,11 +24,11 @@ SIGNALS = {"positions": "positions", "velocities": "velocity", "torques": "torqu
 """Signals and the last word of their files' names."""
 
 
-def read_trajectories(folder: str | Path) -> list[JointLog]:
+def read_trajectories(folder: str | Path, left_out: dict[str, str] | None = None) -> list[JointLog]:
     """All motions of a folder of NAME_{positions,velocity,torques,time}.txt, or of folders of them.
 
     The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
-    significant digits. Names of folders stand before those of their motions.
+    significant digits. Names of folders stand before those of their motions. `left_out`: see `read_each`.
 
     Raises:
         MissingInputError: there is no file of positions.
@@ -37,7 +38,7 @@ def read_trajectories(folder: str | Path) -> list[JointLog]:
     found = sorted(folder.rglob("*_positions.txt"), key=lambda path: natural_order(path.as_posix()))
     if not found:
         raise MissingInputError(f"{folder}: holds no motion (exciting_traj_positions.txt, ...)")
-    return [_read(folder, path) for path in found]
+    return read_each(partial(_read, folder), found, left_out)
 
 
 def _read(folder: Path, positions: Path) -> JointLog:

@@ -16,6 +16,7 @@ from structlearn.recordings.recording import Form, NamedShape, Recording, Stream
 from structlearn.recordings.text_log import (
     check_rising,
     finite_numbers,
+    read_each,
     read_rows,
     read_stamped_table,
     source_provenance,
@@ -39,12 +40,13 @@ BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left
 """Walls of the shelf that a hand beside the boxes may meet; its floor and its top are above and below."""
 
 
-def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
+def read_reaches_past_boxes(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
     """Trials of all people: the hand's pose, boxes, walls and target as named shapes.
 
     A trial is recorded as a whole, named like "sub_01_T012"; when the hand had moved and when the target was
     reached (s since the first stamp) stands in the provenance, with person, trial and type. The folder may be
-    any part of the data set: trials whose folder is missing are passed over.
+    any part of the data set: trials whose folder is missing are passed over. `left_out`:
+    see `text_log.read_each`.
 
     Raises:
         MissingInputError: there is no table of trials, or none of its trials.
@@ -53,16 +55,16 @@ def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
     folder = Path(folder)
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
-    found = []
+    known = {}
     for where, row in read_rows(folder / TRIALS, TRIAL_COLUMNS):
         number = int(finite_numbers(where, [row["trial"]])[0])
         times = finite_numbers(where, [row[name] for name in TRIAL_COLUMNS[3:]])
         trial = folder / row["participant"] / f"T{number:03d}"
         if trial.is_dir():
-            found.append(_trial(folder, trial, row, times))
-    if not found:
+            known[trial] = row, times
+    if not known:
         raise MissingInputError(f"{folder}: holds none of the trials of {TRIALS} (sub_01/T012, ...)")
-    return found
+    return read_each(lambda trial: _trial(folder, trial, *known[trial]), known, left_out)
 
 
 def unity_to_base(points: np.ndarray) -> np.ndarray:

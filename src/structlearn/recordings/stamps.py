@@ -60,11 +60,7 @@ def longest_increase(stamps: np.ndarray) -> np.ndarray:
         length = bisect_left(ends, stamp)
         if length:
             before[place] = places[length - 1]
-        if length == len(ends):
-            ends.append(stamp)
-            places.append(place)
-        elif stamp < ends[length]:
-            ends[length], places[length] = stamp, place
+        ends[length : length + 1], places[length : length + 1] = [stamp], [place]
     rows = np.empty(len(ends), dtype=int)
     place = places[-1]
     for row in reversed(range(len(rows))):

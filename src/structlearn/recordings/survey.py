@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from mcap.records import Schema
 from mcap.well_known import SchemaEncoding
 
 from structlearn.recordings.bag import RawMessages
@@ -89,8 +90,9 @@ class TopicClocks:
 def topic_clocks(messages: RawMessages) -> TopicClocks:
     """Both clocks of a topic with at least one message; the header's is None where it is never set."""
     log = stamps_of(messages.log_times)
-    place = _header_place(messages)
-    if place is None:
+    places = {_place_in(schema) for schema in messages.schemas}
+    place = places.pop() if len(places) == 1 else None
+    if place is None or any(len(message) < place + 12 for message in messages.data):
         return TopicClocks(log, None, None, ())
     headers = header_stamps(messages, place)
     frames = tuple(sorted({_frame(message, place) for message in messages.data} - {""}))
@@ -126,11 +128,8 @@ def delay_of(log_times: np.ndarray, headers: np.ndarray) -> Delay:
     delays_s = 1e-9 * (log_times - headers)  # exact: int64 before it is rounded
     ends = max(1, round(END_SHARE * len(delays_s)))
     low, high = np.percentile(delays_s, INNER)
-    return Delay(
-        median_s=float(np.median(delays_s)),
-        spread_s=0.5 * float(high - low),
-        drift_s=float(np.median(delays_s[-ends:]) - np.median(delays_s[:ends])),
-    )
+    drift_s = float(np.median(delays_s[-ends:]) - np.median(delays_s[:ends]))
+    return Delay(float(np.median(delays_s)), 0.5 * float(high - low), drift_s)
 
 
 def header_stamps(messages: RawMessages, place: int) -> np.ndarray:
@@ -140,29 +139,18 @@ def header_stamps(messages: RawMessages, place: int) -> np.ndarray:
     stamps = np.zeros(len(heads), dtype=np.int64)
     for order, flag in (("<", 1), (">", 0)):
         mine = heads[:, 1] & 1 == flag
-        seconds = np.ascontiguousarray(heads[mine, place : place + 4]).view(f"{order}i4")[:, 0]
-        rest = np.ascontiguousarray(heads[mine, place + 4 : end]).view(f"{order}u4")[:, 0]
-        stamps[mine] = seconds.astype(np.int64) * 10**9 + rest
+        clock = np.ascontiguousarray(heads[mine, place:end]).view(
+            [("sec", f"{order}i4"), ("ns", f"{order}u4")]
+        )
+        stamps[mine] = clock["sec"][:, 0].astype(np.int64) * 10**9 + clock["ns"][:, 0]
     return stamps
 
 
-def _header_place(messages: RawMessages) -> int | None:
-    """Where stamps stand in all messages of a topic; None where there are none."""
-    places = {
-        # the same definition in another encoding puts its fields elsewhere
-        _place_in(schema.data.decode(errors="replace"))
-        if schema and schema.encoding == SchemaEncoding.ROS2
-        else None
-        for schema in messages.schemas
-    }
-    place = places.pop() if len(places) == 1 else None
-    whole = place is not None and all(len(message) >= place + 12 for message in messages.data)
-    return place if whole else None
-
-
-def _place_in(definition: str) -> int | None:
-    """Where the stamp stands in messages of a type."""
-    lines = (line.partition("#")[0].strip() for line in definition.splitlines())
+def _place_in(schema: Schema | None) -> int | None:
+    """Where the stamp stands in messages of a type; another encoding would put it elsewhere."""
+    if schema is None or schema.encoding != SchemaEncoding.ROS2:
+        return None
+    lines = (line.partition("#")[0].strip() for line in schema.data.decode(errors="replace").splitlines())
     first = next((line for line in lines if line and not re.match(r"\S+\s+[A-Z]\w*\s*=", line)), "")
     return next((place for pattern, place in _HEADERS.items() if pattern.fullmatch(first)), None)
 

@@ -2,13 +2,16 @@
 
 import csv
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
+
+T = TypeVar("T")
 
 
 def read_table(
@@ -78,6 +81,19 @@ def finite_numbers(where: str, words: Sequence[str]) -> list[float]:
         if not np.isfinite(value):
             raise InputError(f"{where}: not a finite number: {word.strip()!r}")
     return values
+
+
+def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[str, str] | None) -> list[T]:
+    """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
+    found = []
+    for path in paths:
+        try:
+            found.append(read(path))
+        except InputError as error:
+            if left_out is None:
+                raise
+            left_out[f"{path.parent.name}/{path.name}"] = str(error)
+    return found
 
 
 def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:

@@ -27,13 +27,11 @@ Edge = tuple[str, str]
 
 @dataclass(frozen=True)
 class TransformSeries:
-    """One transform as it came.
+    """One transform as it came: the child's pose in the parent's frame.
 
     Attributes:
-        parent: frame in which it is given.
-        child: frame whose pose it is.
         stamps: (T,) int64 ns in the order in which they came.
-        values: (T, 7) m, then unit quaternion w, x, y, z: the child's pose in the parent's frame.
+        values: (T, 7) m, then unit quaternion w, x, y, z.
     """
 
     parent: str
