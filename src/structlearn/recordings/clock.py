@@ -32,8 +32,7 @@ def synchronise(
 
     Signals are interpolated linearly between neighbouring samples, orientations by slerp. For a signal x and
     neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
-    0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied, so a signal sampled down keeps
-    its noise.
+    0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied: a signal sampled down keeps its noise.
 
     Args:
         recording: streams with stamps in ns.

@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.recordings.series_table import Series, read_series, write_series
 from structlearn.recordings.text_log import check_rising, read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/notvenky/eFlesh"
@@ -34,6 +33,7 @@ MISSING = -1.0
 """What the log holds where the scale gave no reading."""
 
 PLACE = ["x_m", "y_m", "z_m"]
+UNITS = {"time_s": "s", "force_n": "N"} | dict.fromkeys(PLACE, "m")
 
 
 @dataclass(frozen=True)
@@ -121,28 +121,13 @@ def read_all_runs(folder: str | Path, left_out: dict[str, str] | None = None) ->
 def write_runs(found: Mapping[str, Sequence[ProbeRun]], target: Path) -> None:
     """Write runs by kind as tables into an empty folder, with their provenance."""
     for kind, runs in found.items():
+        series = []
+        for run in runs:
+            values = np.column_stack([run.time, run.force, run.place, run.counts])
+            columns = dict(zip([*UNITS, *CHANNELS], values.T, strict=True))
+            series.append(Series(run.name, columns, run.provenance))
         if runs:
-            write_table(to_table(runs), target / f"{kind}.parquet")
-    provenance = {
-        f"{run.name}.{key}": value
-        for runs in found.values()
-        for run in runs
-        for key, value in run.provenance.items()
-    }
-    write_metrics(provenance, target / "provenance.json")
-
-
-def to_table(runs: Sequence[ProbeRun]) -> pd.DataFrame:
-    """One table: `run`, `time_s`, `x_m`, `y_m`, `z_m`, `force_n` and the channels."""
-    return pd.concat(
-        [
-            pd.DataFrame({"run": run.name, "time_s": run.time, "force_n": run.force}).join(
-                pd.DataFrame(np.hstack([run.place, run.counts]), columns=[*PLACE, *CHANNELS])
-            )
-            for run in runs
-        ],
-        ignore_index=True,
-    )
+            write_series(series, UNITS | dict.fromkeys(CHANNELS, "counts"), target / f"{kind}.parquet")
 
 
 def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANNELS) -> list[ProbeRun]:
@@ -152,24 +137,17 @@ def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANN
         InputError: the table lacks a channel.
     """
     path = Path(folder) / f"{kind}.parquet"
-    if not path.exists():
-        return []
-    table = read_table(path)
-    if missing := set(channels) - set(table.columns):
+    series = read_series(path) if path.exists() else []
+    if missing := {channel for one in series for channel in channels if channel not in one.columns}:
         raise InputError(f"{path}: has no channel {', '.join(sorted(missing))}")
-    known = read_metrics(path.with_name("provenance.json"))
     return [
         ProbeRun(
-            name=str(name),
-            time=its["time_s"].to_numpy(),
-            place=its[PLACE].to_numpy(),
-            counts=its[list(channels)].to_numpy(),
-            force=its["force_n"].to_numpy(),
-            provenance={
-                key.rpartition(".")[2]: str(value)
-                for key, value in known.items()
-                if key.rpartition(".")[0] == str(name)
-            },
+            one.name,
+            one.columns["time_s"],
+            one.stacked(PLACE),
+            one.stacked(channels),
+            one.columns["force_n"],
+            dict(one.about),
         )
-        for name, its in table.groupby("run")
+        for one in series
     ]

@@ -16,7 +16,7 @@ gives recordings whose orientation was not recorded. It becomes what a bag is: R
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -48,17 +48,21 @@ def read_pose_table(path: Path) -> Bag:
         raise InputError(f"{path}: row {row}: {TIME} is {stamps[row] * 1e-9:.9g}, not between 0 and 2^31")
     joints = _joints(path, names)
     columns = dict(zip(names, values.T, strict=True))
-    oriented = _complete(path, columns, ORIENTATION)
+    for group in (ORIENTATION, WRENCH):
+        missing = [name for name in group if name not in columns]
+        if missing and len(missing) < len(group):
+            raise InputError(f"{path}: has no column {', '.join(missing)}; {', '.join(group)} come together")
+    oriented = ORIENTATION[0] in columns
     pose = np.zeros((len(stamps), 7))
     pose[:, 3] = 1.0
     pose[:, : 7 if oriented else 3] = _block(columns, POSITION + (ORIENTATION if oriented else ()))
     messages = {TABLE_TOPICS["pose"]: to_messages(str(path), Stream("", "pose", stamps, pose))}
-    if _complete(path, columns, WRENCH):
+    if WRENCH[0] in columns:
         wrench = Stream("", "wrench", stamps, _block(columns, WRENCH))
         messages[TABLE_TOPICS["wrench"]] = to_messages(str(path), wrench)
     if joints:
         fields = {
-            kind: _block(columns, [f"{field}.{joint}" for joint in joints])
+            kind: _block(columns, (f"{field}.{joint}" for joint in joints))
             for kind, field in FIELDS.items()
             if f"{field}.{joints[0]}" in columns
         }
@@ -147,14 +151,6 @@ def _joints(path: Path, names: Sequence[str]) -> list[str]:
     return joints
 
 
-def _complete(path: Path, columns: Mapping[str, np.ndarray], names: Sequence[str]) -> bool:
-    """Whether a table has all of some columns; only some of them are an error."""
-    missing = [name for name in names if name not in columns]
-    if missing and len(missing) < len(names):
-        raise InputError(f"{path}: has no column {', '.join(missing)}; {', '.join(names)} come together")
-    return not missing
-
-
-def _block(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
+def _block(columns: Mapping[str, np.ndarray], names: Iterable[str]) -> np.ndarray:
     """(T, D) of some columns."""
     return np.stack([columns[name] for name in names], axis=1)
