@@ -10,7 +10,7 @@ import pandas as pd
 from structlearn.ground import signals
 from structlearn.ground.block_bootstrap import block_count
 from structlearn.ground.parallel import parallel_map
-from structlearn.recordings.drive_log import DriveLog, on_clock
+from structlearn.recordings.joint_log import DriveLog, on_clock
 from structlearn.rigid_body.arm_identification import (
     TRAIN,
     WRITTEN,
