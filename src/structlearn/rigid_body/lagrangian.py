@@ -84,7 +84,7 @@ class StackedLagrangianNetworks:
         return cls(inertia, potential, arrays["row"], arrays["column"])
 
     def torques(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
-        """Torques (M, n, B) in N m of states (n, B), the same states for all models."""
+        """Torques (M, n, B) in N m of states (n, B) for all models, or (M, n, B)."""
         q, rate = (values.expand(self.inertia.models, -1, -1) for values in (q, qd))
         values = self.inertia.activations(q)
         factor, slope = self._factor(self.inertia.output(values[-1]))

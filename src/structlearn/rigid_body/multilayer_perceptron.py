@@ -59,8 +59,8 @@ class StackedPerceptrons:
         return self.network.parameters()
 
     def torques(self, q: Tensor, qd: Tensor, qdd: Tensor) -> Tensor:
-        """Torques (M, n, B) in N m of states (n, B), the same states for all models."""
-        inputs = (torch.cat([q, qd, qdd]) - self.input_mean[:, None]) / self.input_scale[:, None]
+        """Torques (M, n, B) in N m of states (n, B) for all models, or (M, n, B)."""
+        inputs = (torch.cat([q, qd, qdd], dim=-2) - self.input_mean[:, None]) / self.input_scale[:, None]
         outputs = self.network.forward(inputs.expand(self.network.models, -1, -1))
         return outputs * self.output_scale[:, None] + self.output_mean[:, None]
 
