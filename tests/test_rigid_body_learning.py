@@ -20,8 +20,8 @@ from structlearn.rigid_body.learner import (
     learner,
     loss_weights,
 )
-from structlearn.rigid_body.multilayer_perceptron import SCALING
 from structlearn.rigid_body.network_learner import NetworkLearner
+from structlearn.rigid_body.network_models import SCALING
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 
 PARAMETERS = committed(

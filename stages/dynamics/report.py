@@ -5,8 +5,8 @@ import pandas as pd
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.studies import read_study
-from structlearn.rigid_body.agreement import agreement_with_pinocchio
 from structlearn.rigid_body.model_names import COULOMB
+from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
 from structlearn.rigid_body.online_learning import OnlineParameters
 from structlearn.rigid_body.training_grid import TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import read_urdf

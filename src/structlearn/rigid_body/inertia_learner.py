@@ -40,11 +40,7 @@ def squared(terms: Sequence[FrictionTerm]) -> np.ndarray:
 class MotionRegressor:
     """A motion as regressor, shared by all models that learn from it.
 
-    Args:
-        tree: kinematics of the robot.
-        motion: N samples.
-        symmetric: whether inertias are taken to be symmetric; nostr's are not.
-        friction: terms of joint friction, columns after those of the links.
+    Inertias are taken to be symmetric, or, for nostr, not; columns of friction come after those of the links.
     """
 
     def __init__(
@@ -61,12 +57,7 @@ class MotionRegressor:
 class InertiaLearner:
     """M models of one structure that learn from the same samples.
 
-    Args:
-        structure: of the inertias.
-        regressor: the motion.
-        weights: (n,) of each joint's squared error in the loss.
-        adam: the optimiser.
-        generators: source of the initial values of each model.
+    `weights` (n,) are those of each joint's squared error in the loss; a generator per model draws its start.
     """
 
     def __init__(

@@ -47,10 +47,7 @@ class LearningParameters(Parameters):
 class Lesson:
     """A motion to learn from, whose regressors are made once, for all structures.
 
-    Attributes:
-        tree: kinematics; the networks do not use them.
-        motion: to learn from.
-        friction: terms of joint friction that are learned too.
+    Networks do not use the kinematics; friction are the terms that are learned too.
     """
 
     tree: KinematicTree
@@ -116,15 +113,7 @@ def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
 def learner(
     kind: Kind, lesson: Lesson, loss: Loss, seeds: Sequence[int], parameters: LearningParameters
 ) -> Learner:
-    """Models of one kind at their start.
-
-    Args:
-        kind: one of `KINDS`.
-        lesson: what they learn from.
-        loss: raw or normalised.
-        seeds: one per model.
-        parameters: see there.
-    """
+    """Models of one kind at their start, one per seed."""
     weights, generators = loss_weights(loss, lesson.motion), [seeded(seed) for seed in seeds]
     if kind in STRUCTURES:
         regressor = lesson.full if kind == "nostr" else lesson.symmetric
@@ -193,9 +182,7 @@ def learn_in_epochs(
 def learn_online(models: Learner, stride: int = 1) -> Learned:
     """Once through the motion in the order of time, a step per batch (III.4.1.2, figure III.2).
 
-    Args:
-        models: at their start.
-        stride: errors of networks are taken on every `stride`-th sample.
+    Errors of networks are taken on every `stride`-th sample.
     """
     history = [models.nmse(stride)]
     for batch in torch.arange(models.samples).split(models.batch):

@@ -10,9 +10,8 @@ from torch import Tensor
 from structlearn.networks.torch_settings import AdamParameters, as_tensor
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_learner import initial_friction
-from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
+from structlearn.rigid_body.network_models import StackedLagrangianNetworks, StackedPerceptrons
 
 NetworkKind = Literal["mlp", "mlp_scaled", "delan"]
 NETWORKS: tuple[NetworkKind, ...] = get_args(NetworkKind)

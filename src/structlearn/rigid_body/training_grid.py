@@ -134,12 +134,7 @@ class Training:
 
 
 def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> list[Training]:
-    """All trainings: on the arm's motion, and on the log of each robot.
-
-    Args:
-        robots: their names, the seeds of simulated ones.
-        parameters: see there.
-    """
+    """All trainings: on the arm's motion, and on the log of each robot."""
     found = []
     for kind, form in product(parameters.models, parameters.forms):
         if form == TEXT and kind in BEYOND_THE_TEXT:
@@ -160,12 +155,6 @@ def train(
     parameters: DynamicsTrainingParameters,
 ) -> tuple[dict[str, DynamicsModels], pd.DataFrame, pd.DataFrame]:
     """Train all models, over processes; DeLaN first, since it takes longest.
-
-    Args:
-        work: the trainings.
-        motions: by name.
-        tree: the robot.
-        parameters: see there.
 
     Returns:
         Models by `Training.file`. Errors: `arm`, `model` (`cov`, `cov_coulomb`), `form`, `seed`, `epoch`,

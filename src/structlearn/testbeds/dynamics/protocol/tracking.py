@@ -11,10 +11,9 @@ from pydantic import Field
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.any_model import InverseDynamics, bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import compiled_model
-from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.compiled_models import InverseDynamics, bodies_model
+from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.testbeds.dynamics.world.arm_motion import (
     Feedback,

@@ -16,8 +16,8 @@ from pydantic import Field, model_validator
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.any_model import InverseDynamics
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
+from structlearn.rigid_body.compiled_models import InverseDynamics
 from structlearn.rigid_body.operational_space_velocity import VelocityControl
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 from structlearn.testbeds.dynamics.world.controlled_arm import Controller

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from structlearn.ground import minimum_jerk
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.any_model import InverseDynamics
+from structlearn.rigid_body.compiled_models import InverseDynamics
 from structlearn.rigid_body.operational_space_velocity import (
     VelocityControl,
     VelocityControlParameters,

@@ -18,7 +18,7 @@ from structlearn.recordings.joint_series import JointSeries
 from structlearn.recordings.recording import JOINT_KINDS
 from structlearn.recordings.survey import Stamps
 from structlearn.rigid_body.motion import Motion, joined, joint_ranges, measured_motion
-from structlearn.rigid_body.urdf_links import moving_joints
+from structlearn.rigid_body.urdf import moving_joints
 from structlearn.testbeds.own.protocol.hand_choice import Candidate
 from structlearn.testbeds.own.protocol.inspection import (
     FileSeen,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.recordings.topics import JointPose, TransformPose
-from structlearn.rigid_body.urdf_links import HANDS
+from structlearn.rigid_body.urdf import HANDS
 from structlearn.testbeds.own.protocol.hand_paths import HandPath
 from structlearn.testbeds.own.protocol.inspection import FileSeen, PoseSource
 
