@@ -22,8 +22,8 @@ from structlearn.testbeds.dynamics.protocol.tracking import (
     learned,
     track,
 )
+from structlearn.testbeds.dynamics.world.arm_motion import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.reaching import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 MOTION = committed_motion(duration_s=2.0)

@@ -79,8 +79,8 @@ def identify_arm(
 ) -> Identified:
     """Every model on the part `TRAIN`, and what it predicts of all parts.
 
-    Identification starts from the URDF's inertias, with `iterations` of L-BFGS for a structure; structures are
-    learned with every friction of `LEARNED_FRICTIONS`, networks as they are listed.
+    Identification starts from the URDF's inertias, with `iterations` of L-BFGS for a structure; structures
+    are learned with every friction of `LEARNED_FRICTIONS`, networks as they are listed.
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
