@@ -46,18 +46,25 @@ from test_recorded_avoidance import phase_dependent
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
-from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
-from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.folds import FRACTIONS, leave_one_out, without_generalization
-from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.training_parameters import (
+from structlearn.feedback.coupling_dataset import (
+    FRACTIONS,
+    CouplingDataset,
+    concatenated,
+    leave_one_out,
+    to_table,
+    without_generalization,
+)
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.feedback_models import (
     LEVEL,
     POINTWISE,
     UNROLLED,
     FeedbackParameters,
-    TrainingParameters,
+    compare_representations,
+    train_models,
 )
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.parallel import BACKEND
@@ -88,7 +95,6 @@ from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParamete
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.testbeds.own.protocol import own_feedback, own_motion, own_touch
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
-from structlearn.testbeds.own.protocol.own_obstacles import learn_past_obstacles
 from structlearn.testbeds.recorded.protocol import (
     avoidance_representations,
     correction_splits,
@@ -105,7 +111,6 @@ from structlearn.testbeds.recorded.protocol.arm_parameters import (
     RecordedUr10eParameters,
 )
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
 from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
 from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
@@ -113,7 +118,7 @@ from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 ROOT = Path(__file__).parents[1]
 
@@ -129,6 +134,10 @@ HOLDS_NOTHING_OUT = {
     "recorded/unscrewing": "a primitive of every log, and one of all logs",
     "scraping/record_nominal": "simulates",
     "scraping/record_corrections": "simulates",
+    "scraping/import_nominal": "reads recordings",
+    "scraping/import_corrections": "reads recordings",
+    "dynamics/import_logs": "reads recordings",
+    "servoing/import_touch": "reads recordings",
     "scraping/segment": "cuts demonstrations",
     "scraping/sweep": "cuts demonstrations",
     "scraping/expected_traces": "traces of all runs that it is given; the further ones go to other files",
@@ -149,8 +158,8 @@ HOLDS_NOTHING_OUT = {
 }
 """Stages without a case, and why."""
 
-SHOWS = ("report", "view", "calibration_report")
-"""Stages that show what others wrote."""
+SHOWS = ("report", "view", "calibration_report", "list_code")
+"""Stages that show what others wrote, or list sources."""
 
 
 @dataclass(frozen=True)
@@ -452,7 +461,7 @@ def unhindered_reach(monkeypatch, tmp_path):
     scene = committed(SceneParameters, "obstacle_scene", settings=1)
     person = committed(AvoiderParameters, "obstacle_demonstrator", count=2, baseline_count=3)
     parameters = committed(AvoidanceDataParameters, "obstacle_dataset")
-    sets = people.demonstrations([None, *scenarios(scene)], scene, person)
+    sets = [people.demonstrations(place, scene, person) for place in (None, *scenarios(scene))]
 
     def learn(data):
         monkeypatch.setattr(people, "_demonstrated", lambda *_: data)
@@ -511,7 +520,7 @@ def reaches_past_boxes(monkeypatch, tmp_path):
             for number, (bow, x) in enumerate(((0.12, 0.0), (0.01, -0.2)))
         ]
 
-    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_boxes(its, boxes.PARAMETERS))
+    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
     return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
 
 
@@ -532,7 +541,7 @@ def own_reaches_past_obstacles(monkeypatch, tmp_path):
         monkeypatch,
         scene_folds,
         "learn",
-        lambda its: learn_past_obstacles({own.EVERYBODY: its}, own.chosen()),
+        lambda its: learn_past_obstacles(its, own.chosen()),
     )
     return Case(lambda its: learn(its)[0][1], recordings(), recordings(2), recordings(1))
 

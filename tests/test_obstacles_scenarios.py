@@ -5,7 +5,6 @@ from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.ground.errors import InputError
-from structlearn.testbeds.obstacles.files import read_scenarios
 from structlearn.testbeds.obstacles.world.scenarios import (
     END_CLEARANCE_M,
     FAR_CLEARANCE_M,
@@ -108,11 +107,6 @@ def test_a_reach_along_gravity_anchors_the_side(height):
     np.testing.assert_allclose(axes[:, 1], [0, 1, 0])
     np.testing.assert_allclose(np.linalg.det(axes), 1.0)
     assert len(scenarios(scene(start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5))) == 15
-
-
-def test_recordings_that_are_missing_are_named(tmp_path):
-    with pytest.raises(InputError, match=r"/0\d: no such file or folder"):
-        read_scenarios(scenarios(scene(settings=1)), tmp_path)
 
 
 def test_nothing_is_judged_in_the_scene_that_constants_were_chosen_on():

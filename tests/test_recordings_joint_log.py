@@ -3,10 +3,21 @@ import pytest
 from recordings_bags import write_bag
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.joint_log import JOINT_STATES, JointLog, read_joint_log, write_joint_log
+from structlearn.recordings.joint_log import (
+    JOINT_STATES,
+    DriveLog,
+    JointLog,
+    read_joint_log,
+    read_log_table,
+    signals_of,
+    write_joint_log,
+    write_log_table,
+)
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 NAMES = ["shoulder", "elbow"]
+SIGNALS = signals_of(JointLog)
+VALUES = np.array([[0.1, 0.2], [0.3, 0.4]])
 
 
 def log(**changes) -> JointLog:
@@ -45,6 +56,21 @@ def test_a_log_goes_through_a_file_bit_by_bit_and_to_the_same_bytes(tmp_path):
     for field in ("stamps", "positions", "velocities", "torques"):
         np.testing.assert_array_equal(getattr(back, field), getattr(log(), field))
     np.testing.assert_allclose(back.time, [0.0, 0.002, 0.006], atol=1e-15)
+
+
+def test_a_set_of_logs_goes_through_a_table_bit_by_bit(tmp_path):
+    signals = dict.fromkeys(SIGNALS, VALUES)
+    other = log(name="other", joints=("a", "b"), stamps=np.array([-1, 2**62]), **signals)
+    drives = DriveLog("drives", ("a", "b"), np.array([1, 2]), *[VALUES + number for number in range(5)])
+    for logs in ([log(), other], [drives]):
+        write_log_table(logs, tmp_path / "logs.parquet")
+        back = read_log_table(tmp_path / "logs.parquet", type(logs[0]))
+        for one, read in zip(logs, back, strict=True):
+            assert (read.name, read.joints, read.provenance) == (one.name, one.joints, one.provenance)
+            for field in ("stamps", *signals_of(type(one))):
+                np.testing.assert_array_equal(getattr(read, field), getattr(one, field))
+    with pytest.raises(InputError, match=r"logs.parquet: no JointLog: drives has no 'torques.a'"):
+        read_log_table(tmp_path / "logs.parquet")
 
 
 def test_a_robots_bag_is_read_without_our_metadata(tmp_path):

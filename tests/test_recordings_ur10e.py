@@ -85,7 +85,7 @@ def test_each_current_is_put_back_to_when_it_acted():
 def test_a_hole_in_a_log_is_named():
     stamps = np.array([0, 10, 500, 510]) * 1_000_000
     values = np.zeros((4, 1))
-    with pytest.raises(InputError, match=r"run: /joint_states: row 1 .* gap of 0\.49 s"):
+    with pytest.raises(InputError, match=r"run: positions: row 1 .* gap of 0\.49 s"):
         on_clock(DriveLog("run", ("one",), stamps, *[values] * 5), 100.0, np.zeros(1))
 
 

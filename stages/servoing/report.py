@@ -2,6 +2,7 @@
 
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
@@ -12,8 +13,7 @@ from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.page import document
 from structlearn.testbeds.servoing.page.results import HEADLINES, STUDIES, ServoingResults
 from structlearn.testbeds.servoing.page.tables import tables
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
-from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
 from structlearn.testbeds.servoing.world.scene_still import scene_still
 
 PARAMETERS = {
@@ -46,6 +46,7 @@ def main() -> None:
         shown,
         metrics,
         [name for name in HEADLINES if name in metrics],
+        quoted_claims(),
     )
 
 

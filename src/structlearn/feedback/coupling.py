@@ -1,11 +1,17 @@
-"""Coupling terms that corrected demonstrations ask for (eq. IV.23, IV.24).
+"""Axes of the feedback, and coupling terms that corrected demonstrations ask for (eq. IV.23, IV.24).
 
     c_target = tau_cd^2 xdd_cd - ALPHA (BETA (g - x_cd) - tau_cd xd_cd) - f(p, u)
 
 The goal g evolves from the demonstration's own initial state to the steady goal of the *nominal* primitive,
 just as it does when the primitive is unrolled with feedback; so the primitive, unrolled from the
 demonstration's start with c_target as its coupling term, is the demonstration.
+
+Feedback corrects along and about the axes of the base frame. A coupling term stands in the transformation
+system (eq. IV.1, IV.2) and has its unit: an acceleration times tau^2, so m for positions and rad for
+orientations. Held for long it shifts by c / (ALPHA BETA).
 """
+
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -18,19 +24,34 @@ from structlearn.primitives.position import PositionPrimitive, from_start
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]  # Of the base frame: along it, or about it with an `r`
+
+AXES: tuple[Axis, ...] = get_args(Axis)
+"""In this order everywhere: three of the position, then three of the orientation."""
+
+
+def turns(axis: Axis) -> bool:
+    """Whether a correction turns about the axis; else it shifts along it."""
+    return AXES.index(axis) >= 3
+
+
+def direction(axis: Axis) -> np.ndarray:
+    """Unit vector (3,) of an axis."""
+    return np.eye(3)[AXES.index(axis) % 3]
+
+
+def unit(axis: Axis) -> str:
+    """Unit of the coupling term."""
+    return "rad" if turns(axis) else "m"
+
 
 def position_target(
     path: Trajectory, primitive: VectorPrimitive, goal: np.ndarray | None = None
 ) -> np.ndarray:
     """Coupling target of a corrected vector movement (eq. IV.23).
 
-    Args:
-        path: corrected demonstration of one primitive, (T, D), in the primitive's coordinates.
-        primitive: the nominal primitive.
-        goal: (D,) steady goal; default the primitive's.
-
-    Returns:
-        (T, D) c_target; 0 at the first sample.
+    `path`: corrected demonstration of one primitive, (T, D), in the primitive's coordinates. `goal`: (D,)
+    steady goal; default the primitive's. Returns (T, D) c_target; 0 at the first sample.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)
@@ -48,15 +69,8 @@ def reach_target(path: Trajectory, primitive: PositionPrimitive) -> np.ndarray:
     The transformation system is the same along all axes, so a coupling term turns with the local frame, which
     is that from the reach's own start to the goal of the nominal primitive.
 
-    Args:
-        path: corrected demonstration of one primitive, (T, 3) m in the base frame.
-        primitive: the nominal primitive.
-
-    Returns:
-        (T, 3) c_target in m; 0 at the first sample.
-
-    Raises:
-        InputError: the path starts at the goal, so that there is no local frame.
+    `path`: corrected demonstration of one primitive, (T, 3) m in the base frame. Returns (T, 3) c_target in
+    m; 0 at the first sample. Raises InputError: the path starts at the goal, so that there is no local frame.
     """
     start = path.position[0]
     try:
@@ -72,13 +86,8 @@ def orientation_target(
 ) -> np.ndarray:
     """Coupling target of a corrected orientation movement (eq. IV.24).
 
-    Args:
-        path: corrected demonstration of one primitive, (T, 4) orientations.
-        primitive: the nominal primitive.
-        goal: (4,) steady goal; default the primitive's.
-
-    Returns:
-        (T, 3) c_target in the base frame; 0 at the first sample.
+    `path`: corrected demonstration of one primitive, (T, 4) orientations. `goal`: (4,) steady goal; default
+    the primitive's. Returns (T, 3) c_target in the base frame; 0 at the first sample.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from structlearn.feedback.axes import AXES
+from structlearn.feedback.coupling import AXES
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.feedback.stepping import Plan
@@ -16,38 +16,31 @@ from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count
 
-Place = tuple[int, int]
-"""Index of the primitive, index of the axis."""
+Place = tuple[int, int]  # Index of the primitive, index of the axis
 
 HELD_DURATIONS = 4.0
 """How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
 
-MOST_TICKS = 10**7
-"""Of a run, which is planned ahead: at 1 kHz almost three hours; more are a slip of units."""
+MOST_TICKS = (
+    10**7
+)  # Of a run, which is planned ahead: almost three hours at 1 kHz; more suggests a unit error
 
 
 def plan_in_time(
     skill: ReactiveSkill,
-    dt: float,
+    rate_hz: float,
     durations: Sequence[float],
     goals: Sequence[np.ndarray],
     turned_goals: Sequence[np.ndarray],
     feedback: bool,
-    limits: np.ndarray,
-    ages: np.ndarray,
 ) -> Plan:
     """The plan of a run, but for the position's forcing term, which `forcing_in_base_frame` gives.
 
-    Args:
-        skill: the skill.
-        dt: length of a tick in s.
-        durations: of the primitives in s.
-        goals: (3,) of the primitives in m.
-        turned_goals: (4,) of the primitives.
-        feedback: whether networks are used.
-        limits: see `Plan`.
-        ages: see `Plan`.
+    `rate_hz`: ticks per second. `durations`: of the primitives in s. `goals`, `turned_goals`: (3,) m and (4,)
+    of the primitives. `feedback`: whether networks are used.
     """
+    dt, limits = 1.0 / rate_hz, skill.limits
+    ages = [round(seconds * rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
     axes = skill.axes
     taus = np.array([canonical.time_constant(duration) for duration in durations])
     counts = [sample_count(duration, dt) for duration in durations]
@@ -84,8 +77,8 @@ def plan_in_time(
         orientation_forcing=turning,
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
-        limits=limits,
-        ages=ages,
+        limits=limits.of(axes, dt),
+        ages=np.array(ages, dtype=np.int64),
         **compiled_networks(networks, phases, len(axes)),
     )
 
@@ -95,10 +88,8 @@ def compiled_networks(
 ) -> dict[str, np.ndarray]:
     """Networks as a tick evaluates them: the parts of a `Plan` that are theirs.
 
-    Args:
-        networks: by the index of the primitive and that of the axis.
-        phases: p and u (T_i,) of each primitive.
-        axes: their number D.
+    `networks`: by the index of the primitive and that of the axis. `phases`: p and u (T_i,) of each
+    primitive.
     """
     shape, rows = (len(phases), axes), np.cumsum([0, *(len(p) for p, _ in phases)])
     compiled = {place: network.compiled() for place, network in networks.items()}
@@ -139,19 +130,9 @@ def forcing_in_base_frame(
     Frame and amplitude of a primitive are those from where it will start without feedback: it is unrolled
     here. What feedback on the position has left over where it does start is taken up by the evolving goal.
 
-    Args:
-        skill: the skill.
-        plan: its plan in time.
-        dt: length of a tick in s.
-        first: primitive to begin with.
-        state: position, velocity, acceleration (3,) at its start.
-        goals: (P, 3) m.
-
-    Returns:
-        (R, 3) the plan's forcing with new rows from that primitive on.
-
-    Raises:
-        InputError: a primitive's start and goal define no local frame.
+    `dt`: length of a tick in s. `state`: position, velocity, acceleration (3,) at its start. `goals`: (P, 3)
+    m. Returns (R, 3) the plan's forcing with new rows from that primitive on. Raises InputError: a
+    primitive's start and goal define no local frame.
     """
     forcing = plan.position_forcing.copy()
     for index in range(first, len(plan.tau)):
@@ -187,8 +168,7 @@ def end_state(
 def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, dt: float) -> Sequence[float]:
     """Durations in s, one per primitive; default the demonstrations' means.
 
-    Raises:
-        InputError: another number of them, one shorter than a tick or infinite, or more than `MOST_TICKS`.
+    Raises InputError: another number of them, one shorter than a tick or infinite, or more than `MOST_TICKS`.
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
@@ -208,9 +188,8 @@ def checked_goals(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Positions (3,) and orientations (4,) of the goals; default the demonstrations' means.
 
-    Raises:
-        InputError: another number of them, or one that is not finite, outside the workspace or no unit
-            quaternion.
+    Raises InputError: another number of them, or one that is not finite, outside the workspace or no unit
+    quaternion.
     """
     goals = default_goals(skill.primitives) if goals is None else goals
     _check_count(skill, goals, "goals")

@@ -9,10 +9,16 @@
 Everything that depends on time only is worked out before the first tick; a tick takes the sensor's newest
 sample, evaluates the networks and steps the pose exactly, for any rate. Whatever the sensor does, coupling
 terms are bounded in size and in their rate of change, and fade with the phase, so the goal is reached.
+`tick_latency` tells how long ticks take on this machine, and what the long ones waited for.
 """
 
-from collections.abc import Sequence
+import gc
+import resource
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from enum import IntFlag
+from time import perf_counter, thread_time
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,23 +33,16 @@ from structlearn.primitives.vector import sample_count
 
 
 class Status(IntFlag):
-    """What a tick has to report; 0 where all is well.
+    """What a tick has to report; 0 where all is well."""
 
-    Attributes:
-        REJECTED: the sample handed in has a value that is not finite, or the network overflowed on it.
-        WAITING: the offset of the run is not known yet, so there is no feedback yet.
-        NO_OFFSET: it was not known in time, so there is no feedback in this run.
-        STALE: the newest good sample is too old; the coupling terms fade until there is one again.
-        SATURATED: a coupling term is at its bound.
-        RATE_LIMITED: one changes as fast as it may.
-    """
-
+    # the sample handed in has a value that is not finite, or the network overflowed on it
     REJECTED = stepping.REJECTED
-    WAITING = stepping.WAITING
-    NO_OFFSET = stepping.NO_OFFSET
+    WAITING = stepping.WAITING  # the offset of the run is not known yet, so there is no feedback yet
+    NO_OFFSET = stepping.NO_OFFSET  # it was not known in time, so there is no feedback in this run
+    # the newest good sample is too old; the coupling terms fade until there is one again
     STALE = stepping.STALE
-    SATURATED = stepping.SATURATED
-    RATE_LIMITED = stepping.RATE_LIMITED
+    SATURATED = stepping.SATURATED  # a coupling term is at its bound
+    RATE_LIMITED = stepping.RATE_LIMITED  # one changes as fast as it may
 
 
 class Controller:
@@ -73,33 +72,18 @@ class Controller:
     ) -> None:
         """Work out what depends on time only.
 
-        Args:
-            skill: what to do.
-            rate_hz: ticks per second.
-            durations: one per primitive in s; default the demonstrations' means.
-            goals: one per primitive; default the demonstrations' means.
-            feedback: False leaves the coupling terms 0; deviations are still reported.
-
-        Raises:
-            InputError: the rate, a duration or a goal is no good, or a goal is outside the skill's workspace.
+        `durations`: one per primitive in s; default the demonstrations' means. `goals`: one per primitive;
+        default the demonstrations' means. `feedback`: False leaves the coupling terms 0; deviations are still
+        reported. Raises InputError: the rate, a duration or a goal is no good, or a goal is outside the
+        skill's workspace.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
-        self.skill, self.rate_hz, limits = skill, float(rate_hz), skill.limits
+        self.skill, self.rate_hz = skill, float(rate_hz)
         self._dt = 1.0 / self.rate_hz
         durations = planning.checked_durations(skill, durations, self._dt)
         positions, orientations = planning.checked_goals(skill, goals)
-        ages = [round(seconds * self.rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
-        self._plan = planning.plan_in_time(
-            skill,
-            self._dt,
-            durations,
-            positions,
-            orientations,
-            feedback,
-            limits.of(skill.axes, self._dt),
-            np.array(ages, dtype=np.int64),
-        )
+        self._plan = planning.plan_in_time(skill, self.rate_hz, durations, positions, orientations, feedback)
         self._goals = self._plan.position_goal.copy(), self._plan.orientation_goal.copy()
         self._last_tick = sum(sample_count(duration, self._dt) - 1 for duration in durations)
         self._state = stepping.resting_state(self._plan)
@@ -116,13 +100,9 @@ class Controller:
 
         What is compiled is compiled here, so that no tick waits for it.
 
-        Args:
-            position: (3,) m.
-            orientation: (4,) unit quaternion; may be left out when no primitive has orientations.
-
-        Raises:
-            InputError: the pose is not finite, outside the skill's workspace or no unit quaternion, or a
-                reach has no direction.
+        `position`: (3,) m. `orientation`: (4,) unit quaternion; may be left out when no primitive has
+        orientations. Raises InputError: the pose is not finite, outside the skill's workspace or no unit
+        quaternion, or a reach has no direction.
         """
         plan, state, start = self._plan, self._state, "the position at the start"
         position = planning.within_workspace(self.skill, require_finite(position, 3, start), start)
@@ -155,12 +135,8 @@ class Controller:
     def tick(self, counts: np.ndarray | None) -> int:
         """Advance to the next sample of the run; the first tick gives the start itself.
 
-        Args:
-            counts: (E,) the sensor's newest sample if one has come since the last tick, else None. Without
-                expected traces (E = 0) it is not looked at.
-
-        Returns:
-            Flags, see `Status`.
+        `counts`: (E,) the sensor's newest sample if one has come since the last tick, else None. Without
+        expected traces (E = 0) it is not looked at. Returns flags, see `Status`.
 
         Raises:
             InputError: counts have another size; nothing has moved then.
@@ -186,10 +162,7 @@ class Controller:
         Position, velocity and acceleration stay continuous: the running primitive keeps its forcing term,
         later ones are planned anew from where they will start. Between two ticks; takes some tenths of a ms.
 
-        Args:
-            primitive: name or place.
-            position: (3,) m.
-            orientation: (4,) unit quaternion; default stays.
+        `position`: (3,) m. `orientation`: (4,) unit quaternion; default stays.
 
         Raises:
             InputError: no such primitive, it has ended, or the goal is no good or outside the workspace;
@@ -236,8 +209,7 @@ class Controller:
     def compiled(self) -> tuple[tuple, tuple]:
         """Plan and state as `stepping.tick` takes them, for loops that are compiled as a whole.
 
-        Raises:
-            RuntimeError: the run has not been started.
+        Raises RuntimeError: the run has not been started.
         """
         if not self._started:
             raise RuntimeError("start() comes before the first tick")
@@ -277,3 +249,65 @@ def _read_only(array: np.ndarray) -> np.ndarray:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+class TickLatency(NamedTuple):
+    """What (T,) ticks took, each with what befell the thread from the end of the tick before to its end."""
+
+    seconds: np.ndarray  # duration in s
+    # of the duration, what the thread ran; the rest it waited, or an interrupt or the host of a virtual
+    # machine had the core
+    processor_s: np.ndarray
+    switches: np.ndarray  # how often the system gave the core to other work
+    faults: np.ndarray  # how often a page of memory was not there
+    collections: np.ndarray  # how often garbage was collected
+
+
+def tick_latency(controller: Controller, ticks: int) -> TickLatency:
+    """Durations of ticks on this machine, with a new sensor sample each.
+
+    Runs follow one another from the demonstrations' mean start; starting them is not timed.
+
+    `controller`: any; its run is lost. `ticks`: number of ticks.
+    """
+    first = controller.skill.primitives[0]
+    orientation = None if first.orientation is None else first.orientation.start
+    samples = list(np.random.default_rng(0).normal(0.0, 10.0, (1000, controller.skill.channels)))
+    seconds, processor_s = np.zeros((2, ticks))
+    counters = np.zeros((3, ticks), dtype=np.int64)
+    with _counted_collections() as collected:
+        for k in range(ticks):
+            if k == 0 or controller.finished:
+                controller.start(first.position.start, orientation)
+                before = (*_counters(), len(collected))
+            sample = samples[k % len(samples)]
+            ran, begin = thread_time(), perf_counter()
+            controller.tick(sample)
+            seconds[k] = perf_counter() - begin
+            processor_s[k] = thread_time() - ran
+            after = (*_counters(), len(collected))
+            counters[:, k] = after[0] - before[0], after[1] - before[1], after[2] - before[2]
+            before = after
+    return TickLatency(seconds, np.minimum(processor_s, seconds), *counters)
+
+
+def _counters() -> tuple[int, int]:
+    """Context switches and page faults of this thread since its start."""
+    used = resource.getrusage(resource.RUSAGE_THREAD)
+    return used.ru_nivcsw + used.ru_nvcsw, used.ru_minflt + used.ru_majflt
+
+
+@contextmanager
+def _counted_collections() -> Iterator[list[str]]:
+    """A list that grows with every collection of garbage."""
+    collected: list[str] = []
+
+    def note(phase: str, _: dict) -> None:
+        if phase == "start":
+            collected.append(phase)
+
+    gc.callbacks.append(note)
+    try:
+        yield collected
+    finally:
+        gc.callbacks.remove(note)

@@ -9,36 +9,86 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from pydantic import Field, PositiveFloat
 
-from structlearn.feedback.axes import AXES, Axis, turns
+from structlearn.feedback.coupling import AXES, Axis, turns
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.limits import Limits
 from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
 from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.transformation import ALPHA, BETA
 from structlearn.primitives.vector import VectorPrimitive
+
+TARGET_MARGIN = 1.5  # A coupling term may be this much larger than any that was demonstrated
+LARGEST_TURN, LARGEST_SHIFT = 40.0, ALPHA * BETA * 0.03
+"""rad and m; held for long, they turn by 15 degrees and shift by 3 cm: where nothing else is said."""
+
+
+def _cautious() -> dict[Axis, float]:
+    return {axis: LARGEST_TURN if turns(axis) else LARGEST_SHIFT for axis in AXES}
+
+
+class FadingParameters(Parameters):
+    """How soon feedback fades, and when it has to. Fields: `params.yaml`, `write_skill`.
+
+    `fade_s` bounds |dc/dt| within a primitive. Where the next one begins c is 0 at once, and the evolving
+    goal takes up what it was (eq. IV.14): acceleration, the robot's own measure, goes on as it was.
+    """
+
+    fade_s: float = Field(gt=0)
+    stale_after_s: float = Field(gt=0)
+    offset_within_s: float = Field(gt=0)
+
+
+class Limits(FadingParameters):
+    """Bounds on feedback, cautious ones where nothing else is said."""
+
+    # by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by c / (ALPHA BETA).
+    # `largest_coupling` derives it from demonstrated coupling terms.
+    largest_coupling: dict[Axis, PositiveFloat] = Field(default_factory=_cautious)
+    fade_s: float = Field(default=0.05, gt=0)
+    stale_after_s: float = Field(default=0.05, gt=0)
+    offset_within_s: float = Field(default=0.1, gt=0)
+
+    def of(self, axes: Sequence[Axis], dt: float) -> np.ndarray:
+        """Largest coupling terms, and their largest changes in a tick of dt s: (2, D).
+
+        Raises InputError: an axis has no bound.
+        """
+        for axis in axes:
+            if axis not in self.largest_coupling:
+                raise InputError(f"the limits say no largest coupling term for {axis}")
+        largest = np.array([self.largest_coupling[axis] for axis in axes], dtype=float)
+        return np.stack([largest, largest * dt / self.fade_s])
+
+
+def largest_coupling(targets: Sequence[np.ndarray]) -> float:
+    """A bound of the coupling term of one axis: the largest demonstrated one, and `TARGET_MARGIN`."""
+    return TARGET_MARGIN * max(float(np.abs(target).max()) for target in targets)
+
+
+def demonstrated_limits(targets: Mapping[Axis, Sequence[np.ndarray]], fading: FadingParameters) -> Limits:
+    """Limits from the coupling terms that were demonstrated on each axis; an axis without any has none."""
+    largest = {axis: largest_coupling(its) for axis, its in targets.items() if its}
+    return Limits(largest_coupling=largest, **fading.model_dump(include=set(FadingParameters.model_fields)))
+
 
 Networks = Mapping[str, Mapping[Axis, CouplingModel]]
 """Feedback models by the primitive's name, by axis; a primitive without them, or an axis, is left alone."""
 
-UNIT_TOLERANCE = 1e-6
-"""How far the norm of an axis or a quaternion may be from 1."""
+UNIT_TOLERANCE = 1e-6  # How far the norm of an axis or a quaternion may be from 1
 
 
 @dataclass(frozen=True)
 class Workspace:
     """A box along the axes of the base frame.
 
-    Attributes:
-        low: (3,) m.
-        high: (3,) m.
-
-    Raises:
-        InputError: the corners are no finite points, or the wrong way round.
+    Raises InputError: the corners are no finite points, or the wrong way round.
     """
 
-    low: np.ndarray
-    high: np.ndarray
+    low: np.ndarray  # (3,) m
+    high: np.ndarray  # (3,) m
 
     def __post_init__(self) -> None:
         corners = np.array([self.low, self.high], dtype=float)
@@ -48,8 +98,7 @@ class Workspace:
     def require(self, point: np.ndarray, what: str) -> None:
         """Refuse a point (3,) that is outside.
 
-        Raises:
-            InputError: it is; the message names every such axis, and by how much.
+        InputError names every axis on which it is, and by how much.
         """
         beyond = np.maximum(self.low - point, point - self.high)
         faults = [
@@ -66,24 +115,18 @@ class Workspace:
 class ReactiveSkill:
     """Primitives in sequence, with feedback where they have a network.
 
-    Attributes:
-        primitives: with orientations of the quaternion form, or without orientation and networks that turn.
-        expected: expected sensor traces by the primitive's name, all of the same channels.
-        networks: each takes all channels, or none (`pmnn.open_loop`).
-        limits: bounds of the feedback.
-        workspace: where runs may start and have their goals; None: anywhere.
-        sensors: names and numbers of channels of the sensors that make up a sample, in this order; may be
-            left out by those who know.
-
-    Raises:
-        InputError: the parts do not fit together; the message names the primitive.
+    Raises InputError: the parts do not fit together; the message names the primitive.
     """
 
+    # with orientations of the quaternion form, or without orientation and networks that turn
     primitives: Sequence[PosePrimitive]
+    # expected sensor traces by the primitive's name, all of the same channels
     expected: Mapping[str, VectorPrimitive] = field(default_factory=dict)
-    networks: Networks = field(default_factory=dict)
-    limits: Limits = field(default_factory=Limits)
-    workspace: Workspace | None = None
+    networks: Networks = field(default_factory=dict)  # each takes all channels, or none (`pmnn.open_loop`)
+    limits: Limits = field(default_factory=Limits)  # bounds of the feedback
+    workspace: Workspace | None = None  # where runs may start and have their goals; None: anywhere
+    # names and numbers of channels of the sensors that make up a sample, in this order; may be left out by
+    # those who know
     sensors: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
@@ -115,7 +158,7 @@ class ReactiveSkill:
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """Axes that some network corrects, in the order of `axes.AXES`."""
+        """Axes that some network corrects, in the order of `coupling.AXES`."""
         used = {axis for by_axis in self.networks.values() for axis in by_axis}
         return tuple(axis for axis in AXES if axis in used)
 
@@ -127,8 +170,7 @@ class ReactiveSkill:
     def index(self, primitive: int | str) -> int:
         """Place of a primitive in the sequence, by its name or its place.
 
-        Raises:
-            InputError: there is no such primitive.
+        Raises InputError: there is no such primitive.
         """
         names = [part.name for part in self.primitives]
         if primitive in names:
@@ -139,12 +181,7 @@ class ReactiveSkill:
 
 
 def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
-    """The smallest box around demonstrated paths, and a margin.
-
-    Args:
-        paths: (T, 3) m each, from start to end.
-        margin_m: added on every side.
-    """
+    """The smallest box around demonstrated paths, and a margin. `paths`: (T, 3) m each, from start to end."""
     points = np.concatenate(list(paths))
     return Workspace(points.min(axis=0) - margin_m, points.max(axis=0) + margin_m)
 
@@ -157,8 +194,7 @@ def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:
 def require_unit(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
     """The values as a (size,) float array.
 
-    Raises:
-        InputError: another size, a value that is not finite, or a norm that is not 1.
+    Raises InputError: another size, a value that is not finite, or a norm that is not 1.
     """
     array = require_finite(values, size, what)
     if abs(np.linalg.norm(array) - 1.0) > UNIT_TOLERANCE:

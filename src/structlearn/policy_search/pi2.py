@@ -17,6 +17,14 @@ A rollout without a finite cost-to-go (it diverged, returned NaN, or its process
 is 0 at all time steps, as if its cost were infinite. With the worst cost of the others it would still have a
 weight, and would draw the mean towards itself where the others are all alike. A diverged rollout must return
 NaN or infinity, not a huge number: beside that, normalised by the range, all other costs would be equal.
+
+    Sigma_ml = sum_t w_t sum_k P_k,t (theta_k - theta)(theta_k - theta)^T
+
+Around the old mean theta the estimate of the covariance does not shrink on its own (weights that do not
+depend on the samples return the old one on average) and grows along a direction in which all good samples
+lie, as in CMA-ES. A few rollouts cannot estimate the 325 unknowns of a covariance of 25 weights: `full`, the
+text, takes chance for shape. They can tell 25 variances: `per_weight` lets each follow, `rescaled` only their
+common size.
 """
 
 from dataclasses import dataclass
@@ -24,14 +32,76 @@ from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field
+from scipy.linalg import solve_triangular
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.policy_search import covariance, temperature
-from structlearn.policy_search.covariance import CovarianceParameters
+from structlearn.policy_search import temperature
 
-FEWEST_ROLLOUTS = 2
-"""One rollout says nothing of what is better."""
+RIDGE = 1e-12
+"""Of the mean variance, added to the variance of a full estimate: it stays positive definite in floating
+point where one direction has become very much narrower than another."""
+
+
+class CovarianceParameters(Parameters):
+    """How the covariance follows the good samples."""
+
+    # `per_weight`: the old covariance, each parameter's standard deviation times the root of (sum_k w_k,d
+    # (theta_k,d - theta_d)^2 / Sigma_dd)^(1 / damping); `rescaled`: the old covariance times
+    # (tr(Sigma_old^-1 Sigma_ml) / D)^(1 / damping); `full`: Sigma_ml, as in the text; `kept`: the old
+    # covariance
+    mode: Literal["per_weight", "rescaled", "full", "kept"]
+    damping: float = Field(ge=1)  # of `per_weight` and `rescaled`; 1 is none
+    # of all but `kept`: smallest ratio of new to old variance of a parameter or in any direction. Without it
+    # `full` gives up every direction that the samples happen to miss; near 1 it lets the covariance grow,
+    # because then chance only widens.
+    eigenvalue_floor: float = Field(gt=0, le=1)
+
+
+def covariance_factor(covariance: np.ndarray) -> np.ndarray:
+    """Lower Cholesky factor of a covariance.
+
+    `covariance`: (D, D) symmetric. Returns (D, D) L with L L^T = covariance. Raises InputError: the
+    covariance is not positive definite.
+    """
+    try:
+        return np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError as error:
+        raise InputError("the covariance of the search distribution is not positive definite") from error
+
+
+def adapted_covariance(
+    old: np.ndarray, deviations: np.ndarray, weights: np.ndarray, parameters: CovarianceParameters
+) -> np.ndarray:
+    """New covariance.
+
+    `rescaled` and `full` find it in coordinates in which the old covariance is the unit matrix, so that a
+    linear change of the policy's parameters changes nothing; they weigh a sample alike in all parameters.
+
+    `old`: (D, D) covariance that the samples were drawn with. `deviations`: (K, D) samples minus the old
+    mean. `weights`: (K, D) of the samples in each parameter, sum over the samples 1. Returns (D, D) symmetric
+    and positive definite. Raises InputError: the old covariance is not positive definite.
+    """
+    if parameters.mode == "kept":
+        return old
+    root, floor = covariance_factor(old), parameters.eigenvalue_floor
+    if parameters.mode == "per_weight":
+        ratios = np.sum(weights * deviations**2, axis=0) / np.diag(old)
+        scale = np.sqrt(np.maximum(ratios ** (1.0 / parameters.damping), floor))
+        return scale[:, None] * old * scale
+    shared = weights.mean(axis=1)  # (K,), all of a sample's weights where the text averages
+    white = solve_triangular(root, deviations.T, lower=True, check_finite=False)  # (D, K)
+    if parameters.mode == "rescaled":
+        ratio = np.sum(white * white * shared) / len(old)
+        return max(ratio ** (1.0 / parameters.damping), floor) * old
+    ratios, directions = np.linalg.eigh((white * shared) @ white.T)
+    spread = (root @ directions) * np.sqrt(np.maximum(ratios, floor))
+    full = spread @ spread.T
+    full[np.diag_indices_from(full)] += RIDGE * np.trace(full) / len(full)
+    return full
+
+
+FEWEST_ROLLOUTS = 2  # One rollout says nothing of what is better
 
 
 class PI2Parameters(Parameters):
@@ -48,15 +118,10 @@ class PI2Parameters(Parameters):
 
 @dataclass(frozen=True)
 class SearchDistribution:
-    """Gaussian over policies.
+    """Gaussian over policies."""
 
-    Attributes:
-        mean: (D,) parameters of a policy, in their own unit.
-        covariance: (D, D) symmetric and positive definite.
-    """
-
-    mean: np.ndarray
-    covariance: np.ndarray
+    mean: np.ndarray  # (D,) parameters of a policy, in their own unit
+    covariance: np.ndarray  # (D, D) symmetric and positive definite
 
     def __post_init__(self) -> None:
         if self.mean.ndim != 1 or self.covariance.shape != 2 * self.mean.shape:
@@ -69,59 +134,37 @@ class SearchDistribution:
     def around(cls, mean: np.ndarray, std: float | np.ndarray) -> Self:
         """Independent parameters.
 
-        Args:
-            mean: (D,) parameters.
-            std: standard deviation of all, or (D,) of each.
+        `mean`: (D,) parameters. `std`: standard deviation of all, or (D,) of each.
         """
         return cls(np.array(mean, dtype=float), np.diag(np.broadcast_to(std, np.shape(mean)) ** 2.0))
 
 
 @dataclass(frozen=True)
 class Update:
-    """A new search distribution and what it was made of.
+    """A new search distribution and what it was made of."""
 
-    Attributes:
-        distribution: to draw the next policies from.
-        temperatures: (T,) lambda of the normalised costs.
-        effective_samples: (T,) 1 / sum_k P_k,t^2: between 1 (one sample has all the weight) and K.
-        weights: (K, D) of the samples in the new mean, per parameter; sum over the samples 1.
-        failed: (K,) whether a rollout was left out.
-    """
-
-    distribution: SearchDistribution
-    temperatures: np.ndarray
-    effective_samples: np.ndarray
-    weights: np.ndarray
-    failed: np.ndarray
+    distribution: SearchDistribution  # to draw the next policies from
+    temperatures: np.ndarray  # (T,) lambda of the normalised costs
+    effective_samples: np.ndarray  # (T,) 1 / sum_k P_k,t^2: between 1 (one sample has all the weight) and K
+    weights: np.ndarray  # (K, D) of the samples in the new mean, per parameter; sum over the samples 1
+    failed: np.ndarray  # (K,) whether a rollout was left out
 
 
 def sample(distribution: SearchDistribution, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draw policies (algorithm IV.3, line 7).
 
-    Args:
-        distribution: the search distribution.
-        count: how many; fewer from an equal generator are the first of more.
-        rng: random numbers.
-
-    Returns:
-        (count, D) parameters.
-
-    Raises:
-        InputError: the covariance is not positive definite.
+    `count`: how many; fewer from an equal generator are the first of more. Raises InputError: the covariance
+    is not positive definite.
     """
     white = rng.standard_normal((count, len(distribution.mean)))
-    return distribution.mean + white @ covariance.factor(distribution.covariance).T
+    return distribution.mean + white @ covariance_factor(distribution.covariance).T
 
 
 def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
     """S_k,t = sum of J_k,j over j from t to the end (algorithm IV.4, line 5, with j for its second t).
 
-    Args:
-        costs: (K, T) costs per time step.
-        horizon: share of the steps at which the sum ends already, at least one step.
-
-    Returns:
-        (K, T); NaN or infinite at the first step where any is.
+    `costs`: (K, T) costs per time step. `horizon`: share of the steps at which the sum ends already, at least
+    one step. Returns (K, T); NaN or infinite at the first step where any is.
     """
     steps = costs.shape[1]
     reach = max(1, round(horizon * steps))
@@ -134,11 +177,7 @@ def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
 def time_weights(steps: int) -> np.ndarray:
     """T, T - 1, ..., 1 over their sum (algorithm IV.4, lines 9 and 10): early steps have more to decide.
 
-    Args:
-        steps: number of time steps T.
-
-    Returns:
-        (T,) weights.
+    `steps`: number of time steps T. Returns (T,) weights.
     """
     return np.arange(steps, 0.0, -1.0) * (2.0 / (steps * (steps + 1.0)))
 
@@ -152,20 +191,11 @@ def update(
 ) -> Update:
     """One update of the search distribution (algorithm IV.4).
 
-    Args:
-        distribution: which the samples were drawn from.
-        samples: (K, D) parameters of the rolled-out policies.
-        costs: (K, T) cost per rollout and time step, any unit; a rollout with a NaN or infinity is left out.
-        parameters: averaging, temperature and covariance.
-        activation: (T, D) how much each parameter acts at every time step, not negative, somewhere positive,
-            any unit; for `per_weight` averaging. None: all act alike at all times.
-
-    Returns:
-        The new distribution and diagnostics.
-
-    Raises:
-        InputError: shapes do not fit, a sample is not finite, fewer than two rollouts have finite costs, or
-            the covariance of the distribution is not positive definite.
+    `samples`: (K, D) parameters of the rolled-out policies. `costs`: (K, T) cost per rollout and time step,
+    any unit; a rollout with a NaN or infinity is left out. `activation`: (T, D) how much each parameter acts
+    at every time step, not negative, somewhere positive, any unit; for `per_weight` averaging. None: all act
+    alike at all times. Raises InputError: shapes do not fit, a sample is not finite, fewer than two rollouts
+    have finite costs, or the covariance of the distribution is not positive definite.
     """
     _check_shapes(distribution, samples, costs, activation)
     ahead = cost_to_go(costs, parameters.horizon)
@@ -193,7 +223,7 @@ def update(
     return Update(
         distribution=SearchDistribution(
             distribution.mean + np.sum(weights[valid] * deviations, axis=0),
-            covariance.adapted(distribution.covariance, deviations, weights[valid], parameters.covariance),
+            adapted_covariance(distribution.covariance, deviations, weights[valid], parameters.covariance),
         ),
         temperatures=temperatures,
         effective_samples=1.0 / np.sum(probabilities**2, axis=0),

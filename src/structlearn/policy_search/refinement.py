@@ -13,41 +13,122 @@ primitives before it run with what they have learned.
 The text ends it by a threshold of the cost, whose value it does not give. Here the number of iterations is
 given, so that what later ones gain is seen: a threshold would decide when it seems to have converged. An
 iteration may make it worse, so the network of the cheapest one is kept, and the next begins from it.
+
+Every rollout stays on record, the failed ones with their fault: a row in the history, and what was felt and
+done sample by sample.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import CouplingModel, train_final
+from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
+from structlearn.feedback.coupling_model import CouplingModel, TrainingParameters, train_final
 from structlearn.feedback.models.pmnn import open_loop
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
-from structlearn.policy_search.rollouts import (
-    FEEDBACK,
-    IMPROVED,
-    SAMPLE,
-    Environment,
-    Rollout,
-    cost_matrix,
-    history_rows,
-    kernel_activation,
-    sample_rows,
-    succeeded,
-)
-from structlearn.primitives.kernels import KERNEL_COUNT
+from structlearn.primitives import canonical
+from structlearn.primitives.kernels import KERNEL_COUNT, features
+
+FEEDBACK, SAMPLE, IMPROVED = "feedback", "sample", "improved"
+"""Kinds of rollouts: with the network, with a drawn policy, with the updated policy."""
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """One execution of the primitive that is refined."""
+
+    cost: np.ndarray  # (T,) rad per tick; NaN throughout where it failed
+    # what was felt and done, as supervised data; None where it failed, or where the environment was not to
+    # say
+    samples: CouplingDataset | None
+    fault: str = ""  # why it failed, or empty
+
+
+class Environment(Protocol):
+    """Where the primitive is executed; `seeds` decide what a run meets, and repeat it exactly."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Ticks per second of the costs."""
+
+    def rollouts(self, networks: Sequence[CouplingModel], seeds: Sequence[tuple[int, ...]]) -> list[Rollout]:
+        """Execute once per network, each with its seed, and report failures instead of raising them."""
+
+
+def succeeded(runs: Sequence[Rollout], what: str, fewest: int = 1) -> list[Rollout]:
+    """The runs that did not fail. Raises InputError: with the first fault, if there are too few."""
+    done = [run for run in runs if not run.fault]
+    if len(done) < fewest:
+        fault = next(run.fault for run in runs if run.fault)
+        raise InputError(
+            f"{len(done)} of {len(runs)} {what} succeeded, {fewest} must; the first fault: {fault}"
+        )
+    return done
+
+
+def cost_matrix(runs: Sequence[Rollout]) -> np.ndarray:
+    """(K, T) costs; failed runs have NaN."""
+    length = min((len(run.cost) for run in runs if not run.fault), default=1)
+    return np.stack([run.cost[:length] if not run.fault else np.full(length, np.nan) for run in runs])
+
+
+def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
+    """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|.
+
+    `steps`: ticks T from the primitive's start to its end. `kernel_count`: number of weights N. Returns
+    (T, N).
+    """
+    p, u = canonical.phase(np.linspace(0.0, 1.0, steps), canonical.TAU_PER_DURATION)
+    return np.abs(features(p, u, kernel_count))
+
+
+def history_rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataFrame:
+    """One row per rollout, failed ones too.
+
+    Returns `iteration`, `kind`, `number`, `cost_rad` (accumulated; NaN where it failed), `norm_rad`
+    (of the cost vector), `fault`.
+    """
+    return pd.DataFrame(
+        {
+            "iteration": iteration,
+            "kind": kind,
+            "number": range(len(runs)),
+            "cost_rad": [float(np.sum(run.cost)) for run in runs],
+            "norm_rad": [float(np.linalg.norm(run.cost)) for run in runs],
+            "fault": [run.fault for run in runs],
+        }
+    )
+
+
+def sample_rows(runs: Sequence[Rollout], iteration: int, kind: str, rate_hz: float) -> pd.DataFrame:
+    """What was felt and done in the rollouts that did not fail, of which there must be one.
+
+    Returns one row per sample: `iteration`, `kind`, `number`, the columns of `dataset.to_table`, and
+    `cost_rad` at this sample; in single precision, for they are looked at, not learned from.
+    """
+    keys = {"iteration": iteration, "kind": kind}
+    tables = [
+        to_table(run.samples).assign(
+            **keys, number=number, cost_rad=run.cost[np.rint(run.samples.time * rate_hz).astype(int)]
+        )
+        for number, run in enumerate(runs)
+        if run.samples is not None
+    ]
+    whole = pd.concat(tables, ignore_index=True)
+    return whole.astype(dict.fromkeys(whole.select_dtypes("float64"), "float32"))
+
 
 SMALLEST_SINGULAR_VALUE = 1e-4
 """Relative to the largest; what is smaller is a kernel that the vanishing phase velocity hides."""
 
-KNOWN = 5
-"""Second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches."""
+KNOWN = 5  # Second number of the seeds of `executed`; 0 to 4 are the kinds of rollouts and the searches
 
 
 class RefinementParameters(Parameters):
@@ -68,25 +149,15 @@ class RefinementParameters(Parameters):
 
 @dataclass(frozen=True)
 class Progress:
-    """State after an iteration; all that the next one needs.
+    """State after an iteration; all that the next one needs."""
 
-    Attributes:
-        iteration: 0 before the first update.
-        network: the feedback model of the iteration that cost least so far.
-        covariance: (N, N) of the search.
-        history: of all rollouts so far, see `rollouts.history_rows`.
-        policies: (R, N) weights of the open-loop rollouts in the history's order, for inspection.
-        samples: of all rollouts so far, see `rollouts.sample_rows`; for inspection.
-        compressed: what the executions with this network amount to as a policy, (N,).
-    """
-
-    iteration: int
-    network: CouplingModel
-    covariance: np.ndarray
-    history: pd.DataFrame
-    policies: np.ndarray
-    samples: pd.DataFrame
-    compressed: np.ndarray
+    iteration: int  # 0 before the first update
+    network: CouplingModel  # the feedback model of the iteration that cost least so far
+    covariance: np.ndarray  # (N, N) of the search
+    history: pd.DataFrame  # of all rollouts so far, see `history_rows`
+    policies: np.ndarray  # (R, N) weights of the open-loop rollouts in the history's order, for inspection
+    samples: pd.DataFrame  # of all rollouts so far, see `sample_rows`; for inspection
+    compressed: np.ndarray  # what the executions with this network amount to as a policy, (N,)
 
     @property
     def kept(self) -> int:
@@ -96,21 +167,11 @@ class Progress:
 
 
 def start(
-    environment: Environment,
-    initial: CouplingModel,
-    parameters: RefinementParameters,
-    exploration: float,
+    environment: Environment, initial: CouplingModel, parameters: RefinementParameters, exploration: float
 ) -> Progress:
     """Execute the initial network (algorithm IV.3, line 2).
 
-    Args:
-        environment: the new setting.
-        initial: trained on demonstrations of other settings.
-        parameters: see there.
-        exploration: standard deviation of the policy's weights.
-
-    Raises:
-        InputError: no execution succeeded.
+    `exploration`: standard deviation of the policy's weights. Raises InputError: no execution succeeded.
     """
     count = initial.kernel_count
     runs = _execute(environment, [initial] * parameters.evaluation_runs, 0, FEEDBACK)
@@ -136,19 +197,8 @@ def improve(
 ) -> Progress:
     """One iteration of algorithm IV.3.
 
-    Args:
-        environment: the new setting.
-        progress: after the iteration before.
-        initial: from which the network is trained anew.
-        demonstrations: of the settings that were learned from.
-        parameters: see there.
-        seed: of the exploration.
-
-    Returns:
-        The state after this iteration.
-
-    Raises:
-        InputError: fewer than two policies could be executed, or the improved policy or the network not once.
+    `initial`: from which the network is trained anew. Raises InputError: fewer than two policies could be
+    executed, or the improved policy or the network not once.
     """
     iteration = progress.iteration + 1
     rng = np.random.default_rng([seed, iteration])
@@ -193,17 +243,8 @@ def refine(
 ) -> Progress:
     """Refine a feedback model.
 
-    Args:
-        environment: the new setting.
-        initial: trained on demonstrations of other settings.
-        demonstrations: these demonstrations.
-        parameters: see there.
-        exploration: standard deviation of the policy's weights at first.
-        seed: of the exploration.
-        report: called with the state after every iteration, the 0th included.
-
-    Returns:
-        The last state.
+    `exploration`: standard deviation of the policy's weights at first. `report`: called with the state after
+    every iteration, the 0th included.
     """
     progress = start(environment, initial, parameters, exploration)
     report(progress)
@@ -220,16 +261,8 @@ def executed(environment: Environment, policy: np.ndarray, runs: int) -> Couplin
     new setting is executed, so what is right in the known ones is, too: else the network takes the difference
     between hand and no hand for one between settings.
 
-    Args:
-        environment: the known setting.
-        policy: (N,) weights of what is right there.
-        runs: executions.
-
-    Returns:
-        Their samples, numbered as those of `learnable`.
-
-    Raises:
-        InputError: all executions failed.
+    `policy`: (N,) weights of what is right there. Returns their samples, numbered as those of `learnable`.
+    Raises InputError: all executions failed.
     """
     seeds = [(0, KNOWN, number) for number in range(runs)]
     return learnable(environment.rollouts([open_loop(policy)] * runs, seeds), "executions in a known setting")
@@ -251,15 +284,8 @@ def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
 def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.ndarray:
     """Open-loop policy that does what executions did on average (algorithm IV.3, line 4).
 
-    Args:
-        runs: executions; failed ones are left out.
-        kernel_count: number of phase kernels N.
-
-    Returns:
-        (N,) weights.
-
-    Raises:
-        InputError: all executions failed.
+    `runs`: executions; failed ones are left out. `kernel_count`: number of phase kernels N. Returns (N,)
+    weights. Raises InputError: all executions failed.
     """
     return open_loop_weights(learnable(runs, "executions with the network"), kernel_count)
 

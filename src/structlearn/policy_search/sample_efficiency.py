@@ -11,7 +11,7 @@ A rollout that failed counts. PI2-CMA leaves it out; for CMA-ES, which only rank
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import pandas as pd
@@ -22,13 +22,18 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
-from structlearn.policy_search.rollouts import Environment, Rollout, cost_matrix, kernel_activation, succeeded
+from structlearn.policy_search.refinement import (
+    Environment,
+    Rollout,
+    cost_matrix,
+    kernel_activation,
+    succeeded,
+)
 
 if TYPE_CHECKING:
     import cma
 
-PI2, CMA_ES = "pi2", "cma_es"
-"""Names of the methods."""
+PI2, CMA_ES = "pi2", "cma_es"  # Names of the methods
 
 SEARCHED, JUDGED = 3, 4
 """Second numbers of the rollouts' seeds: for an update, and of a mean policy; 0 to 2 are the refinement's."""
@@ -42,35 +47,11 @@ class ComparisonParameters(Parameters):
     evaluation_runs: int = Field(ge=1)
 
 
-class Search(Protocol):
-    """A search that asks for policies and is told their rollouts."""
-
-    @property
-    def count(self) -> int:
-        """Rollouts per update, K."""
-
-    @property
-    def mean(self) -> np.ndarray:
-        """(N,) weights of the mean policy."""
-
-    def propose(self) -> np.ndarray:
-        """(K, N) weights of the policies to be rolled out."""
-
-    def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
-        """Update by the rollouts of the proposed policies, of which two must have succeeded."""
-
-
 @dataclass
 class PathIntegralSearch:
-    """PI2-CMA (algorithm IV.4), a `Search`.
+    """PI2-CMA (algorithm IV.4); as `EvolutionStrategy` it asks for policies and is told their rollouts."""
 
-    Attributes:
-        distribution: of the next policies.
-        parameters: see there.
-        rng: random numbers.
-    """
-
-    distribution: SearchDistribution
+    distribution: SearchDistribution  # of the next policies
     parameters: PI2Parameters
     rng: np.random.Generator
 
@@ -99,11 +80,7 @@ class PathIntegralSearch:
 
 @dataclass
 class EvolutionStrategy:
-    """Plain CMA-ES of the package `cma`, a `Search`.
-
-    Attributes:
-        strategy: its state.
-    """
+    """Plain CMA-ES of the package `cma`."""
 
     strategy: "cma.CMAEvolutionStrategy"
 
@@ -111,10 +88,8 @@ class EvolutionStrategy:
     def around(cls, mean: np.ndarray, std: float, rng: np.random.Generator) -> Self:
         """Begin with independent weights.
 
-        Args:
-            mean: (N,) weights.
-            std: standard deviation of all.
-            rng: random numbers. Without them the package seeds and uses numpy's global ones.
+        `mean`: (N,) weights. `rng`: random numbers. Without them the package seeds and uses numpy's global
+        ones.
         """
         import cma
 
@@ -147,23 +122,19 @@ class EvolutionStrategy:
         self.strategy.tell(list(policies), np.where(np.isnan(costs), behind, costs).tolist())
 
 
+Search = PathIntegralSearch | EvolutionStrategy
+
+
 @dataclass
 class Trial:
-    """One search and what it has come to.
-
-    Attributes:
-        method: its name.
-        seed: of its random numbers and of what its rollouts meet.
-        search: its state.
-        costs: accumulated cost of every rollout so far in rad, NaN where it failed.
-        means: (N,) mean policy after every update so far.
-    """
+    """One search and what it has come to."""
 
     method: str
-    seed: int
+    seed: int  # of its random numbers and of what its rollouts meet
     search: Search
+    # accumulated cost of every rollout so far in rad, NaN where it failed
     costs: list[float] = field(default_factory=list)
-    means: list[np.ndarray] = field(default_factory=list)
+    means: list[np.ndarray] = field(default_factory=list)  # (N,) mean policy after every update so far
 
 
 def compare(
@@ -176,22 +147,14 @@ def compare(
 ) -> pd.DataFrame:
     """Run all searches in lock-step and judge their mean policies.
 
-    Args:
-        environment: where the primitive is executed.
-        start: (N,) weights of the policy from which all searches begin.
-        exploration: initial standard deviation of its weights.
-        search: of PI2-CMA.
-        parameters: see there.
-        first_seed: of the searches, which have consecutive ones.
+    `start`: (N,) weights of the policy from which all searches begin. Raises InputError: the budget is not
+    enough for one update, or fewer than two rollouts of one succeeded.
 
     Returns:
         One row per method, seed and update: `method`, `seed`, `update` (0 is the start), `rollouts` (used so
         far), `cost_rad` (accumulated, mean over the mean policy's executions, which meet the same conditions
         in all rows; NaN if one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the
         start), `failed` (rollouts so far).
-
-    Raises:
-        InputError: the budget is not enough for one update, or fewer than two rollouts of one succeeded.
     """
     trials = _trials(start, exploration, search, parameters, first_seed)
     while going := [trial for trial in trials if _left(trial, parameters.budget) >= 0]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground.frames import FrameKind, frame_kind, local_frame
-from structlearn.primitives import kernels, regression, transformation
+from structlearn.primitives import kernels, transformation
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
 
@@ -16,19 +16,12 @@ SHORTEST_REACH = 0.01
 
 @dataclass(frozen=True)
 class PositionPrimitive:
-    """Learned movement of a point.
+    """Learned movement of a point."""
 
-    Attributes:
-        local: the movement relative to its start, in the local frame.
-        frame: which definition of the local frame (see `frames.frame_kind`).
-        start: (3,) mean start of the demonstrations in the base frame, m.
-        goal: (3,) mean goal of the demonstrations in the base frame, m.
-    """
-
-    local: VectorPrimitive
-    frame: FrameKind
-    start: np.ndarray
-    goal: np.ndarray
+    local: VectorPrimitive  # the movement relative to its start, in the local frame
+    frame: FrameKind  # which definition of the local frame (see `frames.frame_kind`)
+    start: np.ndarray  # (3,) mean start of the demonstrations in the base frame, m
+    goal: np.ndarray  # (3,) mean goal of the demonstrations in the base frame, m
 
     @property
     def duration(self) -> float:
@@ -47,21 +40,10 @@ class PositionPrimitive:
         until: float | None = None,
         frame: np.ndarray | None = None,
     ) -> Trajectory:
-        """Generate the movement in the base frame; what is not given is the demonstrations' mean.
+        """Generate the movement in the base frame, (..., T, 3) m; arguments as of `VectorPrimitive.unroll`.
 
-        Args:
-            dt: sampling interval in s.
-            start: (3,) m.
-            goal: (3,) m.
-            duration: s.
-            velocity: (3,) initial velocity in m/s.
-            acceleration: (3,) initial acceleration in m/s^2.
-            coupling: feedback in the loop, in the local frame and relative to the start.
-            until: time of the last sample in s; default the duration.
-            frame: (3, 3) local to base; default the local frame from start to goal.
-
-        Returns:
-            Trajectory with (..., T, 3) signals.
+        `coupling`: in the local frame and relative to the start. `frame`: (3, 3) local to base; default the
+        local frame from start to goal.
         """
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
@@ -77,29 +59,20 @@ class PositionPrimitive:
             until=until,
         )
         return Trajectory(
-            path.time,
-            start + path.position @ axes.T,
-            path.velocity @ axes.T,
-            path.acceleration @ axes.T,
+            path.time, start + path.position @ axes.T, path.velocity @ axes.T, path.acceleration @ axes.T
         )
 
 
 def fit_position(
     demonstrations: Sequence[Trajectory],
     scaled: Sequence[bool] = (False, False, False),
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> PositionPrimitive:
     """Learn a position primitive; each demonstration is turned into its own local frame.
 
-    Args:
-        demonstrations: each with (T_l, 3) signals in the base frame.
-        scaled: local axes (x: along the reach) whose forcing term scales with the reach.
-        method: regression of the forcing weights.
-        kernel_count: number of kernels.
-
-    Returns:
-        The primitive.
+    `demonstrations`: each with (T_l, 3) signals in the base frame. `scaled`: local axes (x: along the reach)
+    whose forcing term scales with the reach.
     """
     start = np.mean([demonstration.position[0] for demonstration in demonstrations], axis=0)
     goal = np.mean([demonstration.position[-1] for demonstration in demonstrations], axis=0)

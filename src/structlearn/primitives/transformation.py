@@ -27,23 +27,11 @@ ones at every step, and the next step overwrites them."""
 
 
 def initial_goal(
-    x: np.ndarray,
-    xd: np.ndarray,
-    xdd: np.ndarray | float,
-    tau: float,
-    forcing: np.ndarray | float = 0.0,
+    x: np.ndarray, xd: np.ndarray, xdd: np.ndarray | float, tau: float, forcing: np.ndarray | float = 0.0
 ) -> np.ndarray:
     """Evolving goal at which the system starts with the given acceleration (eq. IV.12).
 
-    Args:
-        x: (..., D) initial position.
-        xd: (..., D) initial velocity.
-        xdd: (..., D) initial acceleration.
-        tau: time constant in s.
-        forcing: (..., D) f + c at the start; 0 when the phase starts at 1.
-
-    Returns:
-        (..., D) g_0.
+    All (..., D); `forcing`: f + c at the start, 0 when the phase starts at 1. Returns g_0.
     """
     return x + ((tau**2 * xdd - forcing) / ALPHA + tau * xd) / BETA
 
@@ -54,14 +42,8 @@ compiled_initial_goal: Callable[..., Any] = numba.njit(cache=True)(initial_goal)
 def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
     """Evolving goal over time, closed-form (eq. IV.10).
 
-    Args:
-        goal: (..., D) steady goal G.
-        first: (..., D) initial goal g_0.
-        times: (T,) s.
-        tau: time constant in s.
-
-    Returns:
-        (..., T, D) g.
+    `goal`: (..., D) steady goal G. `first`: (..., D) initial goal g_0. `times`: (T,) s. `tau`: time constant
+    in s. Returns (..., T, D) g.
     """
     decay = np.exp(-ALPHA_G * times / tau)[:, None]
     return goal[..., None, :] + decay * (first - goal)[..., None, :]
@@ -72,12 +54,7 @@ def forcing_target(trajectory: Trajectory, tau: float) -> np.ndarray:
 
     The goal evolves from the demonstration's own initial state to its last position, as when unrolled.
 
-    Args:
-        trajectory: the demonstration, (T, D) signals.
-        tau: time constant in s.
-
-    Returns:
-        (T, D) f_target.
+    `trajectory`: the demonstration, (T, D) signals. `tau`: time constant in s. Returns (T, D) f_target.
     """
     path = (trajectory.time, trajectory.position, trajectory.velocity, trajectory.acceleration)
     time, position, velocity, acceleration = (np.ascontiguousarray(signal, dtype=float) for signal in path)
@@ -144,11 +121,8 @@ def unroll(
 def step_matrix(step: float) -> np.ndarray:
     """Exact transition over one step of the state (x - G, tau xd, g - G) and the inputs (f, change of f).
 
-    Args:
-        step: dt / tau, dimensionless.
-
-    Returns:
-        (3, 5) matrix, from the exponential of the system extended by its inputs.
+    `step`: dt / tau, dimensionless. Returns (3, 5) matrix, from the exponential of the system extended by its
+    inputs.
     """
     rates = np.zeros((5, 5))
     rates[0, 1] = 1.0
@@ -234,12 +208,7 @@ def _step_and_show(
 
 @numba.njit(cache=True)
 def _unroll(
-    matrix: np.ndarray,
-    tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
-    path: np.ndarray,
+    matrix: np.ndarray, tau: float, goal: np.ndarray, state: np.ndarray, forcing: np.ndarray, path: np.ndarray
 ) -> None:
     """All steps without feedback, one movement after the other: they are contiguous in memory."""
     batch, samples, axes = forcing.shape

@@ -1,13 +1,14 @@
-"""Logs of a robot's joints: positions, velocities and torques on one clock, with the joints' names.
+"""Logs of a robot's joints: motion and torques, or motor currents, on one clock, with the joints' names.
 
-A dynamics model is learned from joints alone, so a log needs no end-effector pose, unlike a `Recording`. Its
-file is an MCAP with one topic of ROS 2 `sensor_msgs/JointState`, as a robot's driver publishes it.
+A dynamics model is learned from joints alone, so a log needs no end-effector pose, unlike a `Recording`.
+Stages hand logs on as tables. A robot's own is a bag with one topic of ROS 2 `sensor_msgs/JointState`.
 """
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,26 +17,38 @@ from structlearn.recordings.bag_files import RecordingFile, as_recording_file, o
 from structlearn.recordings.bag_reader import own_provenance
 from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
+from structlearn.recordings.clock import MAX_GAP_S, on_one_clock
 from structlearn.recordings.joint_series import chosen, joint_series
 from structlearn.recordings.messages import check_readable, joint_topic
-from structlearn.recordings.recording import JOINT_KINDS
+from structlearn.recordings.recording import JOINT_KINDS, Stream
+from structlearn.recordings.series_table import Series, read_series, write_series
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
 
 JOINT_STATES = "/joint_states"
 """Where drivers publish joint states unless told otherwise."""
 
+UNITS = {
+    "stamps": "ns",
+    "positions": "rad",
+    "velocities": "rad/s",
+    "torques": "N m",
+    "currents": "A",
+    "desired_currents": "A",
+    "target_torques": "N m",
+}
+"""Of the signals, where joints turn."""
+
 
 @dataclass(frozen=True)
-class JointLog:
-    """Joint signals of one motion as they came, at possibly irregular times.
+class MotionLog:
+    """Motion of joints as it came, at possibly irregular times.
 
     Attributes:
-        name: unique within its set; error messages and tables use it.
+        name: unique within its set.
         joints: (n,) names in the order of the columns.
         stamps: (T,) int64 ns, increasing.
         positions: (T, n) rad (m where prismatic).
         velocities: (T, n) rad/s.
-        torques: (T, n) N m, positive when they accelerate the joint forwards.
         provenance: what is known of the origin; `origin` is `simulated` or `recorded`.
     """
 
@@ -44,12 +57,29 @@ class JointLog:
     stamps: np.ndarray
     positions: np.ndarray
     velocities: np.ndarray
-    torques: np.ndarray
-    provenance: Mapping[str, str] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
-        signals = {name: getattr(self, name) for name in ("positions", "velocities", "torques")}
-        check_signals(self.name, self.joints, self.stamps, signals)
+        """Raise an InputError naming log and row if shapes differ, stamps do not increase or NaNs occur."""
+        count, width = len(self.stamps), len(self.joints)
+        if count < 2:
+            raise InputError(f"{self.name}: needs at least two samples, has {count}")
+        steps = np.diff(self.stamps)
+        if (steps <= 0).any():
+            row = int(np.argmax(steps <= 0)) + 1
+            raise InputError(f"{self.name}: {at_row(row, self.stamps)} does not come after the one before it")
+        for signal in signals_of(type(self)):
+            values = getattr(self, signal)
+            if values.shape != (count, width):
+                raise InputError(
+                    f"{self.name}: {signal} have shape {values.shape}, not {count} samples of {width} joints"
+                )
+            if not np.isfinite(values).all():
+                row, column = np.argwhere(~np.isfinite(values))[0]
+                raise InputError(
+                    f"{self.name}: {at_row(int(row), self.stamps)}: {signal} of joint "
+                    f"'{self.joints[column]}' are {values[row, column]}"
+                )
 
     @property
     def time(self) -> np.ndarray:
@@ -57,39 +87,100 @@ class JointLog:
         return (self.stamps - self.stamps[0]) * 1e-9
 
 
-def check_signals(
-    name: str, joints: Sequence[str], stamps: np.ndarray, signals: Mapping[str, np.ndarray]
-) -> None:
-    """Check what a log of joints holds.
+@dataclass(frozen=True)
+class JointLog(MotionLog):
+    """A log with torques (T, n) in N m, positive when they accelerate the joint forwards."""
 
-    Args:
-        name: of the log, for messages.
-        joints: (n,) names.
-        stamps: (T,) ns.
-        signals: (T, n) each.
+    torques: np.ndarray
+
+
+@dataclass(frozen=True)
+class DriveLog(MotionLog):
+    """A log of an arm without torque sensors; a drive gives a gain times its current.
+
+    Attributes:
+        currents: (T, n) A, measured.
+        desired_currents: (T, n) A, what the controller asks the drives for.
+        target_torques: (T, n) N m, what the controller thinks the joints need; no measurement.
+    """
+
+    currents: np.ndarray
+    desired_currents: np.ndarray
+    target_torques: np.ndarray
+
+
+Log = TypeVar("Log", JointLog, DriveLog)
+
+
+def signals_of(kind: type[MotionLog]) -> list[str]:
+    """Names of the (T, n) signals of a kind of log."""
+    return [one.name for one in fields(kind) if one.name in UNITS and one.name != "stamps"]
+
+
+def write_log_table(logs: Sequence[JointLog] | Sequence[DriveLog], target: str | Path) -> None:
+    """Publish a set of logs as a Parquet table with the columns `stamps`, `positions.JOINT`, ..."""
+    runs = []
+    for log in logs:
+        columns = {"stamps": log.stamps}
+        for signal in signals_of(type(log)):
+            names = (f"{signal}.{joint}" for joint in log.joints)
+            columns |= dict(zip(names, getattr(log, signal).T, strict=True))
+        about = {"joints": list(log.joints), "provenance": dict(log.provenance)}
+        runs.append(Series(log.name, columns, about))
+    write_series(runs, UNITS, target)
+
+
+def read_log_table(
+    path: str | Path,
+    kind: type[Log] = JointLog,  # type: ignore[assignment]  # mypy binds no default to a type variable
+) -> list[Log]:
+    """Read a set of logs in the order in which they were written.
 
     Raises:
-        InputError: there are fewer than two samples, stamps do not increase, a signal has another shape or a
-            value that is not finite; the message names log and row.
+        InputError: the table is missing, damaged or not of this kind of logs.
     """
-    count, width = len(stamps), len(joints)
-    if count < 2:
-        raise InputError(f"{name}: needs at least two samples, has {count}")
-    steps = np.diff(stamps)
-    if (steps <= 0).any():
-        row = int(np.argmax(steps <= 0)) + 1
-        raise InputError(f"{name}: {at_row(row, stamps)} does not come after the one before it")
-    for signal, values in signals.items():
-        if values.shape != (count, width):
-            raise InputError(
-                f"{name}: {signal} have shape {values.shape}, not {count} samples of {width} joints"
-            )
-        if not np.isfinite(values).all():
-            row, column = np.argwhere(~np.isfinite(values))[0]
-            raise InputError(
-                f"{name}: {at_row(int(row), stamps)}: {signal} of joint '{joints[column]}' are "
-                f"{values[row, column]}"
-            )
+    logs = []
+    for run in read_series(path):
+        try:
+            joints = tuple(run.about["joints"])
+            signals = [run.stacked([f"{signal}.{joint}" for joint in joints]) for signal in signals_of(kind)]
+            provenance = run.about["provenance"]
+            logs.append(kind(run.name, joints, run.columns["stamps"], *signals, provenance=provenance))
+        except KeyError as missing:
+            raise InputError(f"{path}: no {kind.__name__}: {run.name} has no {missing}") from missing
+    return logs
+
+
+def on_clock(
+    log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A log on one uniform clock, where each joint's current is put back to when it acted.
+
+    Args:
+        log: n joints.
+        rate_hz: ticks per second.
+        delays_s: (..., n) by how much each measured current is later than the motion that it belongs to;
+            several assumptions about it share the clock.
+        max_gap_s: see `clock.synchronise`.
+
+    Returns:
+        Times (N,) s, positions and velocities (N, n), currents (..., N, n).
+
+    Raises:
+        InputError: see `clock.on_one_clock`.
+    """
+    late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
+    streams = [
+        Stream("positions", "joint_positions", log.stamps, log.positions),
+        Stream("velocities", "joint_velocities", log.stamps, log.velocities),
+    ]
+    streams += [
+        Stream("currents", "joint_torques", log.stamps - late[place], log.currents[:, [place[-1]]])
+        for place in np.ndindex(late.shape)
+    ]
+    time, (positions, velocities, *currents) = on_one_clock(log.name, streams, rate_hz, max_gap_s)
+    stacked = np.stack([its[:, 0] for its in currents]).reshape(*late.shape, -1)
+    return time, positions, velocities, np.ascontiguousarray(np.swapaxes(stacked, -1, -2))
 
 
 def write_joint_log(log: JointLog, path: str | Path) -> None:
@@ -171,4 +262,4 @@ def read_joint_log(
     if others:
         provenance["joints"] = f"{topic}: without {', '.join(others)}"
     positions, velocities, torques = (one.values[kind] for kind in JOINT_KINDS)
-    return JointLog(file.name, one.names, one.stamps, positions, velocities, torques, provenance)
+    return JointLog(file.name, one.names, one.stamps, positions, velocities, torques, provenance=provenance)

@@ -14,8 +14,7 @@ import numpy as np
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
-from structlearn.segmentation.crossing import moving_interval
-from structlearn.segmentation.motion_runs import Candidates, Motion, Search
+from structlearn.segmentation.motion_runs import Candidates, Motion, Search, moving_interval
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.run_assignment import Assignment
 
@@ -45,8 +44,7 @@ class Crossing:
     rested: float = 0.0
 
 
-Crossings = Mapping[str, Crossing]
-"""Of the primitives that have an axis, by name."""
+Crossings = Mapping[str, Crossing]  # Of the primitives that have an axis, by name
 
 
 def find_crossings(
@@ -54,15 +52,9 @@ def find_crossings(
 ) -> tuple[int, list[Crossings | InputError]]:
     """Start and end of every primitive that has an axis.
 
-    Args:
-        demonstrations: complete demonstrations with one common sampling interval.
-        parameters: of the segmentation.
-
-    Returns:
-        Index of the reference, and of each demonstration the crossings, or why it has none.
-
-    Raises:
-        InputError: there is no demonstration of the reference's name, or none can be cut.
+    `demonstrations`: complete demonstrations with one common sampling interval. Returns index of the
+    reference, and of each demonstration the crossings, or why it has none. Raises InputError: there is no
+    demonstration of the reference's name, or none can be cut.
     """
     names = [demonstration.name for demonstration in demonstrations]
     if parameters.reference not in (None, *names):

@@ -3,6 +3,10 @@
 A run lies above a threshold of the speed. A dip below it may be a pause between two primitives or a
 hesitation within one; which of them it is, nobody can tell from the dip. So runs with short dips between them
 are candidates both alone and joined, and `run_assignment` decides.
+
+Where a movement starts and ends is found by zero-velocity crossing (IV.5, IV.9.1.3). A heavily smoothed speed
+finds it, a lightly smoothed one places the cut: heavy smoothing spreads an onset over a tenth of a second,
+light smoothing leaves crossings in the noise of a hand at rest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,8 +17,57 @@ import numpy as np
 from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.crossing import REST_FRACTION, cut_points
 from structlearn.segmentation.parameters import AXES, Axis, BoundParameters, SegmentParameters
+
+REST_FRACTION = 0.2
+"""Fraction of the threshold below which the point counts as resting; the descent to the local minimum stops
+there, for within a resting hand it would wander to the next minimum of the noise."""
+
+
+def moving_interval(
+    smooth_speed: np.ndarray, speed: np.ndarray, threshold: float, bridge: int, first: int = 0
+) -> tuple[int, int]:
+    """First and last sample of the largest movement.
+
+    The run of smoothed speed above the threshold that holds its maximum is joined with neighbouring runs
+    across dips of at most `bridge` samples (a hesitation is not an end). From its crossings the cut points
+    go down the lightly smoothed speed to its local minimum, or to rest.
+
+    `smooth_speed`: (T,) heavily smoothed speed in m/s. `speed`: (T,) lightly smoothed speed in m/s.
+    `threshold`: h in m/s. Returns s, e: first and last sample. Raises InputError: the speed does not cross
+    the threshold; the caller adds whose speed it is.
+    """
+    above = np.flatnonzero(smooth_speed[first:] > threshold) + first
+    if len(above) == 0:
+        peak = smooth_speed[first:].max(initial=0.0)
+        raise InputError(f"its speed never exceeds {threshold:g} m/s (largest {peak:.3g} m/s)")
+    runs = np.split(above, np.flatnonzero(np.diff(above) > bridge + 1) + 1)
+    run = max(runs, key=lambda samples: smooth_speed[samples].max())
+    rest = REST_FRACTION * threshold
+    return cut_points(speed, (int(run[0]), int(run[-1])), threshold, rest, (first, len(speed) - 1))
+
+
+def cut_points(
+    speed: np.ndarray, run: tuple[int, int], threshold: float, rest: float, limits: tuple[int, int]
+) -> tuple[int, int]:
+    """Where a movement starts and ends, from a run of its heavily smoothed speed above the threshold.
+
+    `speed`: (T,) lightly smoothed speed. `threshold`: above which it moves, in the unit of the speed. `rest`:
+    below which it counts as resting. Returns s, e: first and last sample of the movement.
+    """
+    s, e = run
+    moving = np.flatnonzero(speed[s : e + 1] > threshold)
+    if len(moving) > 0:  # smoothing reaches beyond the movement: come back to the crossing itself
+        s, e = s + int(moving[0]), s + int(moving[-1])
+    return _descend(speed, s, -1, limits[0], rest), _descend(speed, e, +1, limits[1], rest)
+
+
+def _descend(speed: np.ndarray, sample: int, step: int, limit: int, rest: float) -> int:
+    """Follow the falling speed outwards to its local minimum, to rest or to the limit."""
+    while sample != limit and speed[sample] > rest and speed[sample + step] < speed[sample]:
+        sample += step
+    return sample
+
 
 FRACTIONS = (0.05, 0.08, 0.13, 0.18, 0.25)
 """Of the pace, tried as thresholds where none is given. Below the first, a hand at rest moves; the last is
@@ -31,19 +84,12 @@ SPARE_RUNS = 8
 
 @dataclass(frozen=True)
 class Motion:
-    """What one axis of one demonstration shows; T samples.
+    """What one axis of one demonstration shows; T samples."""
 
-    Attributes:
-        path: (T, D) heavily smoothed, m or rad.
-        smooth_speed: (T,) of it, m/s or rad/s.
-        speed: (T,) lightly smoothed.
-        turns: whether it is a turn in rad.
-    """
-
-    path: np.ndarray
-    smooth_speed: np.ndarray
-    speed: np.ndarray
-    turns: bool
+    path: np.ndarray  # (T, D) heavily smoothed, m or rad
+    smooth_speed: np.ndarray  # (T,) of it, m/s or rad/s
+    speed: np.ndarray  # (T,) lightly smoothed
+    turns: bool  # whether it is a turn in rad
 
 
 @dataclass(frozen=True)
@@ -78,8 +124,7 @@ def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
     The sum of small rotations in the base frame is no orientation, but its derivative is the angular
     velocity, and it has no half turn at which it would jump.
 
-    Raises:
-        InputError: the orientation is asked for and was not recorded.
+    Raises InputError: the orientation is asked for and was not recorded.
     """
     if axis != "rot":
         return demonstration.position[:, AXES[axis]]
@@ -90,11 +135,7 @@ def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
 
 
 def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParameters) -> Motion:
-    """Path and speeds of one axis.
-
-    Raises:
-        InputError: as `path`.
-    """
+    """Path and speeds of one axis. Raises InputError: as `path`."""
     raw, dt = path(demonstration, axis), demonstration.dt
     smooth = signals.low_pass(raw, dt, parameters.guess_cutoff_hz)
     light = signals.low_pass(raw, dt, parameters.cut_cutoff_hz)
@@ -130,8 +171,7 @@ def pace(motions: Sequence[Motion]) -> float:
 def events(demonstration: Demonstration, until: BoundParameters) -> np.ndarray:
     """(E,) samples at which a signal passes a value in the direction asked for.
 
-    Raises:
-        InputError: the signal was not recorded.
+    Raises InputError: the signal was not recorded.
     """
     values = _signal(demonstration, until.signal)
     passed = values > until.above if until.above is not None else values < until.below
@@ -157,14 +197,9 @@ def runs_of_motion(
 ) -> np.ndarray:
     """Runs of speed above a threshold.
 
-    Args:
-        smooth_speed: (T,) heavily smoothed.
-        threshold: in the unit of the speed.
-        most: of how many runs the ones of the longest way are kept.
-        breaks: samples at which a run ends and the next one begins.
-
-    Returns:
-        (R, 2) first and last sample of each, in order of time.
+    `smooth_speed`: (T,) heavily smoothed. `most`: of how many runs the ones of the longest way are kept.
+    `breaks`: samples at which a run ends and the next one begins. Returns (R, 2) first and last sample of
+    each, in order of time.
     """
     above = smooth_speed > threshold
     starts = above & ~np.append(False, above[:-1])
@@ -178,23 +213,15 @@ def runs_of_motion(
 
 @dataclass(frozen=True)
 class Search:
-    """How candidates are looked for.
+    """How candidates are looked for."""
 
-    Attributes:
-        thresholds: of the speed, the lowest first.
-        dt: s.
-        bridge: longest dip in samples that may be a hesitation.
-        most: runs that are looked at, see `runs_of_motion`.
-        breaks: samples at which runs end, whatever the speed.
-        ends: (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before
-            the next run, and is none if there is none. None: it ends where its last run does.
-    """
-
-    thresholds: Sequence[float]
-    dt: float
-    bridge: int
-    most: int
-    breaks: Sequence[int] = ()
+    thresholds: Sequence[float]  # of the speed, the lowest first
+    dt: float  # s
+    bridge: int  # longest dip in samples that may be a hesitation
+    most: int  # runs that are looked at, see `runs_of_motion`
+    breaks: Sequence[int] = ()  # samples at which runs end, whatever the speed
+    # (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before the
+    # next run, and is none if there is none. None: it ends where its last run does.
     ends: np.ndarray | None = None
 
 
@@ -203,8 +230,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
 
     Long pauses are cut alike at all thresholds; a short one shows at a high threshold alone.
 
-    Returns:
-        All candidates; there may be none.
+    Returns all candidates; there may be none.
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
     travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))

@@ -10,8 +10,7 @@ from structlearn.ground.params import Name, Parameters
 Axis = Literal["x", "y", "z", "xyz", "rot"]
 """What shows a primitive: the position along an axis or in space, or the orientation (`motion_runs.path`)."""
 
-AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
-"""Columns of the position that show a primitive."""
+AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}  # Columns of the position that show a primitive
 
 BETWEEN: Final = "between"
 
@@ -40,20 +39,14 @@ class BoundParameters(Parameters):
 
 
 class PrimitiveParameters(Parameters):
-    """How one primitive is found.
-
-    Attributes:
-        name: of the primitive.
-        axis: what shows it, or `between`: what lies between its neighbours.
-        threshold_m_s: speed along the axis above which it moves; None: found from the data
-            (`motion_runs.thresholds`). An orientation's always is, and what is between has none.
-        until: an event that ends it; None: it ends where its motion does.
-    """
+    """How one primitive is found."""
 
     name: Name
-    axis: Literal[Axis, "between"] = "xyz"
+    axis: Literal[Axis, "between"] = "xyz"  # what shows it, or `between`: what lies between its neighbours
+    # speed along the axis above which it moves; None: found from the data (`motion_runs.thresholds`). An
+    # orientation's always is, and what is between has none.
     threshold_m_s: float | None = Field(None, gt=0)
-    until: BoundParameters | None = None
+    until: BoundParameters | None = None  # an event that ends it; None: it ends where its motion does
 
     @model_validator(mode="after")
     def _threshold_where_it_means_something(self) -> "PrimitiveParameters":
@@ -80,8 +73,7 @@ def _in_full(primitives: Any) -> Any:
     return primitives
 
 
-MOST = 100
-"""Primitives of a task; a larger number is a slip."""
+MOST = 100  # Primitives of a task; a larger number is a slip
 
 
 class SegmentParameters(Parameters):

@@ -38,12 +38,12 @@ class DynamicsResults:
 
     Attributes:
         errors, outcomes: of trainings, see `rigid_body.training_grid.train`.
-        links, base: learned inertias and base parameters beside the truth, see `rigid_body.inertia_tables`,
+        links, base: learned inertias and base parameters beside the truth, see `rigid_body.base_parameters`,
             with `model` and `form`.
         scores, paths: see `protocol.tracking.track`.
         online, payload: see `rigid_body.online_learning`; the payload's with `seed`.
-        agreement: a row per URDF, see `rigid_body.agreement`, with `robot`.
-        known, friction: of robots' logs, see `protocol.robot_behind_log`, with `seed`.
+        agreement: a row per URDF, see `rigid_body.newton_euler`, with `robot`.
+        known, friction: of robots' logs, see this module, with `seed`.
         residuals: likewise, of the first robot.
         stand_in: what robots have in common.
         motion: the sines.

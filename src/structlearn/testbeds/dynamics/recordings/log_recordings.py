@@ -20,8 +20,7 @@ from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.tree import KinematicTree, Robot
 from structlearn.testbeds.dynamics.names import PAYLOAD, REFERENCE, colour
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
-from structlearn.viewer.arm_meshes import arm_contents, arm_view, send_arm
-from structlearn.viewer.followed_payload import followed_plots, send_followed
+from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
 from structlearn.viewer.notes import COLOUR_NAMES, legend, notes_view, send_notes
 from structlearn.viewer.rrd import entity, layout, plot, recording, rgba, send_series, thinning, time_column
 

@@ -106,4 +106,4 @@ def _sine_log(
         "robot": robot.name,
         **remark,
     }
-    return JointLog(name, robot.tree.names, stamps, moved.q, moved.qd, moved.torques, provenance)
+    return JointLog(name, robot.tree.names, stamps, moved.q, moved.qd, moved.torques, provenance=provenance)

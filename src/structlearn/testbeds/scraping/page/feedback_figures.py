@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.figure import Figure
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import signals
 from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, VERMILION
 from structlearn.recordings.demonstration import Demonstration
@@ -31,7 +31,7 @@ from structlearn.testbeds.scraping.page.feedback_results import (
     unroll_traces,
 )
 from structlearn.testbeds.scraping.page.people_results import People
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
 EMBEDDINGS = ("pmnn_100", "pmnn_6", "pca", "autoencoder")
@@ -267,14 +267,7 @@ def cost_figure(
     note: Callable[[float], str],
     people: People | None = None,
 ) -> list[Figure]:
-    """Figure IV.20: accumulated cost per setting and model, mean and std over the executions.
-
-    Args:
-        executed: the executions.
-        names: of all primitives, in order.
-        note: what is written below a setting.
-        people: whose mean costs are drawn as dots.
-    """
+    """Figure IV.20: accumulated cost per setting and model, mean and std over the executions."""
     figures = []
     width = 0.8 / len(executed.models)
     costs = executed.costs.set_index(["primitive", "model"])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
@@ -15,22 +15,20 @@ from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.prose import listing
 from structlearn.reporting.studies import Study, rests_on
-from structlearn.segmentation.execution_cuts import commanded_cuts
-from structlearn.segmentation.result import read_segmentation
+from structlearn.segmentation.segments import commanded_cuts, read_segmentation
 from structlearn.testbeds.scraping import files, names
 from structlearn.testbeds.scraping.page import (
     demonstration_figures,
-    evidence,
     feedback_figures,
     people_results,
     refinement_figures,
-    refinement_studies,
+    refinement_results,
     tables,
 )
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.scene_still import scraping_still
 
 Drawings = dict[str, Drawing | Sequence[Drawing]]
@@ -50,7 +48,7 @@ PARAMETERS = {
 """By page, keys of `params.yaml` that its results were made with."""
 
 SOURCES = {
-    "demonstrations": Source("data/raw/scraping/nominal", "scraping_record_nominal"),
+    "demonstrations": Source("data/runs/scraping/nominal.parquet", "scraping_import_nominal"),
     "segments": Source("data/segments/scraping", "scraping_segment"),
     "sweep": Source("data/segments/scraping_sweep", "scraping_sweep"),
     "primitives": Source("data/primitives/scraping", "scraping_fit_primitives"),
@@ -58,8 +56,8 @@ SOURCES = {
     "dataset": Source("data/feedback/scraping/dataset", "scraping_coupling_dataset"),
     "models": Source("data/feedback/scraping/models", "scraping_train_feedback"),
     "comparison": Source("data/feedback/scraping/comparison", "scraping_compare_models"),
-    "closed_loop": Source("data/raw/scraping/closed_loop", "scraping_evaluate_feedback"),
-    "corrections": Source("data/raw/scraping/corrections", "scraping_record_corrections"),
+    "closed_loop": Source("data/runs/scraping/closed_loop", "scraping_evaluate_feedback"),
+    "corrections": Source("data/runs/scraping/corrections", "scraping_import_corrections"),
     "evaluation": Source("data/feedback/scraping/evaluation", "scraping_evaluate_feedback"),
     "refinement": Source("data/feedback/scraping/refinement", "scraping_refine"),
     "refined": Source("data/feedback/scraping/refined", "scraping_evaluate_refinement"),
@@ -104,12 +102,8 @@ def scraping_report(
 ) -> ScrapingReport:
     """The report.
 
-    Args:
-        segmentation: of the first page.
-        feedback: of the second.
-        refinement: of the third.
-        studies: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
-        parameters: all of `PARAMETERS` by key.
+    `studies`: all of `refinement_results.STUDIES` by name; None where not run with these parameters.
+    `parameters`: all of `PARAMETERS` by key.
     """
     report, printed = ScrapingReport(), published()
     primitives = [primitive.name for primitive in segmentation.primitives]
@@ -159,7 +153,7 @@ def scraping_report(
     found = people_results.known(people_results.segmentation_evidence, studied, aligned)
     of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)
     found = quoted(found, people_results.STUDY)
-    add("index", found | evidence.sweep_evidence(segmentation), of_one)
+    add("index", found | people_results.sweep_evidence(segmentation), of_one)
 
     report.drawings |= feedback_drawings(feedback, studied)
     report.tables |= tables.feedback_tables(feedback, printed)
@@ -177,11 +171,11 @@ def scraping_report(
     report.tables |= tables.refinement_tables(refinement, primitives, printed)
     numbers = {name: primitives.index(name) + 1 for name in primitives}
     refined = {name: numbers[name] for name in refinement.refined}
-    report.tables |= refinement_studies.study_tables(studies, refined)
+    report.tables |= refinement_results.study_tables(studies, refined)
     report.metrics |= refinement.metrics(numbers.__getitem__)
-    report.metrics |= refinement_studies.population_metrics(studies, list(refined.values()))
-    found = refinement_studies.refinement_evidence(refinement, studies, numbers.__getitem__)
-    add("refinement", quoted(found, refinement_studies.PEOPLE))
+    report.metrics |= refinement_results.population_metrics(studies, list(refined.values()))
+    found = refinement_results.refinement_evidence(refinement, studies, numbers.__getitem__)
+    add("refinement", quoted(found, refinement_results.PEOPLE))
     return report
 
 
@@ -253,7 +247,7 @@ def read_results(
     """What the stages wrote."""
     primitives = found.primitives()
     segmentation = SegmentationResults(
-        demonstrations=found.demonstrations(),
+        demonstrations=found.runs("nominal"),
         segmentation=read_segmentation(found.segments),
         noise=found.table("noise"),
         downsampling=found.table("downsampling"),
@@ -273,7 +267,7 @@ def read_feedback(
     found: files.ScrapingFiles, primitives: list[str], parameters: Mapping[str, Any]
 ) -> FeedbackResults:
     """What the feedback stages wrote."""
-    unrolls, datasets = found.unrolls(), found.datasets()
+    unrolls, datasets = found.runs("unrolls"), found.datasets()
     return FeedbackResults(
         primitives=primitives,
         unrolls=unrolls,
@@ -296,8 +290,8 @@ def _board(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> BoardRe
         scores=found.table("scores"),
         traces=found.table("traces"),
         path_errors=found.table("path_errors"),
-        examples={model: found.runs(files.CLOSED_LOOP, largest, model) for model in (NOMINAL, POINTWISE)},
-        corrected=found.runs(files.CORRECTIONS, largest),
+        examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
+        corrected=found.runs_at(largest, files.CORRECTIONS),
         example_deg=largest,
         axis=parameters["coupling_dataset"].unit_axis,
         force_n=parameters["testbed"].control.force_n,
@@ -307,7 +301,7 @@ def _board(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> BoardRe
 def read_refinement(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> RefinementResults:
     """What the stages of the refinement wrote."""
     tilt = parameters["refine"].setting_deg
-    examples = {model: found.runs(files.REFINED, tilt, model) for model in (NOMINAL, BEFORE, AFTER)}
+    examples = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
     return RefinementResults(
         scores=found.table("refined_scores"),
         examples={model: runs for model, runs in examples.items() if runs},

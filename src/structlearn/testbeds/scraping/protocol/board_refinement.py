@@ -10,18 +10,17 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import CouplingModel, train_final
-from structlearn.feedback.training_parameters import NetworkParameters
+from structlearn.feedback.coupling_model import CouplingModel, NetworkParameters, train_final
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.refinement import (
+    FEEDBACK,
     Progress,
     RefinementParameters,
     executed,
     open_loop_weights,
     refine,
 )
-from structlearn.policy_search.rollouts import FEEDBACK
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
@@ -39,21 +38,13 @@ class BoardRefinementParameters(RefinementParameters, NetworkParameters):
 
 @dataclass(frozen=True)
 class Refined:
-    """Feedback models before and after, and every rollout in between; tables have a column `primitive`.
+    """Feedback models before and after, and every rollout in between; tables have a column `primitive`."""
 
-    Attributes:
-        before: networks by primitive, learned from demonstrations alone.
-        after: networks by primitive.
-        history: of `rollouts.history_rows`.
-        samples: of `rollouts.sample_rows`.
-        policies: `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
-    """
-
-    before: Mapping[str, CouplingModel]
-    after: Mapping[str, CouplingModel]
-    history: pd.DataFrame
-    samples: pd.DataFrame
-    policies: pd.DataFrame
+    before: Mapping[str, CouplingModel]  # networks by primitive, learned from demonstrations alone
+    after: Mapping[str, CouplingModel]  # networks by primitive
+    history: pd.DataFrame  # of `refinement.history_rows`
+    samples: pd.DataFrame  # of `refinement.sample_rows`
+    policies: pd.DataFrame  # `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
 
 
 def refine_on_board(
@@ -66,14 +57,10 @@ def refine_on_board(
 
     While a primitive is refined, those before it run with their refined models.
 
-    Args:
-        board: tilted as it is refined on; its name and preceding networks are replaced.
-        datasets: demonstrations of the settings to learn from, by primitive.
-        parameters: see there.
-        report: called with the primitive's name after every iteration.
-
-    Raises:
-        InputError: a primitive to be refined has no demonstrations, or too many rollouts fail.
+    `board`: tilted as it is refined on; its name and preceding networks are replaced. `datasets`:
+    demonstrations of the settings to learn from, by primitive. `report`: called with the primitive's name
+    after every iteration. Raises InputError: a primitive to be refined has no demonstrations, or too many
+    rollouts fail.
     """
     unknown = sorted(set(parameters.exploration) - set(datasets))
     if unknown:

@@ -5,19 +5,15 @@ import time
 import numpy as np
 from pydantic import Field
 
-from structlearn.feedback.runtime import Controller
+from structlearn.feedback.runtime import Controller, tick_latency
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.tick_latency import tick_latency
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, execute_run
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
-WARM_UP_RUNS = 1
-"""Runs before those that count: the first one compiles, or loads what was compiled."""
-
-STANDARD_RUN_S = 10.0
-"""s of movement to which the cost of a run is scaled."""
+WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled
+STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
 
 
 class TimingParameters(Parameters):
@@ -31,12 +27,8 @@ class TimingParameters(Parameters):
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
     """Time ticks of the controller with feedback.
 
-    Args:
-        skill: with networks.
-        parameters: rate and number of ticks.
-
-    Returns:
-        `controller_tick_us_median`, `controller_tick_us_p99` and `controller_tick_us_max`.
+    `parameters`: rate and number of ticks. Returns `controller_tick_us_median`, `controller_tick_us_p99` and
+    `controller_tick_us_max`.
     """
     microseconds = 1e6 * tick_latency(Controller(skill, parameters.controller_hz), parameters.ticks).seconds
     return {
@@ -49,13 +41,8 @@ def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Me
 def run_cost(skill: ReactiveSkill, testbed: TestbedParameters, parameters: TimingParameters) -> Metrics:
     """Time whole simulated runs with feedback, the start of the world included.
 
-    Args:
-        skill: with networks.
-        testbed: see there.
-        parameters: number of runs.
-
-    Returns:
-        `simulated_run_cpu_s`, median CPU seconds scaled to `STANDARD_RUN_S` of movement.
+    `parameters`: number of runs. Returns `simulated_run_cpu_s`, median CPU seconds scaled to `STANDARD_RUN_S`
+    of movement.
     """
     costs = []
     for index, run in enumerate(evaluation_runs([10.0], WARM_UP_RUNS + parameters.runs, feedback=True)):

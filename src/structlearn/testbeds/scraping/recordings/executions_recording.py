@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 
 from structlearn.palette import primitive_colour
 from structlearn.testbeds.scraping.names import RUNS
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.recordings.scraping_scene import (
     close_view,
     full_scale,
@@ -66,9 +66,7 @@ felt; orange is above, blue below, grey as expected."""
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """Of the arm with its meshes, among the data that PyBullet brings."""
 
-JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
-"""Of the columns of joint positions."""
-
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # Of the columns of joint positions
 PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
 """What was done before refinement is the shadow of what is done after it, as in figure IV.21."""
 
@@ -80,11 +78,8 @@ def write_executions(
 
     Each setting has a tab: above every run in 3-D and its electrodes, below the signals of all runs.
 
-    Args:
-        path: of the .rrd file.
-        settings: executions by roll of the board in degrees; those of one setting are of different kinds. The
-            first tab is that of the first setting.
-        title: heading, different for every recording.
+    `settings`: executions by roll of the board in degrees; those of one setting are of different kinds. The
+    first tab is that of the first setting.
     """
     with recording(path, title) as stream:
         tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
@@ -103,12 +98,9 @@ def write_refinement(
     Each setting has a tab with the executions without feedback, before and after refinement, and each refined
     primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
 
-    Args:
-        path: of the .rrd file.
-        settings: of `shown_runs.read_refined_runs`.
-        history: one row per rollout, of `policy_search.rollouts.history_rows` with `primitive`.
-        samples: what was felt and done, of `policy_search.rollouts.sample_rows` with `primitive`.
-        title: heading, different for every recording.
+    `settings`: of `shown_execution.read_refined_runs`. `history`: one row per rollout, of
+    `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
+    `refinement.sample_rows` with `primitive`.
     """
     origin = origin_label([one.run for group in settings.values() for one in group])
     with recording(path, title) as stream:
@@ -120,13 +112,7 @@ def write_refinement(
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     """Write an execution by the robot as a recording.
 
-    Args:
-        path: of the .rrd file.
-        one: the execution.
-        title: heading, different for every recording.
-
-    Raises:
-        ValueError: the run has no joint positions, or not as many as the arm has joints.
+    Raises ValueError: the run has no joint positions, or not as many as the arm has joints.
     """
     angles = one.run.joint_positions
     if angles is None or angles.shape[1] != len(JOINTS):

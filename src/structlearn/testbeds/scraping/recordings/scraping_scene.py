@@ -32,23 +32,18 @@ from structlearn.viewer.rrd import (
 WRIST_M, FINGER_M = 0.06, 0.045
 """From the end of the arm to the hand's root, and from the palm to the start of a finger's round tip."""
 
-BOARD_M = np.array([0.07, 0.14, 0.006])
-"""Size of the board's part that is drawn, in its own frame."""
-
+BOARD_M = np.array([0.07, 0.14, 0.006])  # Size of the board's part that is drawn, in its own frame
 GRIP_M, BLADE_M = np.array([0.02, 0.012, 0.02]), 0.0015
 """Size of the tool between the finger tips, and thickness of its blade."""
 
-AXES_M, EYE_M = 0.02, 0.16
-"""Length of the axes of the hand's frame, and from the camera to what it looks at."""
-
+AXES_M, EYE_M = 0.02, 0.16  # Length of the axes of the hand's frame, and from the camera to what it looks at
 BOARD, SKIN, SHADOW_OPACITY = "#39424e", "#6b7480", 0.3
 """Colours of the board and of the hand, and opacity of what is drawn pale in the scene of another run."""
 
 FULL_SCALE_QUANTILE = 0.995
 """Share of the deviations within the colour scale: single electrodes would darken all others."""
 
-MAP_WIDTH, MAP_GAP = 24.0, 3.0
-"""mm that one finger takes in the flat picture, and between the two."""
+MAP_WIDTH, MAP_GAP = 24.0, 3.0  # mm that one finger takes in the flat picture, and between the two
 
 
 def send_scene(
@@ -56,13 +51,8 @@ def send_scene(
 ) -> None:
     """Log board, path, moving hand with its electrodes, and the tool as it turns between the fingers.
 
-    Args:
-        stream: of the recording.
-        path: below which the entities are.
-        one: the execution.
-        scale: of `full_scale`.
-        shadow: only hand and tool, pale and in the run's colour, without electrodes, which would hide those
-            of another hand.
+    `scale`: of `full_scale`. `shadow`: only hand and tool, pale and in the run's colour, without electrodes,
+    which would hide those of another hand.
     """
     times, colour = [time_column(one.run.time[one.kept])], one.look.colour
     position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
@@ -154,9 +144,6 @@ def send_electrode_map(
     """Log the electrodes of both fingers as flat pictures, seen from the back of each finger.
 
     Drawn in mm: the fingers lie beside each other with their tips to the right, the scraping direction up.
-
-    Returns:
-        Their view.
     """
     offsets = np.array([[0.0, 0.0], [MAP_WIDTH + MAP_GAP, 0.0]])  # of the fingers
     flat = 1e3 * electrodes()[:, :, [2, 1]] * [1.0, -1.0] + offsets[:, None]

@@ -2,7 +2,7 @@
 
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
 y. Movements come from published facts of human movement (the constants below). In the physical world the
-person guides the robot's arm along them (`guidance`); `as_meant` takes them as they are meant,
+person guides the robot's arm along them (`guided_demonstrations`); `as_meant` takes them as they are meant,
 without arm and board, for sweeps over thousands of demonstrations.
 
 Three independent random streams per demonstration (movement, noise, run) and a fixed number of draws from the
@@ -57,7 +57,6 @@ BOW_M = (
     np.array([[2.0, 2.0, 0.0], [0.8, 0.8, 0.0], [1.0, 0.0, 0.0]]) * 1e-3
 )  # std; hand paths are bowed a little
 BOARD_TAKES_OVER_S = 0.25  # from the first touch until the board holds the hand's noise along z
-
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 60_000_000_000
 GRID_HZ = 1000.0  # on which time warps are integrated
@@ -93,28 +92,18 @@ class DemonstratorParameters(Parameters):
 
 @dataclass(frozen=True)
 class Intention:
-    """How the hand is meant to move in one demonstration.
+    """How the hand is meant to move in one demonstration."""
 
-    Attributes:
-        name: "01", "02", ...
-        time: (T,) s.
-        edge: (T, 3) m, path of the edge frame, base frame, without noise.
-        tilt: (T, 3) rad, rotation vector from flat, base frame, without noise.
-        edge_noise: (T, 3) m.
-        tilt_noise: (T, 3) rad.
-        segments: (3, 2) s, the start of the descent and the contact; the contact and the start of the scrape;
-            the start and the end of the scrape.
-        run: source of all randomness of the run itself: sensors, board, pressure.
-    """
-
-    name: str
-    time: np.ndarray
-    edge: np.ndarray
-    tilt: np.ndarray
-    edge_noise: np.ndarray
-    tilt_noise: np.ndarray
+    name: str  # "01", "02", ...
+    time: np.ndarray  # (T,) s
+    edge: np.ndarray  # (T, 3) m, path of the edge frame, base frame, without noise
+    tilt: np.ndarray  # (T, 3) rad, rotation vector from flat, base frame, without noise
+    edge_noise: np.ndarray  # (T, 3) m
+    tilt_noise: np.ndarray  # (T, 3) rad
+    # (3, 2) s, the start of the descent and the contact; the contact and the start of the scrape; the start
+    # and the end of the scrape
     segments: np.ndarray
-    run: np.random.SeedSequence
+    run: np.random.SeedSequence  # source of all randomness of the run itself: sensors, board, pressure
 
     @property
     def contact(self) -> float:
@@ -123,15 +112,7 @@ class Intention:
 
 
 def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE_HZ) -> list[Intention]:
-    """The movements of one simulated person.
-
-    Args:
-        parameters: how many, how noisy, how irregular.
-        rate_hz: of the movements' samples.
-
-    Returns:
-        Movements "01", "02", ... in order.
-    """
+    """The movements of one simulated person."""
     person, *seeds = np.random.SeedSequence(parameters.seed).spawn(parameters.count + 1)
     habits = _draw_shapes(np.random.default_rng(person), (3, 2))
     return [_intention(index, seed, parameters, habits, rate_hz) for index, seed in enumerate(seeds)]

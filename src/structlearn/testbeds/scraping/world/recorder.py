@@ -9,9 +9,7 @@ from structlearn.ground.params import Parameters
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.testbeds.scraping.world.execution import RunLog
 
-RECORDED_EVERY = 3
-"""Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz."""
-
+RECORDED_EVERY = 3  # Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz
 FINGERS = ("left", "right")
 
 
@@ -34,18 +32,9 @@ def recorded(
 ) -> Recording:
     """A run as it is recorded: pose and wrench at the controller's rate, all else slower.
 
-    Args:
-        name: of the recording.
-        start: stamp of the first tick in ns.
-        log: the run.
-        segments: (P, 2) s, start and end of the primitives.
-        origin: see `provenance`.
-        dt: s per control tick.
-        parameters: of the devices.
-        rng: of their noise and clocks.
-
-    Returns:
-        Streams of pose, joints, wrench, two fingers and motion capture.
+    `start`: stamp of the first tick in ns. `segments`: (P, 2) s, start and end of the primitives. `origin`:
+    see `provenance`. `dt`: s per control tick. Returns streams of pose, joints, wrench, two fingers and
+    motion capture.
     """
     ticks = np.arange(len(log.position))
     slow = ticks[::RECORDED_EVERY]

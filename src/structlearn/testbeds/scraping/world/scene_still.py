@@ -14,9 +14,7 @@ from structlearn.testbeds.scraping.world.layout import (
     ROLL_AXIS,
 )
 
-ARM = "kuka_iiwa/model.urdf"
-"""Of the arm with its meshes, among the data that PyBullet brings."""
-
+ARM = "kuka_iiwa/model.urdf"  # Of the arm with its meshes, among the data that PyBullet brings
 BOARD_M = np.array([0.10, 0.18, 0.006])
 BENCH_M = np.array([0.16, 0.24, 0.02])
 PALM_M, FINGER_M, BLADE_M = np.array([0.07, 0.09, 0.04]), np.array([0.018, 0.02, 0.055]), 0.003
@@ -32,12 +30,8 @@ VIEW = View(target=(0.36, -0.02, 0.29), distance=1.55, yaw_deg=34.0, pitch_deg=-
 def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
     """The robot in the middle of its last primitive.
 
-    Args:
-        run: an execution with joint positions, orientation, tool-to-board orientation and segments.
-        board_deg: roll of the board.
-
-    Returns:
-        (H, W, 3) bytes.
+    `run`: an execution with joint positions, orientation, tool-to-board orientation and segments. Returns
+    (H, W, 3) bytes.
     """
     moment = round(float(run.signal("true_segments")[-1].mean()) / run.dt)
     board = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)
