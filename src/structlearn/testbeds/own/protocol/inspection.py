@@ -19,7 +19,7 @@ from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
 from structlearn.recordings.transforms import TransformSeries, chain, transform_series
-from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
+from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
 from structlearn.testbeds.own.protocol.hand_paths import HandPath, PoseSource, hand_path
 from structlearn.testbeds.own.task import local_path
 
