@@ -7,7 +7,7 @@ from structlearn.feedback.coupling_dataset import to_table
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import write_vector_primitive
-from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.primitives.vector import fit_expected_traces
 from structlearn.recordings import synchronise
 from structlearn.recordings.runs import write_runs
 from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings

@@ -98,16 +98,6 @@ def test_each_demonstration_can_be_repeated_alone():
     np.testing.assert_equal(reaches(scenario, SCENE, person(count=2)), many[:2])
 
 
-def test_demonstrations_differ_between_trials_scenarios_and_seeds():
-    first, second = scenarios(SCENE)[38:40]
-    two = person(count=2)
-    starts = [
-        reaches(scenario, SCENE, two)[number][1][0] for scenario in (first, second) for number in (0, 1)
-    ]
-    starts.append(reaches(first, SCENE, person(count=2, seed=2))[0][1][0])
-    assert len({tuple(start) for start in starts}) == 5
-
-
 def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
     quiet = person(marker_noise_m=0, motor_noise_m=0)
     marker = person(motor_noise_m=0)
@@ -140,16 +130,6 @@ def test_least_jerk_metric_is_the_inverse_of_the_jerk_form():
     np.testing.assert_allclose(product / product[0, 0], np.eye(21 - 2 * FIXED_POINTS), atol=1e-6)
     assert not metric[:FIXED_POINTS].any()
     assert not metric[:, -FIXED_POINTS:].any()
-
-
-def test_a_reach_along_gravity_is_demonstrated_too():
-    scene = committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
-    scenario = Scenario(1, obstacle("sphere", np.array([0.01, 0.0, 0.35])))
-    paths = reaches(scenario, scene, person(count=3))
-    assert closest(scenario, paths) > 0.05
-    np.testing.assert_allclose(
-        np.mean([position[-1] for _, position in paths], axis=0), [0, 0, 0.7], atol=0.02
-    )
 
 
 def test_bad_scenes_and_people_are_refused():

@@ -8,7 +8,7 @@ from obstacles_unrolls import baseline
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.errors import InputError
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.recordings.runs import write_runs

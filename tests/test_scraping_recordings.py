@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from viewer_files import PRIMITIVES as MOVEMENTS
 from viewer_files import colour_of, contents, demonstration, note, values, view_names
 
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import quaternion
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.fitting import FitParameters, learn_primitive
@@ -26,19 +26,26 @@ from structlearn.segmentation.segments import cut
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation, orientation_cost
-from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    AFTER,
+    BEFORE,
+    NOMINAL,
+    nominal_orientation,
+    orientation_cost,
+)
 from structlearn.testbeds.scraping.recordings.executions_recording import (
     write_executions,
     write_refinement,
     write_robot,
 )
-from structlearn.testbeds.scraping.recordings.nominal_recordings import write_demonstrations
+from structlearn.testbeds.scraping.recordings.nominal_recordings import write_alignment, write_demonstrations
 from structlearn.testbeds.scraping.recordings.scraping_scene import electrodes
 from structlearn.testbeds.scraping.recordings.search_recording import CHEAP, Search, cost_colours, searches
-from structlearn.testbeds.scraping.recordings.shown_execution import Execution
-from structlearn.testbeds.scraping.recordings.shown_runs import read_feedback_runs, read_refined_runs
+from structlearn.testbeds.scraping.recordings.shown_execution import (
+    Execution,
+    read_feedback_runs,
+    read_refined_runs,
+)
 from structlearn.testbeds.scraping.world import scraping_robot
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.viewer.rrd import entity, rgba
@@ -220,14 +227,6 @@ def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_p
     (search,) = searches(history, samples)
     assert drawn == cost_colours(np.array([10.0, 9.0, 8.0]), search.cost_range).tolist()
     assert drawn[-1] == rgba([CHEAP])[0]
-
-
-def test_a_refinement_that_ended_before_it_began(tmp_path):
-    path = tmp_path / "refinement.rrd"
-    write_refinement(path, {10.0: refined()}, *rollouts(iterations=0))
-    rows, entities, _ = contents(path)
-    assert rows["/search/turn/target/feedback"] == 1
-    assert "/search/turn/target/sample" not in entities
 
 
 def test_curves_of_rollouts_that_were_not_cut_alike():

@@ -8,7 +8,7 @@ from feedback_toy import toy_dataset
 from scraping_motions import scraping_skill
 
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.limits import largest_coupling
+from structlearn.feedback.skill import largest_coupling
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
@@ -16,8 +16,8 @@ from structlearn.recordings import synchronise
 from structlearn.recordings.runs import read_runs, write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_files import read_board
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
 CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
 

@@ -5,7 +5,7 @@ from operator import call
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import write_joint_log
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
