@@ -3,11 +3,12 @@
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_recordings, synchronise
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters, learn_past_boxes
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_boxes", BoxesParameters)
+    parameters = stage_parameters("recorded_boxes", BoxesParameters, PARAMETER_FILE)
     recordings = read_recordings(filled("data/raw/recorded/boxes"))
     trials = [
         synchronise(one, refuse_jumps=False) for one in recordings

@@ -5,6 +5,7 @@ from pathlib import Path
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_recordings
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol import touch_calibration
 from structlearn.testbeds.recorded.protocol.touch_traces import finger_traces, joined
 
@@ -16,7 +17,7 @@ SETS = {
 
 
 def main() -> None:
-    parameters = stage_parameters("calibrate", touch_calibration.CalibrationParameters)
+    parameters = stage_parameters("calibrate", touch_calibration.CalibrationParameters, PARAMETER_FILE)
     clock = parameters.rate_hz, parameters.settling_s
     primitives = read_recordings(filled("data/raw/recorded/scraping"))
     traces = joined(touch_calibration.REFERENCE, "execution", primitives, *clock)

@@ -12,6 +12,7 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels, write_dynamic
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.panda_identification import identify, panda_motion
 from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
@@ -22,7 +23,7 @@ Found = tuple[dict[str, DynamicsModels], dict[str, pd.DataFrame]]
 
 def identified() -> Found:
     """Of the first motion of the Panda."""
-    parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters)
+    parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters, PARAMETER_FILE)
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
     logs = filled("data/raw/recorded/panda").glob("*.mcap")
     log = read_joint_log(min(logs, key=lambda path: natural_order(path.stem)))

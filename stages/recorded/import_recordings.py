@@ -13,6 +13,7 @@ from structlearn.recordings.drive_log import DriveLog, write_drive_log
 from structlearn.recordings.joint_log import JointLog, write_joint_log
 from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.recordings.source import PublicSourceParameters
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.avoidance_samples import (
     avoidance_provenance,
     read_avoidance_samples,
@@ -47,7 +48,7 @@ WRITERS = {
 
 
 def main() -> None:
-    parameters = stage_parameters("import_recordings", PublicSourceParameters)
+    parameters = stage_parameters("import_recordings", PublicSourceParameters, PARAMETER_FILE)
     folder = parameters.folder
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name that of the recordings: make recorded DATA=FOLDER")

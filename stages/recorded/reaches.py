@@ -5,6 +5,7 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import segment_paths, whole
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.recordings import read_demonstrations
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.human_reaches import (
     ReachParameters,
     learn_reaches,
@@ -14,7 +15,7 @@ from structlearn.testbeds.recorded.protocol.human_reaches import (
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_reaches", ReachParameters)
+    parameters = stage_parameters("recorded_reaches", ReachParameters, PARAMETER_FILE)
     demonstrations = read_demonstrations(filled("data/raw/recorded/reaches", at_least=2))
     primitive, errors = learn_reaches(demonstrations, parameters)
     segments = segment_paths(demonstrations, whole(demonstrations), parameters.fit.smoothing_hz)

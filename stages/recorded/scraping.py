@@ -5,6 +5,7 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.sequence import sequence_table
 from structlearn.recordings import read_demonstrations
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.scraping_execution import (
     ExecutionParameters,
     learn_execution,
@@ -13,7 +14,7 @@ from structlearn.testbeds.recorded.protocol.scraping_execution import (
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_scraping", ExecutionParameters)
+    parameters = stage_parameters("recorded_scraping", ExecutionParameters, PARAMETER_FILE)
     parts = read_demonstrations(filled("data/raw/recorded/scraping"))
     primitives, path, errors = learn_execution(parts, parameters.fit)
     sensors, scores, traces = learn_traces(parts, parameters)

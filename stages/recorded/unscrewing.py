@@ -5,11 +5,12 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.recordings import read_demonstrations
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.unscrewing import learn_unscrewing
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_unscrewing", FitParameters)
+    parameters = stage_parameters("recorded_unscrewing", FitParameters, PARAMETER_FILE)
     primitive, errors = learn_unscrewing(
         read_demonstrations(filled("data/raw/recorded/unscrewing")), parameters
     )
