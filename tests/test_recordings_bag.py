@@ -18,7 +18,7 @@ from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 from structlearn.ground.errors import InputError
 from structlearn.recordings import OWN_TOPICS, Recording, Stream, read_recording, write_recording
 from structlearn.recordings.bag import LARGEST_CHUNK
-from structlearn.recordings.schemas import MESSAGE_TYPES
+from structlearn.recordings.messages import MESSAGE_TYPES
 from structlearn.recordings.topics import OptionalTopicMap
 
 STAMPS = [10**9 + row * 10**7 for row in range(4)]
