@@ -52,6 +52,9 @@ from structlearn.tactile.touch_dataset import (
     touch_units,
 )
 
+NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
+"""Dynamics are not trained."""
+
 
 @dataclass(frozen=True)
 class LatentComparison:
@@ -241,7 +244,3 @@ def asked_of(units: TouchUnits, samples: TouchSamples, found: Pairs, split: int)
         second=as_tensor(signals[found.second]),
         geodesic=as_tensor(found.distance / units.length),
     )
-
-
-NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
-"""Dynamics are not trained."""
