@@ -90,7 +90,7 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
     splits = {}
     for name, split in SPLITS.items():
         compared = draw_pairs(dataset, geodesics, split, parameters.evaluation_pairs, rng)
-        splits[name] = _split_data(data, dataset.split == split, compared, units)
+        splits[name] = asked_of(units, dataset, compared, split)
     tested = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
     groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
     work = [
@@ -162,13 +162,6 @@ def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: s
             f"{split} split has none"
         )
     return found
-
-
-def _split_data(data: TrainingData, rows: np.ndarray, pairs: Pairs, units: TouchUnits) -> SplitData:
-    chosen = torch.from_numpy(np.flatnonzero(rows))
-    first, second = (data.signals[torch.from_numpy(found)] for found in (pairs.first, pairs.second))
-    geodesic = as_tensor(pairs.distance / units.length)
-    return SplitData(data.signals[chosen], data.pressure[chosen], first, second, geodesic)
 
 
 def _chain_data(data: TrainingData, found: Chains, units: TouchUnits) -> ChainData:
