@@ -14,10 +14,11 @@ from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill, 
 
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.training_parameters import MODELS
+from structlearn.feedback.feedback_models import MODELS
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
-from structlearn.recordings import write_recordings
+from structlearn.recordings import synchronise
+from structlearn.recordings.runs import write_runs
 
 TOPIC = "/tool"
 
@@ -131,7 +132,7 @@ def test_recordings_that_cannot_be_cut(root, project, capsys, stamps, rows, word
         ("segment", {"extention_s": 0.2}, "segment.extention_s: unknown parameter"),
         ("segment", {"extension_s": -1.0}, "segment.extension_s: Input should be greater than 0 (got -1.0)"),
         ("segment", {"downsampling": 1.5}, "segment.downsampling"),
-        ("clock", {"rate_hz": float("nan")}, "clock.rate_hz"),
+        ("segment", {"cut_cutoff_hz": float("nan")}, "segment.cut_cutoff_hz"),
     ],
 )
 def test_parameters(root, project, capsys, key, values, words):
@@ -140,7 +141,7 @@ def test_parameters(root, project, capsys, key, values, words):
 
 
 def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
-    write_recordings(simulated(count=2), "data/raw/scraping/nominal")
+    touchless("data/runs/scraping/nominal.parquet")
     message = complaint(root, "scraping/fit_primitives.py", capsys)
     assert "data/segments/scraping/cuts.parquet: no such file" in message
 
@@ -170,24 +171,23 @@ def feedback(project) -> Path:
     return project
 
 
-def touchless(folder: Path | str) -> None:
-    write_recordings(simulated(count=1), folder)
+def touchless(path: Path | str) -> None:
+    write_runs([synchronise(one) for one in simulated(count=1)], path)
 
 
-CORRECTIONS = Path("data/raw/scraping/corrections")
+CORRECTIONS = Path("data/runs/scraping/corrections")
 
 
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
         ("5", "error: 01: has no tactile stream, which feedback is learned from"),
-        ("five", f"{CORRECTIONS}/five: a setting's folder has a number as its name"),
         (None, f"{CORRECTIONS}: no such folder; run the stage that writes it"),
     ],
 )
 def test_corrections_that_cannot_be_learned_from(root, feedback, capsys, setting, words):
     if setting is not None:
-        touchless(CORRECTIONS / setting)
+        touchless(CORRECTIONS / f"{setting}.parquet")
     assert words in complaint(root, "scraping/coupling_dataset.py", capsys)
 
 

@@ -12,8 +12,7 @@ from structlearn.avoidance.learned_models import (
     write_phase_modulated,
 )
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
-from structlearn.feedback.coupling_model import write_networks
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters, write_networks
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 

@@ -7,7 +7,7 @@ from committed import committed, committed_finger
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.ground import quaternion
-from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.recordings import synchronise
 from structlearn.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
@@ -49,8 +49,7 @@ def world(tmp_path_factory):
     """Demonstrations, their samples, a latent map that is the skin, and the truth."""
     folder = tmp_path_factory.mktemp("touch")
     runs = list(demonstrate(PERSON, committed_finger()))
-    write_recordings([recorded(one, PERSON) for one in runs], folder / "raw")
-    demonstrations = read_demonstrations(folder / "raw", rate_hz=PREPARED.rate_hz)
+    demonstrations = [synchronise(recorded(one, PERSON), PREPARED.rate_hz) for one in runs]
     write_dataset(prepare(demonstrations, SKIN, PREPARED), folder / "touch.safetensors")
     dataset = read_dataset(folder / "touch.safetensors")
     along, across = SKIN.coordinates(dataset.contact_point.astype(float))

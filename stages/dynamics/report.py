@@ -4,6 +4,7 @@ import pandas as pd
 
 from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.studies import read_study
 from structlearn.rigid_body.agreement import agreement_with_pinocchio
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
@@ -80,7 +81,7 @@ def main() -> None:
         trials=None if study is None else study.table,
     )
     still = arm_still(str(urdf_path(arm.urdf)), robot.tree, results.motion)
-    publish_dynamics(results, still, parameters, "reports/dynamics")
+    publish_dynamics(results, still, parameters, "reports/dynamics", quoted_claims())
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ def main() -> None:
     motion, dt = files.as_motion(log, cutoff_hz), files.step_s(log)
     models = files.read_robot_models(int(seed), chosen.torque_models, SHOWN_FORM)
     torques = shown_torques(robot, motion, dt, models, tracking.reaching.tool_m, chosen)
-    picking_up, *_ = files.read_logs(files.PAYLOAD).values()
+    picking_up, *_ = files.read_logs("payload").values()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
     payload = shown_payload(robot.tree, picking_up, learned, carried, chosen)
     with publish("reports/recordings/dynamics") as folder:

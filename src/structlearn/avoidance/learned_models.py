@@ -23,12 +23,10 @@ from structlearn.avoidance.human_inspired import (
     read_human_inspired,
     write_human_inspired,
 )
-from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, without_generalization
 from structlearn.feedback.coupling_model import CouplingModel as AxisModel
-from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.folds import FRACTIONS, without_generalization
+from structlearn.feedback.coupling_model import TrainingParameters, read_networks, write_networks
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 
 NETWORK, ENSEMBLE = "network", "ensemble"

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from structlearn.ground import quaternion
 from structlearn.palette import LIGHT_GREY, primitive_colour
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.result import Segmentation
+from structlearn.segmentation.segments import Segmentation
 from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.rrd import (
     axis_length,

@@ -193,4 +193,4 @@ def _check() -> None:
 
 
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
-    run(_check, in_times=False)
+    run(_check)

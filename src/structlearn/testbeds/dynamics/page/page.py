@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from structlearn.ground.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
@@ -20,7 +21,7 @@ from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE,
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/runs/dynamics", "dynamics_import_logs"),
+    "log": Source("data/runs/dynamics/stand_in.parquet", "dynamics_import_logs"),
     "models": Source("data/dynamics/models", "dynamics_train"),
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),
@@ -54,7 +55,11 @@ def dynamics_page(
 
 
 def publish_dynamics(
-    results: DynamicsResults, still: np.ndarray, parameters: Mapping[str, Parameters], folder: str | Path
+    results: DynamicsResults,
+    still: np.ndarray,
+    parameters: Mapping[str, Parameters],
+    folder: str | Path,
+    recorded: pd.DataFrame | None = None,
 ) -> None:
     """Publish the page with its figures, tables and metrics.
 
@@ -63,11 +68,12 @@ def publish_dynamics(
         still: (H, W, 3) bytes, of the arm.
         parameters: by their key in `params.yaml`.
         folder: of the report.
+        recorded: claims about recorded data.
     """
     shown, numbers = tables(results), metrics(results)
     page = dynamics_page(results, shown, parameters)
     drawn: dict[str, Drawing | Sequence[Drawing]] = {"still": still, **drawings(results)}
-    publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers))
+    publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers), recorded)
 
 
 def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, object]:

@@ -33,7 +33,7 @@ from structlearn.avoidance.network_training import (
     fit_networks,
     held_out_rows,
 )
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from structlearn.feedback.axes import unit
+from structlearn.feedback.coupling import unit
 from structlearn.feedback.skill_file import SkillParameters, read_skill
 from structlearn.ground.errors import InputError
 from structlearn.primitives.sequence import default_start

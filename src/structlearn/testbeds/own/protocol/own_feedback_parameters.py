@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
+from structlearn.feedback.coupling_model import NetworkParameters, TrainingParameters
 from structlearn.feedback.supervision import CorrectionParameters
-from structlearn.feedback.training_parameters import NetworkParameters, TrainingParameters
 from structlearn.recordings.settings import Setting
 
 

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from structlearn.avoidance.network_training import NetworkParameters
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.params import Parameters
 
 

@@ -18,7 +18,7 @@ import pandas as pd
 from structlearn.feedback.coupling import position_target
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
-from structlearn.primitives import canonical, kernels, regression
+from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import PositionPrimitive, in_local_frame
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.primitives.vector import VectorPrimitive, sample_count
@@ -120,7 +120,7 @@ def phase_networks(
     Returns:
         One network per local axis; its input has dimension 0.
     """
-    weights = regression.forcing_weights(targets, count=kernel_count)  # (N, 3)
+    weights = kernels.forcing_weights(targets, count=kernel_count)  # (N, 3)
     return [(axis, open_loop(biases)) for axis, biases in zip(AXES, weights.T, strict=True)]
 
 

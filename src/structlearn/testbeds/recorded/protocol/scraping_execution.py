@@ -10,9 +10,13 @@ from structlearn.ground import metrics
 from structlearn.ground.params import Parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
-from structlearn.primitives.sensor_traces import expected, fit_expected_traces, without_offset
 from structlearn.primitives.sequence import PoseGoal, PosePrimitive, SequencePath
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import (
+    VectorPrimitive,
+    expected_traces,
+    fit_expected_traces,
+    without_offset,
+)
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.recorded.protocol.unscrewing import angular_errors
 
@@ -84,7 +88,7 @@ def learn_traces(
     for part in parts:
         recorded = without_offset(part.signal("tactile"), parts[0].tactile)
         primitive = fit_expected_traces([recorded], part.dt, parameters.tactile_smoothing_hz)
-        unrolled = expected(primitive, len(recorded), part.dt)
+        unrolled = expected_traces(primitive, len(recorded), part.dt)
         primitives.append(primitive)
         electrodes = np.arange(1, recorded.shape[1] + 1)
         scores.append(

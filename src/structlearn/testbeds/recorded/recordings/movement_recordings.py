@@ -10,12 +10,12 @@ import pandas as pd
 
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.primitives import sequence
-from structlearn.primitives.sensor_traces import deviation, without_offset
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
 from structlearn.recordings.demonstration import SIGNALS, Demonstration
 from structlearn.recordings.slide import material_of
-from structlearn.segmentation.result import RESULT, Segmentation
+from structlearn.segmentation.alignment import RESULT
+from structlearn.segmentation.segments import Segmentation
 from structlearn.testbeds.recorded.names import LEARNED, PATHS, SLIDE_GROUPS
 from structlearn.testbeds.recorded.protocol.corrected_reaches import typical_paths
 from structlearn.testbeds.recorded.protocol.slides import GROUPS, SlideParameters, trial_groups
