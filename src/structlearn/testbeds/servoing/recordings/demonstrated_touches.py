@@ -37,10 +37,7 @@ PLOTS = {
 def write_touch_demonstrations(
     path: str | Path, shown: Sequence[ShownTouch], skin: Skin, handle_radius: float
 ) -> None:
-    """Write demonstrations of touch as a recording, a tab each.
-
-    `handle_radius`: m.
-    """
+    """Write demonstrations of touch as a recording, a tab each; the handle's radius in m."""
     origin = origin_label([one.demonstration for one in shown])
     scale = scene.full_scale([one.motion.signals for one in shown])
     with recording(path, TITLE) as stream:
