@@ -1,6 +1,5 @@
 """A motion as dynamics models learn from it: joint states and the torques that belong to them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,35 +48,6 @@ class Motion:
         """The first `share` of the samples, to learn from, and the rest, to test on."""
         end = round(share * len(self))
         return self.part(slice(None, end)), self.part(slice(end, None))
-
-
-def joined(motions: Sequence[Motion]) -> Motion:
-    """Several motions of the same joints, one behind the other."""
-    fields = ("q", "qd", "qdd", "torque")
-    return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))
-
-
-@dataclass(frozen=True)
-class JointRange:
-    """What one joint went through.
-
-    Attributes:
-        position: rad (m where it slides, likewise below), from its least to its largest position.
-        velocity: rad/s, the largest, either way.
-        acceleration: rad/s^2, likewise.
-    """
-
-    position: float
-    velocity: float
-    acceleration: float
-
-
-def joint_ranges(motion: Motion) -> list[JointRange]:
-    """What each of the n joints of a motion went through."""
-    columns = zip(
-        np.ptp(motion.q, axis=0), np.abs(motion.qd).max(axis=0), np.abs(motion.qdd).max(axis=0), strict=True
-    )
-    return [JointRange(*map(float, column)) for column in columns]
 
 
 def measured_motion(
