@@ -49,16 +49,22 @@ from structlearn.avoidance.network_training import NetworkParameters, held_out_r
 from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
-from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
-from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.folds import FRACTIONS, leave_one_out, without_generalization
-from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.training_parameters import (
+from structlearn.feedback.coupling_dataset import (
+    FRACTIONS,
+    CouplingDataset,
+    concatenated,
+    leave_one_out,
+    to_table,
+    without_generalization,
+)
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.feedback_models import (
     LEVEL,
     POINTWISE,
     UNROLLED,
     FeedbackParameters,
-    TrainingParameters,
+    compare_representations,
+    train_models,
 )
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.parallel import BACKEND
@@ -67,16 +73,11 @@ from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.drive_log import DriveLog
+from structlearn.recordings.joint_log import DriveLog
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.training_grid import (
-    DynamicsTrainingParameters,
-    EpochLimits,
-    train,
-    trainings,
-)
+from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, EpochLimits, train, trainings
 from structlearn.segmentation.segments import cut
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile import latent_comparison
@@ -126,6 +127,10 @@ HOLDS_NOTHING_OUT = {
     "recorded/unscrewing": "a primitive of every log, and one of all logs",
     "scraping/record_nominal": "simulates",
     "scraping/record_corrections": "simulates",
+    "scraping/import_nominal": "reads recordings",
+    "scraping/import_corrections": "reads recordings",
+    "dynamics/import_logs": "reads recordings",
+    "servoing/import_touch": "reads recordings",
     "scraping/segment": "cuts demonstrations",
     "scraping/sweep": "cuts demonstrations",
     "scraping/expected_traces": "traces of all runs that it is given; the further ones go to other files",
@@ -449,7 +454,7 @@ def unhindered_reach(monkeypatch, tmp_path):
     scene = committed(SceneParameters, "obstacle_scene", settings=1)
     person = committed(AvoiderParameters, "obstacle_demonstrator", count=2, baseline_count=3)
     parameters = committed(AvoidanceDataParameters, "obstacle_dataset")
-    sets = people.demonstrations([None, *scenarios(scene)], scene, person)
+    sets = [people.demonstrations(place, scene, person) for place in (None, *scenarios(scene))]
 
     def learn(data):
         monkeypatch.setattr(people, "_demonstrated", lambda *_: data)
@@ -525,12 +530,7 @@ def own_reaches_past_obstacles(monkeypatch, tmp_path):
             found[2 * number] = own.made_up(f"blocked {number}", bow + more, 0.0, 0.01 * number)
         return found
 
-    learn = each(
-        monkeypatch,
-        scene_folds,
-        "learn",
-        lambda its: learn_past_obstacles(its, own.chosen()),
-    )
+    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, own.chosen()))
     return Case(lambda its: learn(its)[0][1], recordings(), recordings(2), recordings(1))
 
 

@@ -20,8 +20,7 @@ from recordings_bags import (
 
 from structlearn import inspect
 from structlearn.ground.errors import InputError
-from structlearn.recordings import bag_writer
-from structlearn.recordings.bag_reader import read_bag
+from structlearn.recordings import bag
 from structlearn.recordings.transforms import TransformSeries
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.own.protocol.inspection import frame_pairs
@@ -63,18 +62,13 @@ def as_task(entry, folder):
     return read_task(name, folder / "params.yaml")
 
 
-def rewritten(source, target, topics, change=lambda topic: topic):
+def rewritten(source, target, topics, change=lambda topic, messages: messages):
     """Some topics of every bag of a folder, each changed or not."""
     target.mkdir()
     for path in sorted(source.iterdir()):
-        bag = read_bag(path, topics)
-        raw = []
-        for topic, messages in bag.messages.items():
-            (schema,) = messages.schemas.values()
-            table = np.frombuffer(b"".join(messages.data), dtype=np.uint8).reshape(len(messages.data), -1)
-            text = schema.data.decode()
-            raw.append(change(bag_writer.RawTopic(topic, schema.name, text, messages.log_times, table)))
-        bag_writer.write_bag(target / path.name, {"provenance": "{}", "true_segments": "null"}, raw)
+        found = bag.read_bag(path, topics).messages
+        changed = {topic: change(topic, messages) for topic, messages in found.items()}
+        bag.write_bag(target / path.name, {"provenance": "{}", "true_segments": "null"}, changed.items())
     return target
 
 
@@ -301,11 +295,11 @@ def test_poses_of_several_frames_are_a_doubt(tmp_path):
 
 
 def test_clocks_out_of_step_are_said_and_the_log_is_taken(example, tmp_path):
-    def late(topic):
+    def late(topic, messages):
         """The hand's header clock is one of another machine."""
-        if topic.name != "/gripper/pose":
-            return topic
-        return replace(topic, stamps=topic.stamps + 400 * MS)
+        if topic != "/gripper/pose":
+            return messages
+        return replace(messages, log_times=messages.log_times + 400 * MS)
 
     source = rewritten(example, tmp_path / "late", ["/gripper/pose", "/joint_states"], late)
     found = find_out(str(source))

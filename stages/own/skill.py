@@ -1,7 +1,6 @@
 """Put what was learned of a task into one file for a robot: primitives, feedback, bounds, origin."""
 
-from structlearn.feedback.limits import demonstrated_limits
-from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
+from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
 from structlearn.feedback.supervision import sensor_channels
 from structlearn.ground.artefacts import publish

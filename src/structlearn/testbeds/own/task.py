@@ -19,9 +19,9 @@ import yaml
 from pydantic import Field, model_validator
 
 from structlearn.avoidance.scene_people import ScenePeopleParameters
+from structlearn.feedback.coupling_model import NetworkParameters, TrainingParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.feedback.supervision import CorrectionParameters
-from structlearn.feedback.training_parameters import NetworkParameters, TrainingParameters
 from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters, checked, merged, read_values
@@ -202,4 +202,4 @@ def _check() -> None:
 
 
 if __name__ == "__main__":  # before DVC, which knows no more of an entry than that there is none
-    run(_check, in_times=False)
+    run(_check)

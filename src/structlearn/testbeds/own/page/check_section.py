@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.feedback.axes import unit
+from structlearn.feedback.coupling import unit
 from structlearn.feedback.skill_file import SkillParameters, read_skill
 from structlearn.ground.errors import InputError
 from structlearn.palette import CATEGORICAL_COLOURS, GREY, LIGHT_GREY

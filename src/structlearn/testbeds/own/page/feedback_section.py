@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from structlearn.feedback.axes import Axis, unit
+from structlearn.feedback.coupling import Axis, unit
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.ground import signals
 from structlearn.ground.errors import InputError

@@ -10,7 +10,7 @@ from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import check_speed
 from structlearn.recordings.recording import Stream
 from structlearn.recordings.topics import JointPose, TransformPose
-from structlearn.rigid_body.urdf_links import HANDS
+from structlearn.rigid_body.urdf import HANDS
 
 SPEED_HZ = 2.0
 """Hz, low-pass of the positions before they are differentiated: the method's for finding a movement."""

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag import RawMessages
 from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_files
-from structlearn.recordings.bag_reader import RawMessages
 from structlearn.recordings.bag_recording import read_recording
 from structlearn.recordings.cdr import short_name
 from structlearn.recordings.joint_series import JointSeries, chosen, joint_series
@@ -19,7 +19,7 @@ from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
 from structlearn.recordings.transforms import TransformSeries, chain, transform_series
-from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
+from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
 from structlearn.testbeds.own.protocol.hand_paths import HandPath, PoseSource, hand_path
 from structlearn.testbeds.own.task import local_path
 
@@ -66,7 +66,7 @@ class TopicSeen:
 
     @property
     def foreign(self) -> bool:
-        """Whether messages are in an encoding that is not read; the type says which (`bag_reader`)."""
+        """Whether messages are in an encoding that is not read; the type says which (`bag`)."""
         return any("[" in name for name in self.types)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from structlearn.recordings.clock import MAX_GAP_S
 from structlearn.recordings.messages import READERS
 from structlearn.recordings.topics import JointPose
-from structlearn.rigid_body.urdf_links import moving_joints
+from structlearn.rigid_body.urdf import moving_joints
 from structlearn.testbeds.own.protocol.fitness import IN_STEP_S, out_of_step
 from structlearn.testbeds.own.protocol.hand_paths import Candidate
 from structlearn.testbeds.own.protocol.inspection import (

@@ -19,7 +19,7 @@ from structlearn.avoidance.human_inspired import fit_human_inspired
 from structlearn.avoidance.learned_models import train_phase_modulated
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
 from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import mean_interval, nmse
 from structlearn.ground.parallel import parallel_map

@@ -27,7 +27,7 @@ from structlearn.ground import signals
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.params import Parameters
-from structlearn.primitives import canonical, kernels, regression
+from structlearn.primitives import canonical, kernels
 from structlearn.primitives.position import PositionPrimitive, in_local_frame
 from structlearn.primitives.trajectory import Trajectory, differentiated
 from structlearn.primitives.vector import VectorPrimitive, sample_count
@@ -110,12 +110,12 @@ def phase_networks(
     """Phase-only networks at the minimum of their squared loss.
 
     Only the products of w_c and b_m count, so w_c is 1 and b_m solves the ridge regression of
-    `primitives.regression`; there is no other minimum.
+    `kernels.forcing_weights`; there is no other minimum.
 
     Returns:
         One network per local axis; its input has dimension 0.
     """
-    weights = regression.forcing_weights(targets, count=kernel_count)  # (N, 3)
+    weights = kernels.forcing_weights(targets, count=kernel_count)  # (N, 3)
     return [(axis, open_loop(biases)) for axis, biases in zip(AXES, weights.T, strict=True)]
 
 

@@ -25,10 +25,14 @@ from structlearn.primitives.fitting import (
     whole,
 )
 from structlearn.primitives.position import in_local_frame
-from structlearn.primitives.sensor_traces import expected, fit_expected_traces, without_offset
 from structlearn.primitives.sequence import OrientationPrimitive, PoseGoal, PosePrimitive, SequencePath
 from structlearn.primitives.twist_swing import largest_turn
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import (
+    VectorPrimitive,
+    expected_traces,
+    fit_expected_traces,
+    without_offset,
+)
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.cut_errors import Dwells, between_dwells, cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
@@ -240,7 +244,7 @@ def learn_traces(
     for part in parts:
         recorded = without_offset(part.signal("tactile"), parts[0].tactile)
         primitive = fit_expected_traces([recorded], part.dt, parameters.tactile_smoothing_hz)
-        unrolled = expected(primitive, len(recorded), part.dt)
+        unrolled = expected_traces(primitive, len(recorded), part.dt)
         primitives.append(primitive)
         electrodes = np.arange(1, recorded.shape[1] + 1)
         scores.append(

@@ -14,14 +14,14 @@ from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.ground import quaternion, signals
 from structlearn.palette import LIGHT_GREY
 from structlearn.primitives import sequence
-from structlearn.primitives.sensor_traces import deviation, without_offset
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import dominant_axes, from_chart, on_chart
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import VectorPrimitive, deviation, without_offset
 from structlearn.recordings.demonstration import SIGNALS, Demonstration
 from structlearn.recordings.slide import material_of
-from structlearn.segmentation.result import RESULT, Segmentation
+from structlearn.segmentation.alignment import RESULT
+from structlearn.segmentation.segments import Segmentation
 from structlearn.testbeds.recorded.names import LEARNED, PATHS, RECORDED, SLIDE_GROUPS
 from structlearn.testbeds.recorded.protocol.corrections import typical_paths
 from structlearn.testbeds.recorded.protocol.movement import turning

@@ -14,8 +14,8 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.reporting.prose import level_name, listing
-from structlearn.segmentation.method_comparison import errors_by_level, errors_by_seed, paired_comparison
-from structlearn.segmentation.result import METHODS, RESULT
+from structlearn.segmentation.alignment import METHODS, RESULT
+from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed, paired_comparison
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
