@@ -17,6 +17,7 @@ FLOORS = (
     ("segmentation", "feedback"),
     ("policy_search", "avoidance"),
     ("simulation",),
+    ("tasks",),
     ("reporting", "viewer"),
     ("testbeds",),
 )

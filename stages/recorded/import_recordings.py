@@ -9,8 +9,7 @@ from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import clmc, eflesh, panda, slide, ur10e, write_recordings
-from structlearn.recordings.drive_log import DriveLog, write_drive_log
-from structlearn.recordings.joint_log import JointLog, write_joint_log
+from structlearn.recordings.joint_log import DriveLog, JointLog, write_log_table
 from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.recordings.source import PublicSourceParameters
 from structlearn.testbeds.recorded.protocol.avoidance_samples import (
@@ -26,14 +25,12 @@ def write_avoidance(found: tuple[AvoidanceDataset, dict[str, str]], target: Path
 
 
 def write_panda(logs: Sequence[JointLog], target: Path) -> None:
-    for log in logs:
-        write_joint_log(log, target / f"{log.name}.mcap")
+    write_log_table(logs, target / "logs.parquet")
 
 
 def write_ur10e(found: tuple[Sequence[DriveLog], Path], target: Path) -> None:
     logs, urdf = found
-    for log in logs:
-        write_drive_log(log, target / f"{log.name}.mcap")
+    write_log_table(logs, target / "logs.parquet")
     copyfile(urdf, target / ur10e.URDF)
 
 

@@ -3,13 +3,10 @@
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
+from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
-from structlearn.testbeds.recorded.protocol.arm_parameters import (
-    RecordedDynamicsParameters,
-    RecordedUr10eParameters,
-)
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
@@ -31,8 +28,8 @@ PARAMETERS = {
     "recorded_boxes": BoxesParameters,
     "recorded_latent_touch": LatentTouchParameters,
     "recorded_skin": SkinParameters,
-    "recorded_dynamics": RecordedDynamicsParameters,
-    "recorded_ur10e": RecordedUr10eParameters,
+    "recorded_dynamics": MotionParameters,
+    "recorded_ur10e": MotionParameters,
 }
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
+from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.recorded import files
-from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.protocol.corrected_reaches import complete
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
@@ -59,9 +59,9 @@ def show_skin(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_ur10e(stored: files.RecordedFiles, folder: Path) -> None:
-    own, tables = stage_parameters("recorded_ur10e", RecordedUr10eParameters), stored.of_set("ur10e")
-    if len(tables["carried"]):
-        write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own)
+    own, tables = stage_parameters("recorded_ur10e", MotionParameters), stored.of_set("ur10e")
+    if own.load is not None and len(tables["carried"]):
+        write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own.load)
 
 
 SHOWN = {

@@ -29,8 +29,9 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.own.files import NAME_RULE, is_name, local_path
-from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters, RobotParameters
+from structlearn.testbeds.own.protocol.arm_parameters import RobotParameters
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
 from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters

@@ -15,7 +15,7 @@ from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings import read_demonstrations
 from structlearn.recordings.clock import MAX_GAP_S
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.drive_log import DriveLog, read_drive_log
+from structlearn.recordings.joint_log import DriveLog, read_log_table
 
 REACHES, HIGHER_REACHES, UNSCREWING, SCRAPING, SLIDES = (
     "reaches",
@@ -41,8 +41,8 @@ SETS = {
     BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
     SKIN: ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
     UR10E: (
-        *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "friction"),
-        *("links", "traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
+        *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "links"),
+        *("traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
     ),
 }
 """Tables of sets that have a folder and a stage of their own."""
@@ -137,7 +137,8 @@ class RecordedFiles:
 
     def ur10e_log(self, name: str) -> DriveLog:
         """One log of the UR10e."""
-        return read_drive_log(self.data / f"raw/recorded/ur10e/{name}.mcap")
+        logs = read_log_table(self.data / "raw/recorded/ur10e/logs.parquet", DriveLog)
+        return next(log for log in logs if log.name == name)
 
     @property
     def ur10e_urdf(self) -> Path:
