@@ -11,7 +11,7 @@ from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings.joint_log import JointLog
 from structlearn.recordings.recording import Recording
 from structlearn.simulation.arm import ArmParameters
-from structlearn.simulation.engine_differences import differences
+from structlearn.simulation.bullet_arm import differences
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters, payload_log
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters

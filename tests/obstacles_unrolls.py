@@ -5,8 +5,8 @@ from committed import committed
 from primitives_movements import ramp
 
 from structlearn.avoidance import avoiding_unroll
-from structlearn.avoidance.clouds import cloud_batch
 from structlearn.avoidance.postprocessing import PostprocessingParameters
+from structlearn.avoidance.shapes import cloud_batch
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 

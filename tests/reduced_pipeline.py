@@ -164,17 +164,18 @@ def by_hand(
         The project.
     """
     listed = yaml.safe_load((project / file).read_text())["stages"]
-    scripts = [stage["cmd"].split()[1] for name, stage in listed.items() if stages is None or name in stages]
+    commands = [stage["cmd"] for name, stage in listed.items() if stages is None or name in stages]
     alone = {} if spread else {BACKEND: "sequential"}
-    command = [sys.executable, "-c", ONE_BY_ONE, *scripts]
+    command = [sys.executable, "-c", ONE_BY_ONE, *commands]
     subprocess.run(command, cwd=project, env=environment() | alone | variables, check=True)
     return project
 
 
 ONE_BY_ONE = """
 import runpy, sys
-for script in sys.argv[1:]:
-    runpy.run_path(script, run_name="__main__")
+for command in sys.argv[1:]:
+    sys.argv = command.split()[1:]
+    runpy.run_path(sys.argv[0], run_name="__main__")
 """
 
 

@@ -1,12 +1,15 @@
-"""Imports run downwards only, big libraries stay in their rooms, deps of stages cover what they import."""
+"""Imports run downwards only, big libraries stay in their rooms, stages depend on their code and data."""
 
 import ast
+import runpy
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
 import pytest
 import yaml
+
+from structlearn.ground.source_closure import SourceTree
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "structlearn"
@@ -41,7 +44,7 @@ SLOW = (
 STARTS = {
     "tables": (
         (),
-        "report.py scraping/segment.py scraping/sweep.py scraping/fit_primitives.py "
+        "report.py list_code.py scraping/segment.py scraping/sweep.py scraping/fit_primitives.py "
         "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
@@ -86,10 +89,16 @@ STARTS = {
 """By kind of stage: slow libraries that its start may load, and the scripts."""
 
 PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml")
+LISTED = [yaml.safe_load((ROOT / pipeline).read_text())["stages"] for pipeline in PIPELINES]
+CODE = {stages["code"]["cmd"].split()[2]: stages.pop("code") for stages in LISTED}
+"""The stages that list the code of all others, by pipeline."""
+
+scripts: Callable[[str], Iterable[Path]] = runpy.run_path(str(ROOT / "stages/list_code.py"))["scripts"]
+
 STAGES = {
     stage["cmd"].split()[1]: stage
-    for pipeline in PIPELINES
-    for listed in yaml.safe_load((ROOT / pipeline).read_text())["stages"].values()
+    for stages in LISTED
+    for listed in stages.values()
     for stage in [listed.get("do", listed)]
 }
 """Of all pipelines by their scripts: some names stand in several. Those of your own tasks are one for all."""
@@ -124,22 +133,17 @@ def modules() -> dict[Path, frozenset[str]]:
 
 
 def files(name: str) -> list[Path]:
-    """The project's files that importing a dotted name runs: the module, and the packages above it.
-
-    Of the package whose modules parameters name, all.
-    """
-    if name == "structlearn.feedback.models":
-        return sorted((PACKAGE / "feedback/models").glob("*.py"))
+    """The project's files that importing a dotted name runs: the module, and the packages above it."""
     parts = name.split(".")
     above = [ROOT.joinpath("src", *parts[:depth], "__init__.py") for depth in range(1, len(parts) + 1)]
     return [file for file in (*above, ROOT.joinpath("src", *parts).with_suffix(".py")) if file.is_file()]
 
 
-def everything_run(script: Path, imports: Callable[[Path], frozenset[str]] = imported) -> set[Path]:
-    """All of the project's own files that a script imports, directly or not."""
-    found, waiting = set(), [script]
+def loaded_at_start(script: Path) -> set[Path]:
+    """All of the project's own files that starting a script loads."""
+    found, waiting = {script}, [script]
     while waiting:
-        for file in {file for name in imports(waiting.pop()) for file in files(name)} - found:
+        for file in {file for name in at_start(waiting.pop()) for file in files(name)} - found:
             found.add(file)
             waiting.append(file)
     return found
@@ -201,24 +205,33 @@ def test_a_module_name_means_one_thing():
 
 
 @pytest.mark.parametrize("name", STAGES)
-def test_the_deps_of_a_stage_cover_what_it_imports(name):
-    """Its script, and folders or files of the package; `__init__` files that only describe do not count."""
-    script = ROOT / name
-    declared = [ROOT / dep for dep in STAGES[name]["deps"]]
-    assert declared[0] == script
-    assert all(dep.exists() for dep in declared if {"src", "stages"} & {dep.relative_to(ROOT).parts[0]})
-    run = {file for file in everything_run(script) if file.name != "__init__.py" or imported(file)}
-    run -= {PACKAGE / "__init__.py"}  # the version, and where compiled code is kept
-    missing = {file for file in run if not any(file.is_relative_to(dep) for dep in declared)}
-    assert not missing, f"{name} imports what its deps do not cover: {sorted(missing)}"
+def test_a_stage_depends_on_its_script_and_on_its_list_of_code(name):
+    place = Path(name).relative_to("stages").with_suffix(".txt")
+    lists = ("data/code" if place.parts[0] in ("recorded", "own") else "data/code/main") / place
+    deps = STAGES[name]["deps"]
+    assert deps[:2] == [name, lists.as_posix()]
+    assert not any(dep.startswith(("src/", "stages/")) for dep in deps[2:] if not dep.endswith("card.yaml"))
 
 
-@pytest.mark.parametrize("name", STAGES)
-def test_a_stage_declares_no_source_that_it_does_not_import(name):
-    run = everything_run(ROOT / name)
-    for dep in STAGES[name]["deps"]:
-        if dep.startswith("src/") and not dep.endswith(".yaml"):
-            assert any(file.is_relative_to(ROOT / dep) for file in run), f"{name} does not use {dep}"
+def test_the_lists_of_code_have_every_script_and_every_file_of_the_package():
+    """Modules in none are programs that a user calls; of other files there is the type marker."""
+    sources = SourceTree(PACKAGE.parent)
+    found = {script: sources.closure(script) for pipeline in CODE for script in scripts(pipeline)}
+    assert {script.relative_to(ROOT).as_posix() for script in found} == set(STAGES)
+    used = {path for its in found.values() for path in its}
+    files = {
+        path.relative_to(PACKAGE.parent) for path in PACKAGE.rglob("*.*") if "__pycache__" not in path.parts
+    }
+    unused = {path.as_posix() for path in files - used if path.suffix != ".py"}
+    assert unused == {"structlearn/py.typed"}
+
+
+def test_the_stages_of_code_depend_on_every_script():
+    for pipeline, stage in CODE.items():
+        deps = [ROOT / dep for dep in stage["deps"]]
+        assert PACKAGE in deps
+        assert all(any(script.is_relative_to(dep) for dep in deps) for script in scripts(pipeline))
+        assert stage["outs"] == [f"data/code/{pipeline}"]
 
 
 def test_every_data_dependency_is_the_output_of_some_stage():
@@ -227,7 +240,7 @@ def test_every_data_dependency_is_the_output_of_some_stage():
         for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
             outputs.add(out if isinstance(out, str) else next(iter(out)))
     for stage in STAGES.values():
-        data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/"))}
+        data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/", "data/code/"))}
         assert data <= outputs
 
 
@@ -237,14 +250,14 @@ def test_a_stage_starts_without_what_it_does_not_need(kind):
     allowed, scripts = STARTS[kind]
     for script in scripts.split():
         path = ROOT / "stages" / script
-        names = {name for file in (path, *everything_run(path, at_start)) for name in at_start(file)}
+        names = {name for file in loaded_at_start(path) for name in at_start(file)}
         loaded = {library for library in SLOW for name in names if f"{name}.".startswith(f"{library}.")}
         assert loaded <= set(allowed), f"{script} loads {loaded - set(allowed)}"
 
 
 def test_the_start_of_every_stage_is_looked_at():
     looked_at = [f"stages/{script}" for _, scripts in STARTS.values() for script in scripts.split()]
-    assert sorted(looked_at) == sorted(STAGES)
+    assert sorted(looked_at) == sorted([*STAGES, "stages/list_code.py"])
 
 
 def test_no_stage_hands_a_function_of_its_own_to_other_processes():

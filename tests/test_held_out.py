@@ -45,6 +45,7 @@ from test_recorded_avoidance import phase_dependent
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
@@ -89,7 +90,6 @@ from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParamete
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.testbeds.own.protocol import own_feedback, own_touch
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
-from structlearn.testbeds.own.protocol.own_obstacles import learn_past_obstacles
 from structlearn.testbeds.recorded.protocol import (
     avoidance_representations,
     correction_splits,
@@ -100,7 +100,6 @@ from structlearn.testbeds.recorded.protocol import (
     touch_sets,
 )
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
 from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
 from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
@@ -108,7 +107,7 @@ from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 ROOT = Path(__file__).parents[1]
 
@@ -144,8 +143,8 @@ HOLDS_NOTHING_OUT = {
 }
 """Stages without a case, and why."""
 
-SHOWS = ("report", "view", "calibration_report")
-"""Stages that show what others wrote."""
+SHOWS = ("report", "view", "calibration_report", "list_code")
+"""Stages that show what others wrote, or list sources."""
 
 
 @dataclass(frozen=True)
@@ -506,7 +505,7 @@ def reaches_past_boxes(monkeypatch, tmp_path):
             for number, (bow, x) in enumerate(((0.12, 0.0), (0.01, -0.2)))
         ]
 
-    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_boxes(its, boxes.PARAMETERS))
+    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
     return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
 
 
@@ -527,7 +526,7 @@ def own_reaches_past_obstacles(monkeypatch, tmp_path):
         monkeypatch,
         scene_folds,
         "learn",
-        lambda its: learn_past_obstacles({own.EVERYBODY: its}, own.chosen()),
+        lambda its: learn_past_obstacles(its, own.chosen()),
     )
     return Case(lambda its: learn(its)[0][1], recordings(), recordings(2), recordings(1))
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from structlearn.avoidance.clouds import cloud_batch, constant_velocity
+from structlearn.avoidance.shapes import cloud_batch, constant_velocity
 from structlearn.ground.errors import InputError
 
 CORNERS = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1.0, 1) for z in (-1.0, 1)])

@@ -4,7 +4,7 @@ import pytest
 from obstacles_unrolls import DT, GOAL, START, baseline, beside_the_reach, random_network, spheres, unroll
 
 from structlearn.avoidance.avoiding_unroll import no_coupling
-from structlearn.avoidance.clouds import constant_velocity
+from structlearn.avoidance.shapes import constant_velocity
 from structlearn.ground.errors import InputError
 from structlearn.testbeds.obstacles.protocol.avoidance_scores import (
     closest_approaches,

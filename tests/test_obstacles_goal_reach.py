@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import quick, rngs
 
-from structlearn.avoidance.goal_reach import Deadline, GoalReach
+from structlearn.avoidance.postprocessing import Deadline, GoalReach
 from structlearn.primitives import transformation
 
 STEP, SAMPLES = 1 / 200, 151  # dt / tau; the prescribed end is sample 100

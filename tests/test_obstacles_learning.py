@@ -9,8 +9,7 @@ from structlearn.avoidance.shapes import obstacle
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
-from structlearn.testbeds.obstacles.protocol.avoidance_fits import learn
-from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
 SCENARIOS = [

@@ -5,8 +5,7 @@ from scipy.optimize import least_squares
 
 from structlearn.avoidance import levenberg_marquardt as lm
 from structlearn.avoidance.avoidance_network import forward
-from structlearn.avoidance.levenberg_marquardt import LevenbergMarquardtParameters
-from structlearn.avoidance.normal_equations import Samples
+from structlearn.avoidance.levenberg_marquardt import LevenbergMarquardtParameters, Samples
 
 KEY = "obstacle_training.per_setting.training"
 SIZES = (3, 6, 4, 2)

@@ -8,12 +8,12 @@ from committed import committed
 from structlearn.avoidance import network_training
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.features import displaced
-from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
-from structlearn.avoidance.phase_modulated import (
+from structlearn.avoidance.learned_models import (
     read_phase_modulated,
     train_phase_modulated,
     write_phase_modulated,
 )
+from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
 from structlearn.feedback.coupling_model import write_networks
 from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError

@@ -3,8 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from structlearn.avoidance.avoidance_network import forward
-from structlearn.avoidance.levenberg_marquardt import initial_layers
-from structlearn.avoidance.normal_equations import CHUNK_SAMPLES, Samples, normal_equations
+from structlearn.avoidance.levenberg_marquardt import CHUNK_SAMPLES, Samples, initial_layers, normal_equations
 
 
 def jacobian(layers, inputs, step=1e-6):

@@ -23,8 +23,8 @@ from structlearn.testbeds.obstacles.page.evidence import evidence
 from structlearn.testbeds.obstacles.page.page import HEADLINES, PACKAGE, document, read_published
 from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
 from structlearn.testbeds.obstacles.page.tables import limits, per_setting, per_shape, tables
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import LIMITED, PUBLISHED
-from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
 

@@ -20,15 +20,17 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
     without_avoidance,
 )
 from structlearn.testbeds.obstacles.recordings import avoidance_scene as drawn
-from structlearn.testbeds.obstacles.recordings.changing_avoidance import (
+from structlearn.testbeds.obstacles.recordings.avoidance_scene import chosen_scenarios, shown_scenarios
+from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import (
+    write_avoidance_demonstrations,
+    write_trained_avoidance,
+)
+from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
     shown_reaches,
     sphere_paths,
     write_changing_avoidance,
+    write_unseen_avoidance,
 )
-from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import write_avoidance_demonstrations
-from structlearn.testbeds.obstacles.recordings.shown_scenarios import chosen_scenarios, shown_scenarios
-from structlearn.testbeds.obstacles.recordings.trained_avoidance import write_trained_avoidance
-from structlearn.testbeds.obstacles.recordings.unseen_avoidance import write_unseen_avoidance
 from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
 
 UNSEEN = avoidance_protocols.unseen(PRIMITIVE)

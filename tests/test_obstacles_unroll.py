@@ -18,9 +18,9 @@ from obstacles_unrolls import (
 from primitives_movements import few, quick, rngs
 
 from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, strongest_pushes
-from structlearn.avoidance.clouds import constant_velocity
 from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
 from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
+from structlearn.avoidance.shapes import constant_velocity
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 

@@ -1,4 +1,4 @@
-"""Tasks of one's own: entries, what stages make of recordings, and the README's three commands."""
+"""Tasks of one's own: entries, what stages make of recordings, and the documentation's three commands."""
 
 import json
 import re
@@ -83,10 +83,8 @@ def folder(tmp_path, monkeypatch) -> Path:
 
 
 def readme(root: Path, language: str, place: int = 0) -> str:
-    """A block of code of the section on demonstrations."""
-    section = (
-        (root / "README.md").read_text().split("## Bringing your own demonstrations")[1].split("\n## ")[0]
-    )
+    """A block of code of the page on your own data."""
+    section = (root / "docs/own-data.md").read_text()
     return re.findall(rf"```{language}\n(.*?)```", section, re.DOTALL)[place]
 
 
@@ -112,7 +110,7 @@ def test_a_task_goes_through_to_its_page(root, folder):
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
     parameters, recording = (
-        Path(f"data/own/reach/{name}") for name in ("parameters.yaml", "demonstrations/take_2.mcap")
+        Path(f"data/own/reach/{name}") for name in ("parameters.yaml", "demonstrations/runs.parquet")
     )
     run_stages(root, "reach", "import_task")
     once = parameters.read_bytes(), recording.read_bytes()

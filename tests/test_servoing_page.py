@@ -35,11 +35,14 @@ from structlearn.testbeds.servoing.page.results import (
     rate_key,
     rated,
 )
-from structlearn.testbeds.servoing.protocol.contact_errors import contact_bias
-from structlearn.testbeds.servoing.protocol.model_scores import ModelScores, skin_table
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.testbeds.servoing.protocol.model_scores import ModelScores, contact_bias, skin_table
 from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS
-from structlearn.testbeds.servoing.protocol.servo_variants import Comparison, ServoTrialParameters, variants
+from structlearn.testbeds.servoing.protocol.servo_variants import (
+    Comparison,
+    OtherSkinsParameters,
+    ServoTrialParameters,
+    variants,
+)
 
 SKIN = SKINS["biotac"]
 SHIFT_M = 0.001

@@ -17,8 +17,7 @@ from structlearn.simulation.touch_demonstrator import (
     recorded,
     true_contacts,
 )
-from structlearn.tactile.electrodes import SKINS
-from structlearn.tactile.flat_maps import map_laying
+from structlearn.tactile.electrodes import SKINS, map_laying
 from structlearn.tactile.touch_dataset import read_dataset, write_dataset
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, OURS, TEXT
@@ -26,12 +25,17 @@ from structlearn.testbeds.servoing.protocol.servo_trials import make_scene
 from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
 from structlearn.testbeds.servoing.recordings.demonstrated_touches import (
     handle_place,
+    write_latent_maps,
     write_touch_demonstrations,
 )
-from structlearn.testbeds.servoing.recordings.latent_maps import write_latent_maps
 from structlearn.testbeds.servoing.recordings.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.recordings.servoing_scene import GRID_LINES, flat, flat_skin, skin_lines
-from structlearn.testbeds.servoing.recordings.shown_touches import shown_touches
+from structlearn.testbeds.servoing.recordings.servoing_scene import (
+    GRID_LINES,
+    flat,
+    flat_skin,
+    shown_touches,
+    skin_lines,
+)
 from structlearn.viewer.rrd import entity
 
 SKIN = SKINS["biotac"]

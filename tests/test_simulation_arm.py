@@ -9,8 +9,7 @@ from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.compiled_chain import body, dynamics, workspace
 from structlearn.simulation import compiled_arm
 from structlearn.simulation.arm import Payload, carrying, urdf_path
-from structlearn.simulation.bullet_arm import BulletArm
-from structlearn.simulation.engine_differences import differences
+from structlearn.simulation.bullet_arm import BulletArm, differences
 
 DT = 1.0 / 250.0
 PAYLOAD = Payload(1.5, (0.01, 0.02, 0.1), 0.04)

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from structlearn.simulation.touch_demonstrator import ToucherParameters, covered
 from structlearn.tactile.electrodes import SKINS
-from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_scores import (
-    ToleranceParameters,
+    ControllerScores,
     progress,
     scored,
     success_by_tolerance,
@@ -21,6 +20,7 @@ from structlearn.testbeds.servoing.protocol.servo_trials import MOTIONS, draw, m
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     RESTING,
     ServoTrialParameters,
+    ToleranceParameters,
     Variant,
     variants,
 )

@@ -43,14 +43,20 @@ minutes: 3
 """
 PIPELINE = {
     "stages": {
-        "record": {"params": ["people", "robot.mass"], "outs": ["data/raw"]},
-        "learn": {"params": ["learn"], "deps": ["data/raw/one.mcap", "src/a"], "outs": [{"data/model": {}}]},
+        "record": {"cmd": "python record.py", "params": ["people", "robot.mass"], "outs": ["data/raw"]},
+        "learn": {
+            "cmd": "python learn.py",
+            "params": ["learn"],
+            "deps": ["data/raw/one.mcap"],
+            "outs": [{"data/model": {}}],
+        },
         "report": {
+            "cmd": "python report.py",
             "params": ["drawing"],
-            "deps": ["stages/report.py", "data/model", "reports/studies/toy"],
+            "deps": ["data/model", "reports/studies/toy"],
             "metrics": [{"reports/m.json": {}}],
         },
-        "front": {"deps": ["reports/m.json"], "params": ["titles"]},
+        "front": {"cmd": "python front.py", "deps": ["reports/m.json"], "params": ["titles"]},
     }
 }
 TABLE = pd.DataFrame(
@@ -112,9 +118,21 @@ def test_a_stage_depends_on_the_parameters_of_all_before_it():
     assert upstream_parameters(PIPELINE, "front") == ["drawing", "learn", "people", "robot", "titles"]
 
 
-def test_a_stage_depends_on_the_sources_of_all_before_it():
-    assert upstream_code(PIPELINE, "learn") == ["src/a"]
-    assert upstream_code(PIPELINE, "front") == ["src/a", "stages/report.py"]
+def test_a_stage_depends_on_the_sources_of_all_before_it(tmp_path):
+    for module in ("feedback/models/pca.py", "testbeds/toy/world/arm.py", "testbeds/toy/files.py"):
+        file = tmp_path / "src/structlearn" / module
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    (tmp_path / "record.py").write_text("from structlearn.testbeds.toy.world import arm")
+    (tmp_path / "learn.py").write_text(
+        "import structlearn.feedback.models.pca, structlearn.testbeds.toy.files"
+    )
+    assert upstream_code(PIPELINE, "learn", tmp_path) == [
+        "learn.py",
+        "record.py",
+        *("src/structlearn/feedback", "src/structlearn/testbeds/toy/files.py"),
+        "src/structlearn/testbeds/toy/world",
+    ]
 
 
 def test_a_digest_of_sources_is_of_their_names_and_contents(tmp_path):

@@ -7,9 +7,9 @@ import pytest
 from committed import committed
 from tactile_toy import toy_dataset, toy_geodesics
 
+from structlearn.tactile.latent_comparison import learn_spaces, own_units, seen_in
 from structlearn.tactile.latent_evaluation import latent_errors
 from structlearn.tactile.latent_parameters import LatentSpaceParameters, LatentTrainingParameters
-from structlearn.tactile.latent_spaces import learn_spaces, own_units, seen_in
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 
 FEW = committed(

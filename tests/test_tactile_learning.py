@@ -22,8 +22,7 @@ from structlearn.tactile.latent_evaluation import (
     forward_errors,
     latent_errors,
 )
-from structlearn.tactile.latent_files import read_models, write_models
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
     JACOBIAN,
@@ -44,8 +43,7 @@ from structlearn.tactile.latent_training import (
     training_data,
 )
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST, TRAIN, chains
-from structlearn.tactile.units import touch_units
+from structlearn.tactile.touch_dataset import TEST, TRAIN, chains, touch_units
 
 QUICK = committed(
     LatentTrainingParameters, "train_latent.training", steps=250, evaluate_every=125, batch_size=32

@@ -10,14 +10,18 @@ from pydantic import ValidationError
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_parameters import NetworkParameters
-from structlearn.tactile.pressed_skin import PressedSkin, plate_pairs, pressed_skin, walks
+from structlearn.tactile.latent_parameters import NetworkParameters, SensorDescription
+from structlearn.tactile.pressed_skin import (
+    PressedSkin,
+    TableRuns,
+    plate_pairs,
+    pressed_skin,
+    servo_on_table,
+    walks,
+)
 from structlearn.tactile.resting_servo import Caution, RestingServo
-from structlearn.tactile.sensor_description import SensorDescription
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tactile.table_servoing import TableRuns, servo_on_table
-from structlearn.tactile.touch_dataset import TEST, TRAIN
-from structlearn.tactile.units import touch_units
+from structlearn.tactile.touch_dataset import TEST, TRAIN, touch_units
 
 
 def sensor(channels=4, **changes):

@@ -21,8 +21,7 @@ from structlearn.tactile.resting_servo import (
     steepest_action,
 )
 from structlearn.tactile.servo_controller import ServoParameters
-from structlearn.tactile.touch_dataset import TRAIN, chains
-from structlearn.tactile.units import LINEAR, TouchUnits, touch_units
+from structlearn.tactile.touch_dataset import LINEAR, TRAIN, TouchUnits, chains, touch_units
 
 LIKELY = torch.tensor([1.5, 0.2, 0.3, 1.2, 0.05, 0.04], dtype=torch.float64)[:, None]
 DT = torch.tensor([0.31], dtype=torch.float64)

@@ -2,15 +2,15 @@
 
 from functools import partial
 from operator import call
-from pathlib import Path
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.joint_log import JointLog, write_joint_log
+from structlearn.recordings.joint_log import write_joint_log
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters
+from structlearn.testbeds.dynamics.files import PAYLOAD, RAW
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     RecordMotionParameters,
@@ -20,8 +20,6 @@ from structlearn.testbeds.dynamics.world.joint_logs import (
 )
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters
 
-RAW = "data/raw/dynamics"
-
 
 def main() -> None:
     parameters = stage_parameters("record_motion", RecordMotionParameters)
@@ -29,20 +27,15 @@ def main() -> None:
     stand_ins = stage_parameters("stand_in", StandInParameters)
     arm = stage_parameters("arm", ArmParameters)
     robot = arm.read()
-    logs = {IDEAL: partial(ideal_log, robot, motion)}
+    logs = {f"{IDEAL}/{IDEAL}": partial(ideal_log, robot, motion)}
     for seed in stage_parameters("dynamics_robots", Population).test:
-        logs[f"payload/{seed}"] = partial(payload_log, robot, stand_ins, seed, parameters.payload, motion)
+        logs[f"{PAYLOAD}/{seed}"] = partial(payload_log, robot, stand_ins, seed, parameters.payload, motion)
         logs[f"{ROBOT}/{seed}"] = partial(stand_in_log, robot, stand_ins, seed, motion)
     made = dict(zip(logs, parallel_map(call, logs.values(), "logs"), strict=True))
-    for kind in (IDEAL, ROBOT, "payload"):
-        with publish(f"{RAW}/{kind}") as folder:
-            for name in (name for name in made if name.split("/")[0] == kind):
-                _write(made[name], folder / name.removeprefix(kind).lstrip("/"))
-
-
-def _write(log: JointLog, folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    write_joint_log(log, folder / "log.mcap")
+    with publish(RAW) as folder:
+        for name, log in made.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            write_joint_log(log, folder / f"{name}.mcap")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.studies import read_study
 from structlearn.rigid_body.agreement import agreement_with_pinocchio
-from structlearn.rigid_body.model_names import COULOMB
+from structlearn.rigid_body.model_names import COULOMB, ROBOT
 from structlearn.rigid_body.online_learning import OnlineParameters
 from structlearn.rigid_body.training_grid import TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import read_urdf
@@ -49,14 +49,17 @@ def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
     arm, robot = parameters["arm"], parameters["arm"].read()
     known, friction, residuals = [], [], []
-    for seed in files.robots():
+    cutoff_hz = parameters["train_dynamics"].smoothing_hz
+    for name, log in files.read_logs(ROBOT).items():
+        seed, motion = int(name), files.as_motion(log, cutoff_hz)
         true = stand_in(robot.tree, robot.inertias, parameters["stand_in"], seed)
-        motion, dt = files.read_robot_motion(seed, parameters["train_dynamics"].smoothing_hz)
         learned = files.read_robot_models(seed, FRICTION_MODELS, TEXT)
         known.append(known_errors(robot, true, motion).assign(seed=seed))
         friction.append(friction_table(learned, true).assign(seed=seed))
         if not residuals:
-            residuals.append(residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, 1.0 / dt))
+            residuals.append(
+                residual_torques(robot, learned[FRICTION_MODELS[-1]], motion, 1.0 / files.step_s(log))
+            )
     study = read_study("dynamics/optimiser")
     agreement = [
         {"robot": name} | agreement_with_pinocchio(read_urdf(urdf_path(name), locked))

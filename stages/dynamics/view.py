@@ -31,14 +31,14 @@ def main() -> None:
         bed: tracked_reaches(tables["paths"], tables["scores"], bed, SHOWN_FORM, models, names)
         for bed, models in ((IDEAL, chosen.models), (ROBOT, chosen.robot_models))
     }
-    first = files.robots()[0]
+    (seed, log), *_ = files.read_logs(ROBOT).items()
     cutoff_hz = stage_parameters("train_dynamics", DynamicsTrainingParameters).smoothing_hz
-    motion, dt = files.read_robot_motion(first, cutoff_hz)
-    models = files.read_robot_models(first, chosen.torque_models, SHOWN_FORM)
+    motion, dt = files.as_motion(log, cutoff_hz), files.step_s(log)
+    models = files.read_robot_models(int(seed), chosen.torque_models, SHOWN_FORM)
     torques = shown_torques(robot, motion, dt, models, tracking.reaching.tool_m, chosen)
-    log = files.read_payload_log()
+    picking_up, *_ = files.read_logs(files.PAYLOAD).values()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
-    payload = shown_payload(robot.tree, log, learned, carried, chosen)
+    payload = shown_payload(robot.tree, picking_up, learned, carried, chosen)
     with publish("reports/recordings/dynamics") as folder:
         folder.mkdir()
         write_reaches(folder / "reaches.rrd", urdf, names, reaches[IDEAL], "Dynamics: reaches (simulated)")

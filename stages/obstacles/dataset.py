@@ -9,7 +9,7 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.testbeds.obstacles.files import write_baselines
+from structlearn.testbeds.obstacles.files import RUNS, write_baselines
 from structlearn.testbeds.obstacles.protocol.people import taught
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters
@@ -19,7 +19,7 @@ def main() -> None:
     population = stage_parameters("obstacle_people", Population)
     teach = partial(
         taught,
-        recorded="data/raw/obstacles",
+        recorded=RUNS,
         scene=stage_parameters("obstacle_scene", SceneParameters),
         person=stage_parameters("obstacle_demonstrator", AvoiderParameters),
         parameters=stage_parameters("obstacle_dataset", AvoidanceDataParameters),

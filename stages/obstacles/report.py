@@ -1,15 +1,17 @@
 """The report of the obstacle testbed: figures, tables, metrics and the page that shows them."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
+from structlearn.ground.artefacts import read_table
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.recordings.runs import read_runs
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.figures import figures
 from structlearn.testbeds.obstacles.page.page import HEADLINES, document, read_published
 from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import AvoidanceEvaluationParameters
-from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
@@ -28,14 +30,13 @@ def main() -> None:
     found = files.read_evaluation()
     population = stage_parameters("obstacle_people", Population)
     setting = example_setting(found.scores, population.shown)
-    shown = [scenario for scenario in places if scenario.setting == setting]
-    demonstrations = files.read_scenarios(shown)
+    shown = [place for place in places if place.setting == setting]
     results = ObstacleResults(
         found=found,
-        errors=files.read_errors(),
+        errors=read_table(files.ERRORS_FILE),
         baselines=files.read_baselines(),
         scenarios=places,
-        demonstrations={scenario.shape: its for scenario, its in zip(shown, demonstrations, strict=True)},
+        demonstrations={place.shape: read_runs(f"{files.RUNS}/{place.name}.parquet") for place in shown},
         population=population,
         parameters=parameters,
     )

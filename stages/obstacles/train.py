@@ -5,8 +5,7 @@ from structlearn.avoidance.learned_models import write_models
 from structlearn.ground.artefacts import publish, read_table, write_table
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.testbeds.obstacles.protocol.avoidance_fits import learn
-from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
+from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 

@@ -1,20 +1,25 @@
 """Recordings to look at: demonstrations past obstacles, what models do, and unseen obstacles (IV.8)."""
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
-from structlearn.ground.artefacts import publish
+from structlearn.ground.artefacts import publish, read_table
 from structlearn.ground.populations import Population
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.recordings.runs import read_runs
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols, unrolled_reaches
-from structlearn.testbeds.obstacles.recordings.changing_avoidance import write_changing_avoidance
-from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import write_avoidance_demonstrations
-from structlearn.testbeds.obstacles.recordings.shown_scenarios import (
+from structlearn.testbeds.obstacles.recordings.avoidance_scene import (
     ObstacleViewParameters,
     chosen_scenarios,
     shown_scenarios,
 )
-from structlearn.testbeds.obstacles.recordings.trained_avoidance import write_trained_avoidance
-from structlearn.testbeds.obstacles.recordings.unseen_avoidance import write_unseen_avoidance
+from structlearn.testbeds.obstacles.recordings.demonstrated_avoidance import (
+    write_avoidance_demonstrations,
+    write_trained_avoidance,
+)
+from structlearn.testbeds.obstacles.recordings.unseen_avoidance import (
+    write_changing_avoidance,
+    write_unseen_avoidance,
+)
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 
@@ -29,8 +34,8 @@ def main() -> None:
     scores = found.scores[found.scores["person"] == person]
     reaches = unrolled_reaches.reaches_by_situation(found.paths, scores, baseline)
     chosen = chosen_scenarios(places, names)
-    people = files.read_scenarios(list(chosen.values()))
-    samples = files.read_samples()
+    people = [read_runs(f"{files.RUNS}/{place.name}.parquet") for place in chosen.values()]
+    samples = read_table(files.SAMPLES_FILE)
     shown = shown_scenarios(chosen, people, samples[samples["person"] == person], reaches, cloud_count)
     hit = {number for _, number in unrolled_reaches.hit_settings(reaches, avoidance_protocols.TRAINED)}
     settings = [(place, place.setting in hit) for place in places if place.shape == places[0].shape]
@@ -46,7 +51,7 @@ def main() -> None:
         write_avoidance_demonstrations(
             folder / "demonstrations.rrd",
             shown,
-            files.read_unhindered(),
+            read_runs(f"{files.RUNS}/{files.BASELINE}.parquet"),
             baseline,
             settings,
             "Obstacles: demonstrations",

@@ -9,7 +9,7 @@ from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbac
 def main(files: TaskFiles) -> None:
     learned = learn_own_feedback(
         files.runs("executions"),
-        {setting: files.runs(f"corrections/{setting}") for setting in files.settings()},
+        {setting: files.runs("corrections", setting) for setting in files.settings()},
         files.primitives(),
         files.part("segment", SegmentParameters),
         files.part("feedback", OwnFeedbackParameters),

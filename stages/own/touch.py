@@ -12,7 +12,7 @@ from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParamete
 
 
 def main(files: TaskFiles) -> None:
-    from structlearn.tactile.latent_files import write_models
+    from structlearn.tactile.latent_models import write_models
     from structlearn.testbeds.own.protocol.own_touch import learn_own_touch
 
     parameters = files.part("touch", TouchParameters)

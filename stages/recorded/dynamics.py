@@ -5,11 +5,12 @@ from pathlib import Path
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import read_demonstrations
+from structlearn.recordings import synchronise
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.joint_motion import arm_of, learn_motion, logs_of
 from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
 
 
@@ -21,7 +22,7 @@ def panda(folder: Path) -> None:
 
 
 def slide_torques(folder: Path) -> None:
-    slides = read_demonstrations(filled("data/raw/recorded/slides"), rate_hz=RATE_HZ)
+    slides = [synchronise(one, RATE_HZ) for one in RecordedFiles().streams("slides")]
     torques, payloads = torque_check(read_urdf(urdf_path(ARM)), slides, CUTOFF_HZ)
     write_table(torques, folder / "slide_torques.parquet")
     write_table(payloads, folder / "slide_payloads.parquet")

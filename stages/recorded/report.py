@@ -1,5 +1,6 @@
 """The report on recorded data: figures, tables, metrics and the pages that show them."""
 
+from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
@@ -8,7 +9,6 @@ from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import (
@@ -25,7 +25,7 @@ PARAMETERS = {
     "recorded_scraping": ExecutionParameters,
     "recorded_slides": SlideParameters,
     "recorded_avoidance": RecordedAvoidanceParameters,
-    "recorded_boxes": BoxesParameters,
+    "recorded_boxes": ScenePeopleParameters,
     "recorded_latent_touch": LatentTouchParameters,
     "recorded_skin": SkinParameters,
     "recorded_dynamics": MotionParameters,

@@ -3,7 +3,7 @@
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings.eflesh import PRESSES, STROKES, read_imported
-from structlearn.tactile.latent_files import write_models
+from structlearn.tactile.latent_models import write_models
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 

@@ -10,18 +10,18 @@ from structlearn.feedback.supervision import (
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.execution_cuts import commanded_cuts
-from structlearn.testbeds.scraping.files import ScrapingFiles, read_expected, read_sets
+from structlearn.testbeds.scraping.files import ScrapingFiles, read_expected, read_settings
+
+FILES = ScrapingFiles()
 
 
 def main() -> None:
     parameters = stage_parameters("coupling_dataset", SupervisionParameters)
-    clock = stage_parameters("clock", ClockParameters)
     primitives = read_primitives("data/primitives/scraping/primitives.safetensors")
     names = [primitive.name for primitive in primitives]
     expected = read_expected("data/feedback/scraping/expected")
-    corrections = read_sets("data/raw/scraping/corrections", clock)
+    corrections = read_settings("data/runs/scraping/corrections")
     require_parts(parameters.primitives, primitives, expected)
     cuts = {setting: commanded_cuts(runs, names) for setting, runs in corrections.items()}
 
@@ -36,7 +36,7 @@ def main() -> None:
 
     with publish("data/feedback/scraping/level") as folder:
         folder.mkdir()
-        level = ScrapingFiles(clock).level_runs()
+        level = [*FILES.runs("unrolls"), *FILES.runs("level")]
         level_cuts = commanded_cuts(level, names)
         for name in parameters.primitives:
             dataset = level_dataset(level, level_cuts[name], expected[name], parameters)

@@ -9,7 +9,7 @@ from structlearn.feedback.training_parameters import MODELS
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.recordings.runs import read_runs, write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol import executed_sets
@@ -30,20 +30,20 @@ def main() -> None:
     networks = {model: read_networks(f"{DATA}/models/{model}.safetensors") for model in MODELS}
 
     sets = []
-    with publish("data/raw/scraping/closed_loop") as folder:
+    with publish("data/runs/scraping/closed_loop") as folder:
         folder.mkdir()
         largest = largest_coupling([one.target for one in datasets.values()])
         limits = Limits(largest_coupling={supervision.axis: largest})
         for model in (executed_sets.NOMINAL, *MODELS):
             own = on_axis(networks.get(model, {}), supervision.axis)
             skill = ReactiveSkill(primitives, expected, own, limits)
-            recordings, executed = executed_set(model, skill, parameters, testbed, clock)
-            for setting, runs in recordings.items():
-                write_recordings(runs, folder / model / f"{setting:g}")
+            executed = executed_set(model, skill, parameters, testbed, clock)
+            for setting, runs in executed.runs.items():
+                write_runs(runs, folder / model / f"{setting:g}.parquet")
             sets.append(executed)
     with publish(f"{DATA}/evaluation") as folder:
         folder.mkdir()
-        unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
+        unrolls = read_runs("data/runs/scraping/unrolls.parquet")
         scores = executed_sets.scores(sets, nominal_orientation(unrolls), supervision)
         write_table(scores, folder / "scores.parquet")
         write_table(executed_sets.traces(sets, expected, supervision), folder / "traces.parquet")

@@ -5,7 +5,7 @@ from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import write_recordings
+from structlearn.recordings.runs import write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import executed_sets
 from structlearn.testbeds.scraping.protocol.board_files import read_board
@@ -31,14 +31,14 @@ def main() -> None:
     }
 
     sets = []
-    with publish("data/raw/scraping/refined") as folder:
+    with publish("data/runs/scraping/refined") as folder:
         folder.mkdir()
         for model, own in networks.items():
             by_axis = on_axis(own, supervision.axis)
             skill = ReactiveSkill(board.primitives, board.expected, by_axis, board.limits)
-            recordings, executed = executed_set(model, skill, parameters, testbed, clock)
-            for setting, runs in recordings.items():
-                write_recordings(runs, folder / model / f"{setting:g}")
+            executed = executed_set(model, skill, parameters, testbed, clock)
+            for setting, runs in executed.runs.items():
+                write_runs(runs, folder / model / f"{setting:g}.parquet")
             sets.append(executed)
     with publish(f"{DATA}/refined") as folder:
         folder.mkdir()

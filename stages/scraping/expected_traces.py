@@ -9,7 +9,8 @@ from structlearn.feedback.supervision import (
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_vector_primitive
-from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.recordings import synchronise, write_recordings
+from structlearn.recordings.runs import write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.execution_cuts import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
@@ -26,13 +27,16 @@ def main() -> None:
     runs, skill = nominal_runs(parameters.runs + parameters.level_runs), ReactiveSkill(primitives)
     executed = executions(skill, runs, testbed)
     with publish("data/raw/scraping/unrolls") as folder:
-        write_recordings(executed[: parameters.runs], folder)
-    with publish("data/raw/scraping/level") as folder:
-        write_recordings(executed[parameters.runs :], folder)
+        write_recordings(
+            executed[: parameters.runs], folder
+        )  # on the sensors' own clocks, as calibrate needs
+    level = [synchronise(one, **clock.model_dump()) for one in executed]
+    unrolls = level[: parameters.runs]
+    write_runs(unrolls, "data/runs/scraping/unrolls.parquet")
+    write_runs(level[parameters.runs :], "data/runs/scraping/level.parquet")
 
     with publish("data/feedback/scraping/expected") as folder:
         folder.mkdir()
-        unrolls = read_demonstrations("data/raw/scraping/unrolls", **clock.model_dump())
         cuts = commanded_cuts(unrolls, [primitive.name for primitive in primitives])
         for name, traces in learn_expected(unrolls, cuts, parameters.smoothing_hz, sensors).items():
             note = "electrode counts without offset"

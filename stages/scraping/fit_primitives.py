@@ -5,20 +5,18 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.primitives.primitive_files import write_primitives
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.source import ClockParameters
+from structlearn.recordings.runs import read_runs
 from structlearn.segmentation.result import read_segmentation
 
 
 def main() -> None:
     parameters = stage_parameters("fit_primitives", FitParameters)
     situation = stage_parameters("generalise", sequence.GeneraliseParameters)
-    clock = stage_parameters("clock", ClockParameters)
-    demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
+    demonstrations = read_runs("data/runs/scraping/nominal.parquet")
     segmentation = read_segmentation("data/segments/scraping")
 
     primitives = learn_sequence(demonstrations, segmentation.results, parameters)
-    dt = 1.0 / clock.rate_hz
+    dt = demonstrations[0].time[1]
     nominal = sequence.unroll(primitives, dt)
     generalised = sequence.generalised(primitives, dt, situation)
     with publish("data/primitives/scraping") as folder:

@@ -44,8 +44,7 @@ PARAMETERS = {
 
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
-    files = ScrapingFiles(parameters["clock"])
-    results = read_results(files, parameters)
+    results = read_results(ScrapingFiles(), parameters)
     studies = {name: read_study(name) for name in STUDIES}
     report = scraping_report(*results, studies, parameters)
     publish_report(

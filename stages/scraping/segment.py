@@ -1,8 +1,7 @@
 """Cut the nominal demonstrations into primitives (dissertation IV.5, IV.9.2)."""
 
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.source import ClockParameters
+from structlearn.recordings.runs import read_runs
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import write_segmentation
 from structlearn.segmentation.segments import cut
@@ -10,8 +9,7 @@ from structlearn.segmentation.segments import cut
 
 def main() -> None:
     parameters = stage_parameters("segment", SegmentParameters)
-    clock = stage_parameters("clock", ClockParameters)
-    demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
+    demonstrations = read_runs("data/runs/scraping/nominal.parquet")
     write_segmentation(cut(demonstrations, parameters), "data/segments/scraping")
 
 

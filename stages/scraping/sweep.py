@@ -2,8 +2,7 @@
 
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.source import ClockParameters
+from structlearn.recordings.runs import read_runs
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
@@ -14,8 +13,7 @@ def main() -> None:
     parameters = stage_parameters("segment_sweep", SweepParameters)
     segmentation = stage_parameters("segment", SegmentParameters)
     simulation = stage_parameters("simulate", DemonstratorParameters)
-    clock = stage_parameters("clock", ClockParameters)
-    demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
+    demonstrations = read_runs("data/runs/scraping/nominal.parquet")
     effect = downsampling_effect(demonstrations, segmentation, parameters.downsampling)
     noise = noise_sweep(parameters, simulation, segmentation)
     people = downsampling_sweep(parameters, simulation, segmentation)

@@ -2,7 +2,6 @@
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.result import read_segmentation
 from structlearn.testbeds.scraping.files import ScrapingFiles
@@ -18,8 +17,8 @@ from structlearn.testbeds.scraping.recordings.shown_runs import read_feedback_ru
 
 def main() -> None:
     parameters = stage_parameters("segment", SegmentParameters)
-    files = ScrapingFiles(stage_parameters("clock", ClockParameters))
-    demonstrations, segmentation = files.demonstrations(), read_segmentation(files.segments)
+    files = ScrapingFiles()
+    demonstrations, segmentation = files.runs("nominal"), read_segmentation(files.segments)
     paths = {name: files.table(name) for name in ("nominal", "generalised")}
     with_feedback, refined = read_feedback_runs(files), read_refined_runs(files)
 

@@ -11,7 +11,7 @@ from structlearn.feedback.training_parameters import POINTWISE, FeedbackParamete
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings import read_demonstrations
+from structlearn.recordings.runs import read_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
@@ -31,7 +31,7 @@ MODELS = {
 def main() -> None:
     parameters = {key: stage_parameters(key, model) for key, model in MODELS.items()}
     own, axis = parameters["write_skill"], parameters["coupling_dataset"].axis
-    demonstrations = read_demonstrations(RAW / "nominal", **parameters["clock"].model_dump())
+    demonstrations = read_runs("data/runs/scraping/nominal.parquet")
     expected, datasets = read_expected(f"{DATA}/expected"), read_datasets(f"{DATA}/dataset")
     networks = read_networks(f"{DATA}/models/{POINTWISE}.safetensors")
     skill = ReactiveSkill(

@@ -10,11 +10,11 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.latent_files import write_models
+from structlearn.tactile.latent_models import write_models
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
 from structlearn.testbeds.servoing.protocol.other_skins import learn_other_skin
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters
 
 SHARED = {
     "touch_dataset": TouchDataParameters,

@@ -12,8 +12,7 @@ from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.page import document
 from structlearn.testbeds.servoing.page.results import HEADLINES, STUDIES, ServoingResults
 from structlearn.testbeds.servoing.page.tables import tables
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
-from structlearn.testbeds.servoing.protocol.servo_variants import ServoTrialParameters
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters, ServoTrialParameters
 from structlearn.testbeds.servoing.world.scene_still import scene_still
 
 PARAMETERS = {

@@ -7,10 +7,10 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters
-from structlearn.tactile.latent_files import read_models
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters
+from structlearn.tactile.latent_models import read_models
 from structlearn.testbeds.servoing.protocol.servo_trials import Taught, compare
 from structlearn.testbeds.servoing.protocol.servo_variants import (
+    OtherSkinsParameters,
     ServoTrialParameters,
     variants,
     variants_of_other_skins,

@@ -1,7 +1,7 @@
 """Samples of touch from the recordings: low-pass, offsets, contacts, contact points, splits (II.4.1.1)."""
 
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations
+from structlearn.recordings.runs import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_dataset import write_dataset
@@ -11,7 +11,7 @@ from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 def main() -> None:
     parameters = stage_parameters("touch_dataset", TouchDataParameters)
     skin = SKINS[stage_parameters("toucher", ToucherParameters).skin]
-    demonstrations = read_demonstrations("data/raw/servoing", rate_hz=parameters.rate_hz)
+    demonstrations = read_runs("data/runs/servoing.parquet")
     write_dataset(prepare(demonstrations, skin, parameters), "data/servoing/touch.safetensors")
 
 

@@ -4,7 +4,7 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.tactile.geodesics import read_geodesics
 from structlearn.tactile.latent_comparison import learn
-from structlearn.tactile.latent_files import write_models
+from structlearn.tactile.latent_models import write_models
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.touch_dataset import read_dataset
 

@@ -2,16 +2,22 @@
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.recordings.runs import read_runs
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_parameters import LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters
 from structlearn.testbeds.servoing import files
-from structlearn.testbeds.servoing.recordings.demonstrated_touches import write_touch_demonstrations
-from structlearn.testbeds.servoing.recordings.latent_maps import write_latent_maps
+from structlearn.testbeds.servoing.recordings.demonstrated_touches import (
+    write_latent_maps,
+    write_touch_demonstrations,
+)
 from structlearn.testbeds.servoing.recordings.servo_runs import shown_runs, write_servo_runs
-from structlearn.testbeds.servoing.recordings.servoing_scene import flat_skin
-from structlearn.testbeds.servoing.recordings.shown_touches import ServoingViewParameters, shown_touches
+from structlearn.testbeds.servoing.recordings.servoing_scene import (
+    ServoingViewParameters,
+    flat_skin,
+    shown_touches,
+)
 from structlearn.testbeds.servoing.world.servo_loop import handle_of
 
 
@@ -22,7 +28,7 @@ def main() -> None:
     map_unit = stage_parameters("train_latent", LatentParameters).map_unit_m
     skin, dataset, latent_map = SKINS[person.skin], files.touch(), files.model_scores().latent_map
     shown = shown_touches(
-        files.demonstrations(prepared.rate_hz),
+        read_runs(files.RUNS),
         dataset,
         latent_map,
         files.true_contacts(),

@@ -81,7 +81,7 @@ def _costs(skill: ReactiveSkill, primitives: list[str]) -> Metrics:
     count = stage_parameters("expected_traces", ExpectedTracesParameters).runs
     unrolls = executions(skill, nominal_runs(count), testbed)
     on_level = nominal_orientation([synchronise(one, clock.rate_hz, clock.max_gap_s) for one in unrolls])
-    _, executed = executed_set(executed_sets.NOMINAL, skill, evaluation, testbed, clock)
+    executed = executed_set(executed_sets.NOMINAL, skill, evaluation, testbed, clock)
     scores = executed_sets.scores([executed], on_level, supervision)
     costs = ExecutionResults(scores, {}, max(evaluation.settings_deg), supervision.unit_axis).costs
     return {

@@ -5,11 +5,9 @@ the working folder, which holds the person's seeds; writes `numbers.json` there:
 array.
 """
 
-import tempfile
-
 from structlearn.ground.artefacts import Metrics, write_metrics
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.recordings import synchronise
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
@@ -26,9 +24,8 @@ def main() -> None:
         stage_parameters("testbed.touch", TouchParameters)
     )
     preparation = stage_parameters("touch_dataset", TouchDataParameters)
-    with tempfile.TemporaryDirectory() as folder:
-        write_recordings([recorded(one, person) for one in demonstrate(person, finger)], f"{folder}/raw")
-        demonstrations = read_demonstrations(f"{folder}/raw", rate_hz=preparation.rate_hz)
+    recordings = [recorded(one, person) for one in demonstrate(person, finger)]
+    demonstrations = [synchronise(one, preparation.rate_hz) for one in recordings]
     dataset = prepare(demonstrations, SKINS[person.skin], preparation)
     distances = geodesics(dataset.contact_point, stage_parameters("geodesics", GeodesicParameters))
     found: Metrics = {"samples": len(dataset)}

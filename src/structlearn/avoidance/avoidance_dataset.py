@@ -38,25 +38,16 @@ class AvoidanceDataParameters(Parameters):
 
 @dataclass(frozen=True)
 class AvoidanceDataset:
-    """Samples of demonstrations in several scenarios.
+    """Samples of demonstrations in several scenarios."""
 
-    Attributes:
-        features: (S, 17) of one obstacle (`avoidance.features`), or (S, F) of a scene (`look_ahead`).
-        target: (S, 3) coupling term in the local frame.
-        phase: (S,) p.
-        phase_velocity: (S,) u.
-        scenario: (S,) number of the scenario, from 0.
-        demonstration: (S,) number of the demonstration within its scenario, from 0.
-        time: (S,) s since the start.
-    """
-
+    # (S, 17) of one obstacle (`avoidance.features`), or (S, F) of a scene (`look_ahead`)
     features: np.ndarray
-    target: np.ndarray
-    phase: np.ndarray
-    phase_velocity: np.ndarray
-    scenario: np.ndarray
-    demonstration: np.ndarray
-    time: np.ndarray
+    target: np.ndarray  # (S, 3) coupling term in the local frame
+    phase: np.ndarray  # (S,) p
+    phase_velocity: np.ndarray  # (S,) u
+    scenario: np.ndarray  # (S,) number of the scenario, from 0
+    demonstration: np.ndarray  # (S,) number of the demonstration within its scenario, from 0
+    time: np.ndarray  # (S,) s since the start
 
     def __len__(self) -> int:
         """Number of samples S."""
@@ -72,12 +63,7 @@ def fit_baseline(
 ) -> PositionPrimitive:
     """The primitive of the unhindered reach.
 
-    Args:
-        demonstrations: without obstacle.
-        parameters: of the smoothing.
-
-    Returns:
-        The primitive; its local frame is the one for everything here.
+    Returns the primitive; its local frame is the one for everything here.
 
     Raises:
         InputError: the reach is too short to have a direction, or a demonstration too short to differentiate.
@@ -133,13 +119,8 @@ def samples(
 ) -> AvoidanceDataset:
     """What one demonstration says about avoiding one obstacle.
 
-    Args:
-        demonstration: with position in the base frame.
-        cloud: (P, 3) m, base frame; its mean is the obstacle's centre.
-        baseline: the unhindered reach.
-        parameters: of the smoothing, and which samples are kept.
-        scenario: its number.
-        number: of the demonstration in it.
+    `demonstration`: with position in the base frame; `cloud` (P, 3) m, base frame; its mean is the obstacle's
+    centre; `parameters`: of the smoothing, and which samples are kept.
 
     Raises:
         InputError: the cloud is empty, or the demonstration too short.

@@ -38,27 +38,16 @@ Layers = Sequence[np.ndarray]
 
 @dataclass(frozen=True)
 class AvoidanceNetworks:
-    """M networks of one shape, e.g. one per scenario.
+    """M networks of one shape, e.g. one per scenario."""
 
-    Attributes:
-        columns: (D,) which of the 17 features, phase (17) and phase velocity (18) the networks see.
-        input_low: (M, D) smallest training inputs, scaled to -1.
-        input_high: (M, D) largest training inputs, scaled to 1; larger than `input_low`.
-        layers: (M, before + 1, after) of each layer, the biases in the last row.
-        output_mean: (M, 3) of the training targets.
-        output_scale: (M, 3) standard deviation of the training targets.
-        output_low: (M, 3) smallest training targets.
-        output_high: (M, 3) largest training targets.
-    """
-
-    columns: np.ndarray
-    input_low: np.ndarray
-    input_high: np.ndarray
-    layers: tuple[np.ndarray, ...]
-    output_mean: np.ndarray
-    output_scale: np.ndarray
-    output_low: np.ndarray
-    output_high: np.ndarray
+    columns: np.ndarray  # (D,) which of the 17 features, phase (17) and phase velocity (18) the networks see
+    input_low: np.ndarray  # (M, D) smallest training inputs, scaled to -1
+    input_high: np.ndarray  # (M, D) largest training inputs, scaled to 1; larger than `input_low`
+    layers: tuple[np.ndarray, ...]  # (M, before + 1, after) of each layer, the biases in the last row
+    output_mean: np.ndarray  # (M, 3) of the training targets
+    output_scale: np.ndarray  # (M, 3) standard deviation of the training targets
+    output_low: np.ndarray  # (M, 3) smallest training targets
+    output_high: np.ndarray  # (M, 3) largest training targets
 
     def __len__(self) -> int:
         return len(self.input_low)
@@ -66,13 +55,8 @@ class AvoidanceNetworks:
     def __call__(self, features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndarray) -> np.ndarray:
         """Coupling terms of a batch: of network b for sample b, or of the only network for all samples.
 
-        Args:
-            features: (B, 17) of `features.features`.
-            phase: (B,) p.
-            phase_velocity: (B,) u.
-
-        Returns:
-            (B, 3) coupling terms in m.
+        `features` (B, 17) of `features.features`; `phase` (B,) p; `phase_velocity` (B,) u. Returns (B, 3)
+        coupling terms in m.
 
         Raises:
             ValueError: there are several networks, and not as many as samples.
@@ -112,12 +96,8 @@ def selected_inputs(
 def forward(layers: Layers, inputs: np.ndarray) -> np.ndarray:
     """Outputs in units of the target's scale.
 
-    Args:
-        layers: of one network, or with a leading axis of networks.
-        inputs: (..., S, D) scaled inputs.
-
-    Returns:
-        (..., S, 3) outputs.
+    `layers`: of one network, or with a leading axis of networks; `inputs` (..., S, D) scaled inputs. Returns
+    (..., S, 3) outputs.
     """
     values = inputs
     for layer in layers[:-1]:
@@ -148,11 +128,8 @@ def scaled_networks(
 ) -> AvoidanceNetworks:
     """Stack networks whose inputs and outputs are in the units of `input_range` and `output_scale`.
 
-    Args:
-        layers: of each network.
-        inputs: (S, D) training inputs of each network, which need not be equally many.
-        targets: (S, 3) training targets of each network.
-        columns: (D,) columns of the inputs.
+    `inputs` (S, D) training inputs of each network, which need not be equally many; `targets` (S, 3) training
+    targets of each network; `columns` (D,) columns of the inputs.
     """
     low, high = zip(*(input_range(values) for values in inputs), strict=True)
     return AvoidanceNetworks(

@@ -17,10 +17,9 @@ from functools import partial
 
 import numpy as np
 
-from structlearn.avoidance.clouds import CloudBatch
 from structlearn.avoidance.features import CouplingModel, features
-from structlearn.avoidance.goal_reach import Deadline, GoalReach
-from structlearn.avoidance.postprocessing import PostprocessingParameters, post_processed
+from structlearn.avoidance.postprocessing import Deadline, GoalReach, PostprocessingParameters, post_processed
+from structlearn.avoidance.shapes import CloudBatch
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical, transformation
@@ -36,39 +35,25 @@ def no_coupling(features: np.ndarray, phase: np.ndarray, phase_velocity: np.ndar
 
 @dataclass(frozen=True)
 class GoalChange:
-    """A goal that moves while the movement is under way; the evolving goal follows it (eq. IV.10).
+    """A goal that moves while the movement is under way; the evolving goal follows it (eq. IV.10)."""
 
-    Attributes:
-        time: when, s since the start.
-        goals: (B, 3) or (3,) new steady goals in the base frame, m.
-    """
-
-    time: float
-    goals: np.ndarray
+    time: float  # when, s since the start
+    goals: np.ndarray  # (B, 3) or (3,) new steady goals in the base frame, m
 
 
 @dataclass(frozen=True)
 class AvoidancePaths:
-    """Unrolled movements of B scenarios in their local frames.
+    """Unrolled movements of B scenarios in their local frames."""
 
-    Attributes:
-        path: (B, T, 3) positions relative to the start, velocities, accelerations.
-        coupling: (B, T, 3) coupling term that acted, held over the step after its sample.
-        asked: (B, T, 3) post-processed coupling term; what acted differs where this would have kept the
-            movement from its goal (`goal_reach`).
-        goal: (B, 3) steady goal, the last one if it changed.
-        start: (B, 3) origin of the local frame in the base frame, m.
-        frame: (B, 3, 3) local to base.
-        duration: prescribed, s; the path may go on.
-    """
-
-    path: Trajectory
-    coupling: np.ndarray
+    path: Trajectory  # (B, T, 3) positions relative to the start, velocities, accelerations
+    coupling: np.ndarray  # (B, T, 3) coupling term that acted, held over the step after its sample
+    # (B, T, 3) post-processed coupling term; what acted differs where this would have kept the movement from
+    # its goal (`GoalReach`)
     asked: np.ndarray
-    goal: np.ndarray
-    start: np.ndarray
-    frame: np.ndarray
-    duration: float
+    goal: np.ndarray  # (B, 3) steady goal, the last one if it changed
+    start: np.ndarray  # (B, 3) origin of the local frame in the base frame, m
+    frame: np.ndarray  # (B, 3, 3) local to base
+    duration: float  # prescribed, s; the path may go on
 
     @property
     def in_base_frame(self) -> Trajectory:
@@ -93,22 +78,13 @@ def unroll(
     """Unroll the baseline round obstacles.
 
     The feedback begins with the second sample: what it asked for at the first would be absorbed by the
-    initial goal (eq. IV.12), which gives it back with the opposite sign.
-
-    Args:
-        primitive: baseline without obstacle.
-        model: avoidance model.
-        obstacles: one or several in each of the B scenarios, in the local frames.
-        dt: sampling interval in s.
-        postprocessing: what acts of the model's coupling term.
-        starts: (B, 3) or (3,) in the base frame, m; default the primitive's.
-        goals: (B, 3) or (3,) in the base frame, m; default the primitive's.
-        duration: prescribed, s; default the primitive's.
-        until_factor: time of the last sample in durations.
-        goal_change: new goals on the way. The frame and the forcing term stay those of the first goals.
-
-    Returns:
-        The movements; without coupling term they are the primitive's own.
+    initial goal (eq. IV.12), which gives it back with the opposite sign. `obstacles`: one or several in each
+    of the B scenarios, in the local frames; `dt`: sampling interval in s; `postprocessing`: what acts of the
+    model's coupling term; `starts` (B, 3) or (3,) in the base frame, m; default the primitive's; `goals` (B,
+    3) or (3,) in the base frame, m; default the primitive's; `duration`: prescribed, s; default the
+    primitive's; `until_factor`: time of the last sample in durations; `goal_change`: new goals on the way.
+    The frame and the forcing term stay those of the first goals. Returns the movements; without coupling
+    term they are the primitive's own.
 
     Raises:
         InputError: no obstacle, batches of different sizes, a reach without a local frame, a change of goal
@@ -158,13 +134,7 @@ def unroll(
 def reach_frames(primitive: PositionPrimitive, starts: np.ndarray, goals: np.ndarray) -> np.ndarray:
     """Local frames of reaches, in the primitive's definition.
 
-    Args:
-        primitive: baseline.
-        starts: (B, 3) m.
-        goals: (B, 3) m.
-
-    Returns:
-        (B, 3, 3) local to base.
+    `starts` (B, 3) m; `goals` (B, 3) m. Returns (B, 3, 3) local to base.
 
     Raises:
         InputError: a reach is too short to have a direction, or along the axis that the frame is anchored to.
@@ -246,13 +216,8 @@ def strongest_pushes(terms: np.ndarray) -> np.ndarray:
     """What several obstacles ask for together: per axis max_i max(c_i, 0) + min_i min(c_i, 0).
 
     One obstacle's coupling term stays as it is; terms on the same side are not added up, those on opposite
-    sides are.
-
-    Args:
-        terms: (O, ..., 3) coupling terms in m.
-
-    Returns:
-        (..., 3) m, along no axis larger than the largest of them.
+    sides are. `terms` (O, ..., 3) coupling terms in m. Returns (..., 3) m, along no axis larger than the
+    largest of them.
     """
     return np.maximum(terms, 0.0).max(axis=0) + np.minimum(terms, 0.0).min(axis=0)
 

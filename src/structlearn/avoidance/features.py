@@ -94,14 +94,8 @@ def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.nd
     """The same obstacles as a hand sees them that is elsewhere, and moves otherwise.
 
     The three points stay those that were closest: it is the obstacle that is seen from elsewhere, not others.
-
-    Args:
-        features: (..., 17).
-        position: (..., 3) by which the hand is off, m.
-        scaled_velocity: (..., 3) by which tau v is off, m.
-
-    Returns:
-        (..., 17).
+    `features` (..., 17); `position` (..., 3) by which the hand is off, m; `scaled_velocity` (..., 3) by which
+    tau v is off, m. Returns (..., 17).
     """
     found = np.array(features, dtype=float)
     found[..., TO_CENTRE] -= position
@@ -116,12 +110,7 @@ def displaced(features: np.ndarray, position: np.ndarray, scaled_velocity: np.nd
 def closest_distance(position: np.ndarray, cloud: np.ndarray) -> np.ndarray:
     """Distance to the closest point of a cloud.
 
-    Args:
-        position: (..., 3) m.
-        cloud: (..., P, 3) m.
-
-    Returns:
-        (...) m; NaN where an input is not finite.
+    `position` (..., 3) m; `cloud` (..., P, 3) m. Returns (...) m; NaN where an input is not finite.
     """
     return _norm(_closest_points()(position, cloud, _SLOTS)[..., 0, :])
 

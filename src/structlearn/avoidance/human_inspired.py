@@ -45,12 +45,9 @@ VAGUE = 1e-6
 
 @dataclass(frozen=True)
 class HumanInspiredModels:
-    """M models, e.g. one per scenario.
+    """M models, e.g. one per scenario."""
 
-    Attributes:
-        weights: (M, 3, F) per axis and feature, centre before closest point, beta before k; 0 where pruned.
-    """
-
+    # (M, 3, F) per axis and feature, centre before closest point, beta before k; 0 where pruned
     weights: np.ndarray
 
     def __len__(self) -> int:
@@ -86,12 +83,7 @@ def steering_features(features: np.ndarray) -> np.ndarray:
 def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspiredModels:
     """Fit one model.
 
-    Args:
-        features: (S, 17).
-        target: (S, 3) coupling terms in m.
-
-    Returns:
-        A stack of one model.
+    `features` (S, 17); `target` (S, 3) coupling terms in m. Returns a stack of one model.
 
     Raises:
         InputError: fewer than two samples.
@@ -115,9 +107,7 @@ def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspire
 def pruning_regression(inputs: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Weights (F,) of Bayesian regression without intercept that prunes (MacKay 1994, Tipping 2001).
 
-    Args:
-        inputs: (S, F).
-        target: (S,).
+    `inputs` (S, F); `target` (S,).
     """
     gram, moments, energy = inputs.T @ inputs, inputs.T @ target, target @ target
     kept, weights = np.arange(len(gram)), np.zeros(len(gram))

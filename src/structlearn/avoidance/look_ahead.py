@@ -53,31 +53,19 @@ class LookAheadParameters(Parameters):
 
 @dataclass(frozen=True)
 class CostToGo:
-    """Cheapest ways to one goal in a plane.
+    """Cheapest ways to one goal in a plane."""
 
-    Attributes:
-        origin: (2,) m, centre of the first cell, base frame.
-        cell: m.
-        goal: (2,) m.
-        cost: (X, Y) m of open way, cost-to-go at the cells' centres.
-        direction: (X, Y, 2) unit vectors of its steepest descent, 0 at the goal.
-    """
-
-    origin: np.ndarray
-    cell: float
-    goal: np.ndarray
-    cost: np.ndarray
-    direction: np.ndarray
+    origin: np.ndarray  # (2,) m, centre of the first cell, base frame
+    cell: float  # m
+    goal: np.ndarray  # (2,) m
+    cost: np.ndarray  # (X, Y) m of open way, cost-to-go at the cells' centres
+    direction: np.ndarray  # (X, Y, 2) unit vectors of its steepest descent, 0 at the goal
 
     def ways(self, points: np.ndarray, ahead: Sequence[float] | np.ndarray) -> np.ndarray:
         """Where the cheapest ways from some points lead.
 
-        Args:
-            points: (N, 2) m; what is outside of the grid is looked at as at its edge.
-            ahead: (L,) increasing distances along the way, m.
-
-        Returns:
-            (N, L, 2) m; the goal where the way is shorter.
+        `points` (N, 2) m; what is outside of the grid is looked at as at its edge; `ahead` (L,) increasing
+        distances along the way, m. Returns (N, L, 2) m; the goal where the way is shorter.
         """
         found = np.empty((len(points), len(ahead), 2))
         grid = (self.origin, self.cell, self.goal, self.direction)
@@ -99,11 +87,8 @@ def cost_to_go(
 ) -> CostToGo:
     """Cheapest ways past all shapes in the horizontal plane halfway up the reach.
 
-    Args:
-        shapes: any number, in any order, base frame.
-        start: (3,) m, base frame; the grid covers it.
-        goal: (3,) m.
-        parameters: see there.
+    `shapes`: any number, in any order, base frame; `start` (3,) m, base frame; the grid covers it; `goal`
+    (3,) m.
 
     Raises:
         InputError: start or goal is not finite.

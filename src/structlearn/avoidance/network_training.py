@@ -36,9 +36,9 @@ from structlearn.avoidance.levenberg_marquardt import (
     VALIDATION,
     VALIDATION_SHARE,
     LevenbergMarquardtParameters,
+    Samples,
     train,
 )
-from structlearn.avoidance.normal_equations import Samples
 from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
@@ -108,13 +108,8 @@ def fit_networks(
 ) -> AvoidanceNetworks:
     """Train one network per dataset, over processes.
 
-    Args:
-        datasets: training samples of each network.
-        parameters: see there; of an ensemble every member has a `lesson` of its own.
-        description: what the progress bar says.
-
-    Returns:
-        A stack, one network per dataset, each the mean of its members.
+    `datasets`: training samples of each network; of an ensemble every member has a
+    `lesson` of its own. Returns a stack, one network per dataset, each the mean of its members.
 
     Raises:
         InputError: the target of an axis is constant, or there are too few samples.
@@ -135,10 +130,7 @@ def lesson(
 ) -> AvoidanceDataset:
     """What one member of an ensemble sees of the samples: some demonstrations, from elsewhere.
 
-    Args:
-        dataset: training samples.
-        parameters: see there.
-        stream: which random numbers are the member's own.
+    `dataset`: training samples; `stream`: which random numbers are the member's own.
     """
     rng = np.random.default_rng([parameters.training.seed, *stream, LESSON])
     which = _demonstrations(dataset)
@@ -168,15 +160,10 @@ def train_member(
 ) -> tuple[np.ndarray, ...]:
     """Train one network in this process.
 
-    Args:
-        dataset: training samples, whose ranges scale inputs and outputs.
-        parameters: see there; `members` are not looked at.
-        stream: which random numbers are its own.
-        seen: the samples that it learns from; default all. By the rule `validation` some demonstrations of
-            them say when to stop.
-
-    Returns:
-        Its layers, in the units of `avoidance_network.scaled_networks`.
+    `dataset`: training samples, whose ranges scale inputs and outputs; `members` are
+    not looked at; `seen`: the samples that it learns from; default all. By the rule `validation` some
+    demonstrations of them say when to stop. Returns its layers, in the units of
+    `avoidance_network.scaled_networks`.
 
     Raises:
         InputError: the target of an axis is constant, or there is one demonstration and none to validate.
@@ -210,15 +197,10 @@ def fit_errors(
 ) -> pd.DataFrame:
     """Training and test errors of one model per dataset.
 
-    Args:
-        datasets: all samples, in the order of the models.
-        tests: (S,) mask of the test samples of each dataset.
-        models: coupling model of each dataset.
-
-    Returns:
-        Per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z` and their mean
-        `nmse`; `dominant` (the axis of `dominant_axis` over all samples of a single scenario, or "") and
-        `nmse_dominant` (NaN without one).
+    `datasets`: all samples, in the order of the models; `tests` (S,) mask of the test samples of each
+    dataset. Returns per `model` (number from 0) and `part` (`train`, `test`): `nmse_x`, `nmse_y`, `nmse_z`
+    and their mean `nmse`; `dominant` (the axis of `dominant_axis` over all samples of a single scenario, or
+    "") and `nmse_dominant` (NaN without one).
     """
     rows = []
     for place, (dataset, mask, model) in enumerate(zip(datasets, tests, models, strict=True)):

@@ -9,13 +9,36 @@ for both, and no k; the author's code has the points and k = 10 1/m^2, and so it
 
 These rules alone do not bring the movement to its goal. A coupling term of 1 holds it 6.4 mm off, 1 / (alpha
 beta), networks ask for tens, and past an obstacle close to the goal, or level with it, hardly anything fades.
-So the deviation is limited too (`goal_reach`).
+So the deviation is limited too (`GoalReach`). The transformation system is linear, so a coupled movement is
+the baseline plus a deviation y = (dx, tau dv) that only the coupling term drives; it is held over a step, so
+the step is exact (`primitives.transformation`):
+
+    y_{k+1} = A y_k + b c_k          D_k = first row of A^(n - k) y_k          D_{k+1} = D_k + g_k c_k
+
+D_k is the deviation that will be left at sample n, the deadline, if nothing acts from now on. A coupling
+term of length r that leads straight back takes r (g_k + ... + g_{n-1}) off it, hence a movement can still
+be brought back within the limit as long as
+
+    |D_k| <= limit + r (g_k + ... + g_{n-1})
+
+What a model asks for acts unless it would break this; then the nearest coupling term acts that does not. So
+the limit holds at the deadline whatever a model asks for, and wherever the goal goes: the deviation does
+not depend on it. And a movement is let go as far as a modest coupling term can undo, not only as far as the
+primitive's own attraction can: a detour round an obstacle close to the goal needs that.
+
+From the first deadline on the movement is over: nothing that a model asks for acts, only what a later limit
+needs. Otherwise a model that still sees its obstacle drives the hand off its goal again in between.
 """
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from pydantic import Field
 
 from structlearn.ground.params import Parameters
+from structlearn.primitives.transformation import step_matrix
 
 
 class PostprocessingParameters(Parameters):
@@ -65,3 +88,71 @@ def post_processed(
     passed = np.maximum(np.subtract(x, last_x), 0.0)
     factor = np.where(np.less(goal_x, first_x), 0.0, np.exp(-passed_decay_per_m2 * passed**2))
     return coupling * factor[..., None] * (0.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """Largest distance from the baseline that coupling terms may leave."""
+
+    sample: int  # index n of the sample
+    limit: float  # m
+
+
+class GoalReach:
+    """Deviation of a batch of coupled movements from their baselines, and what may still be added to it.
+
+    Of several deadlines the next one counts.
+
+    Attributes:
+        deviation: (2, B, D) of the position and of tau v, both in m.
+    """
+
+    def __init__(
+        self, batch: tuple[int, int], step: float, deadlines: Sequence[Deadline], return_coupling: float
+    ) -> None:
+        """Start without deviation.
+
+        `batch` (B, D); `step`: dt / tau, dimensionless; `return_coupling`: length r of the coupling term that
+        is trusted to bring a movement back.
+        """
+        self.deviation = np.zeros((2, *batch))
+        self._matrix, self._step, self._return = step_matrix(step), step, return_coupling
+        self._deadlines = sorted(deadlines, key=lambda deadline: deadline.sample)
+
+    def admissible(self, k: int, coupling: np.ndarray) -> np.ndarray:
+        """The coupling term (B, D) that may act over step k: nearest to the given one, to none at the end."""
+        following = [deadline for deadline in self._deadlines if deadline.sample > k]
+        if len(following) < len(self._deadlines):
+            coupling = np.zeros_like(coupling)
+        if not following:
+            return coupling
+        rows, gains, rests = _projections(self._step, following[0].sample)
+        left = np.tensordot(rows[k], self.deviation, 1) + gains[k] * coupling
+        length = np.linalg.norm(left, axis=-1, keepdims=True)
+        bound = following[0].limit + self._return * rests[k + 1]
+        excess = np.maximum(1.0 - bound / np.maximum(length, bound), 0.0)
+        return coupling - excess / gains[k] * left
+
+    def advance(self, coupling: np.ndarray) -> None:
+        """One step with the coupling term (B, D) that acts."""
+        self.deviation = np.tensordot(self._matrix[:2, :2], self.deviation, 1)
+        self.deviation += self._matrix[:2, 3, None, None] * coupling
+
+
+@lru_cache
+def _projections(step: float, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What is left at sample n of the state and of the coupling terms before it.
+
+    Returns `rows` (n, 2) so that D_k = rows[k] y_k; `gains` (n,) g_k; `rests` (n + 1,) g_k + ... + g_{n-1}.
+    """
+    matrix = step_matrix(step)
+    rows, gains = np.empty((last, 2)), np.empty(last)
+    row = np.array([1.0, 0.0])
+    for k in reversed(range(last)):
+        gains[k] = row @ matrix[:2, 3]
+        row = row @ matrix[:2, :2]
+        rows[k] = row
+    rests = np.append(np.cumsum(gains[::-1])[::-1], 0.0)
+    for values in (rows, gains, rests):
+        values.flags.writeable = False
+    return rows, gains, rests

@@ -11,7 +11,6 @@ import pandas as pd
 
 from structlearn.avoidance.avoidance_dataset import AXES
 from structlearn.avoidance.look_ahead import nearest_distance
-from structlearn.avoidance.scene_learning import samples_of_nearest, samples_of_scene, scene_states
 from structlearn.avoidance.scene_models import (
     ENSEMBLE,
     HUMAN_INSPIRED,
@@ -23,6 +22,9 @@ from structlearn.avoidance.scene_models import (
     learn,
     reach_scenes,
     reach_through,
+    samples_of_nearest,
+    samples_of_scene,
+    scene_states,
 )
 from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
 from structlearn.avoidance.scene_unroll import Scenes
@@ -34,28 +36,23 @@ WAYS = (NONE, *MODELS, PLANNED)
 
 @dataclass(frozen=True)
 class SceneResults:
-    """What the folds show.
+    """What the folds show."""
 
-    Attributes:
-        reaches: per `way` of `WAYS` and `reach`: `person`, `fold`; whether the straight line hits an
-            obstacle, `blocked`; whether the reach does, `hit`, or meets a wall, `hit_wall`; `clearance_mm` of
-            the hand's centre from the nearest obstacle, `left_mm` from the goal at the prescribed end,
-            `path_mm` from the person's own path, and whether it takes the person's gaps, `same_gaps`.
-        errors: per `way` of `MODELS`, `fold` and `axis`: `squared`, the error of the coupling term on what is
-            left out, squared and summed, and `variance`, the same of the targets about their mean.
-        people: per pair of people who reached through one scene: `first`, `second`, `reach`, `path_mm`,
-            `same_gaps`.
-        left_out: trials that are no reaches: `trial`, `person`, `reason`.
-        paths: of some reaches, for pictures: `reach`, `way` (or `recorded`), `time_s`, `x_m`, `y_m`, `z_m`.
-        shapes: of these reaches: `reach`, whether an obstacle (`box`) or a wall, its centre `x_m`, `y_m`,
-            `z_m` and extent `width_m`, `depth_m`, `height_m`.
-    """
-
+    # per `way` of `WAYS` and `reach`: `person`, `fold`; whether the straight line hits an obstacle,
+    # `blocked`; whether the reach does, `hit`, or meets a wall, `hit_wall`; `clearance_mm` of the hand's
+    # centre from the nearest obstacle, `left_mm` from the goal at the prescribed end, `path_mm` from the
+    # person's own path, and whether it takes the person's gaps, `same_gaps`
     reaches: pd.DataFrame
+    # per `way` of `MODELS`, `fold` and `axis`: `squared`, the error of the coupling term on what is left out,
+    # squared and summed, and `variance`, the same of the targets about their mean
     errors: pd.DataFrame
+    # per pair of people who reached through one scene: `first`, `second`, `reach`, `path_mm`, `same_gaps`
     people: pd.DataFrame
-    left_out: pd.DataFrame
+    left_out: pd.DataFrame  # trials that are no reaches: `trial`, `person`, `reason`
+    # of some reaches, for pictures: `reach`, `way` (or `recorded`), `time_s`, `x_m`, `y_m`, `z_m`
     paths: pd.DataFrame
+    # of these reaches: `reach`, whether an obstacle (`box`) or a wall, its centre `x_m`, `y_m`, `z_m` and
+    # extent `width_m`, `depth_m`, `height_m`
     shapes: pd.DataFrame
 
 
@@ -194,12 +191,8 @@ def _pictures(
 def nearest_path_distance(first: np.ndarray, second: np.ndarray) -> float:
     """Symmetric mean distance of two paths, whatever the times at which they are where they are.
 
-    Args:
-        first: (T, D) m.
-        second: (S, D) m.
-
-    Returns:
-        m: mean distance of the points of one to the nearest of the other, averaged over both directions.
+    `first` (T, D) m; `second` (S, D) m. Returns m: mean distance of the points of one to the nearest of the
+    other, averaged over both directions.
     """
     distances = np.linalg.norm(first[:, None] - second[None], axis=-1)
     return float(0.5 * (distances.min(axis=0).mean() + distances.min(axis=1).mean()))
@@ -209,12 +202,8 @@ def same_gaps(first: np.ndarray, second: np.ndarray, centres: Sequence[np.ndarra
     """Whether two paths in a plane pass every obstacle on the same side.
 
     They do if the closed curve there along one and back along the other winds round none of the centres: then
-    one can be moved into the other without crossing any.
-
-    Args:
-        first: (T, 2) m.
-        second: (S, 2) m, from about the same start to about the same goal.
-        centres: (O, 2) m.
+    one can be moved into the other without crossing any. `first` (T, 2) m; `second` (S, 2) m, from about the
+    same start to about the same goal; `centres` (O, 2) m.
     """
     loop = np.vstack([first, second[::-1], first[:1]])
     return not any(_winding(loop - centre) for centre in centres)

@@ -44,27 +44,16 @@ class SceneLearningParameters(Parameters):
 
 @dataclass(frozen=True)
 class SceneReach:
-    """One person's reach through a scene.
+    """One person's reach through a scene."""
 
-    Attributes:
-        name: of the recording.
-        person: who.
-        path: (T, 3) in the local frame, relative to the start; time in durations, from 0 to 1.
-        start: (3,) m, base frame.
-        frame: (3, 3) local to base.
-        duration_s: s.
-        obstacles: base frame.
-        walls: what else the hand could meet, base frame.
-    """
-
-    name: str
-    person: str
-    path: Trajectory
-    start: np.ndarray
-    frame: np.ndarray
-    duration_s: float
-    obstacles: tuple[Obstacle, ...]
-    walls: tuple[Obstacle, ...]
+    name: str  # of the recording
+    person: str  # who
+    path: Trajectory  # (T, 3) in the local frame, relative to the start; time in durations, from 0 to 1
+    start: np.ndarray  # (3,) m, base frame
+    frame: np.ndarray  # (3, 3) local to base
+    duration_s: float  # s
+    obstacles: tuple[Obstacle, ...]  # base frame
+    walls: tuple[Obstacle, ...]  # what else the hand could meet, base frame
 
     @property
     def goal(self) -> np.ndarray:
@@ -94,18 +83,8 @@ def cut_reach(
 ) -> SceneReach | str:
     """One reach of a recording.
 
-    Args:
-        trial: the recording.
-        name: that the reach gets.
-        person: whose it is.
-        smooth: (T, 3) m, its smoothed positions with their derivatives.
-        part: samples of the reach.
-        obstacles: base frame.
-        walls: base frame.
-        parameters: see there.
-
-    Returns:
-        The reach, or why there is none.
+    `smooth` (T, 3) m, its smoothed positions with their derivatives; `part`: samples of the reach;
+    `obstacles`: base frame; `walls`: base frame. Returns the reach, or why there is none.
     """
     time = trial.time[part]
     duration = float(time[-1] - time[0])

@@ -11,9 +11,8 @@ from typing import Self
 import numpy as np
 
 from structlearn.avoidance.features import CouplingModel, features
-from structlearn.avoidance.goal_reach import Deadline, GoalReach
 from structlearn.avoidance.look_ahead import CostToGo, scene_features
-from structlearn.avoidance.postprocessing import post_processed
+from structlearn.avoidance.postprocessing import Deadline, GoalReach, post_processed
 from structlearn.avoidance.shapes import Obstacle
 from structlearn.primitives import canonical, transformation
 from structlearn.primitives.trajectory import Trajectory
@@ -25,21 +24,14 @@ TAU = canonical.time_constant(1.0)
 
 @dataclass(frozen=True)
 class Scenes:
-    """B scenes as models see them.
+    """B scenes as models see them."""
 
-    Attributes:
-        start: (B, 3) m, base frame.
-        frame: (B, 3, 3) local to base.
-        goal: (B, 3) m, local frame.
-        clouds: (B, O, P, 3) m, local frame, surfaces of the obstacles; a scene with fewer has one repeatedly.
-        ways: of each scene.
-    """
-
-    start: np.ndarray
-    frame: np.ndarray
-    goal: np.ndarray
+    start: np.ndarray  # (B, 3) m, base frame
+    frame: np.ndarray  # (B, 3, 3) local to base
+    goal: np.ndarray  # (B, 3) m, local frame
+    # (B, O, P, 3) m, local frame, surfaces of the obstacles; a scene with fewer has one repeatedly
     clouds: np.ndarray
-    ways: Sequence[CostToGo]
+    ways: Sequence[CostToGo]  # of each scene
 
     def __len__(self) -> int:
         return len(self.start)
@@ -57,17 +49,11 @@ class Scenes:
 
 @dataclass(frozen=True)
 class Seen:
-    """What is seen of one obstacle of each of B scenes: the nearest.
+    """What is seen of one obstacle of each of B scenes: the nearest."""
 
-    Attributes:
-        features: (B, 17).
-        first_x: (B,) m, smallest x of its points.
-        last_x: (B,) m, largest x of its points.
-    """
-
-    features: np.ndarray
-    first_x: np.ndarray
-    last_x: np.ndarray
+    features: np.ndarray  # (B, 17)
+    first_x: np.ndarray  # (B,) m, smallest x of its points
+    last_x: np.ndarray  # (B,) m, largest x of its points
 
 
 def local_clouds(
@@ -75,11 +61,7 @@ def local_clouds(
 ) -> np.ndarray:
     """Surfaces of the obstacles of B scenes in their local frames, `Scenes.clouds`.
 
-    Args:
-        obstacles: of each scene, at least one.
-        start: (B, 3) m, base frame.
-        frame: (B, 3, 3) local to base.
-        count: points of a surface.
+    `obstacles`: of each scene, at least one; `start` (B, 3) m, base frame; `frame` (B, 3, 3) local to base.
     """
     most = max(map(len, obstacles))
     clouds = [
@@ -92,10 +74,7 @@ def local_clouds(
 def nearest_seen(position: np.ndarray, scaled_velocity: np.ndarray, clouds: np.ndarray) -> Seen:
     """The text's features of the obstacle whose surface is nearest to the hand.
 
-    Args:
-        position: (B, 3) m.
-        scaled_velocity: (B, 3) tau v, m.
-        clouds: (B, O, P, 3) m.
+    `position` (B, 3) m; `scaled_velocity` (B, 3) tau v, m; `clouds` (B, O, P, 3) m.
     """
     every = features(position[:, None], scaled_velocity[:, None], 1.0, clouds, clouds.mean(axis=2))
     nearest = np.linalg.norm(every[..., [3, 6, 9]], axis=-1).argmin(axis=1)
@@ -111,11 +90,8 @@ Feedback = Callable[[int, np.ndarray, np.ndarray], np.ndarray]
 def feedback_of_nearest(model: CouplingModel, scenes: Scenes, samples: int, decay_per_m2: float) -> Feedback:
     """A model of the text's features, with the text's post-processing, for the nearest obstacle.
 
-    Args:
-        model: of features, phase and phase velocity.
-        scenes: B of them.
-        samples: of the movement.
-        decay_per_m2: k past the obstacle (`postprocessing`).
+    `model`: of features, phase and phase velocity; `scenes`: B of them; `decay_per_m2`: k past the obstacle
+    (`postprocessing`).
     """
     phase = phases(samples)
 
@@ -164,7 +140,7 @@ def unroll_through(
         goals: (B, 3) m, local frame.
         feedback: None for the primitive alone.
         samples: T, from the start to the prescribed end.
-        end_limit_m: how far off the primitive's own end feedback may leave the hand (`goal_reach`).
+        end_limit_m: how far off the primitive's own end feedback may leave the hand (`GoalReach`).
         return_coupling: likewise.
 
     Returns:

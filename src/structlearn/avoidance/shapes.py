@@ -1,10 +1,13 @@
 """Obstacles of known geometry: sphere, cube and cylinder as in the recorded experiment (IV.8.3).
 
 Sizes are measured on the public motion-capture models of the recorded objects, markers and the points that
-augment them (`clmc/obs_avoid/vicon_objects`): facts carried over, the files are not read.
+augment them (`clmc/obs_avoid/vicon_objects`): facts carried over, the files are not read. An unroll
+meets obstacles as point clouds, one per scenario, at rest or moving.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -40,20 +43,14 @@ RINGS, RING_POINTS = 4, 8
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid at rest.
+    """A solid at rest."""
 
-    Attributes:
-        shape: what it is.
-        centre: (3,) m.
-        half_size: (3,) m, half the extent along the object's own axes; x and y are equal for a cylinder, all
-            three for a sphere.
-        rotation: (3, 3) object to world.
-    """
-
-    shape: Shape
-    centre: np.ndarray
+    shape: Shape  # what it is
+    centre: np.ndarray  # (3,) m
+    # (3,) m, half the extent along the object's own axes; x and y are equal for a cylinder, all three for a
+    # sphere
     half_size: np.ndarray
-    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))  # (3, 3) object to world
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
@@ -73,23 +70,15 @@ class Obstacle:
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Distance to the surface, negative inside.
 
-        Args:
-            points: (..., 3) m.
-
-        Returns:
-            (...) m.
+        `points` (..., 3) m. Returns (...) m.
         """
         return self.distance_and_normal(points)[0]
 
     def distance_and_normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Signed distance and its gradient, both closed-form.
 
-        Args:
-            points: (..., 3) m.
-
-        Returns:
-            distance: (...) m, negative inside.   normal: (..., 3) unit vectors away from the obstacle; where
-            several points of the surface are equally close, towards one of them.
+        `points` (..., 3) m. Returns `distance` (...) m, negative inside; `normal` (..., 3) unit vectors away
+        from the obstacle; where several points of the surface are equally close, towards one of them.
         """
         own = (np.asarray(points, dtype=float) - self.centre) @ self.rotation
         measure = {"sphere": _sphere, "cube": _cube, "cylinder": _cylinder}[self.shape]
@@ -103,11 +92,7 @@ class Obstacle:
     def cloud(self, count: int = CLOUD_COUNT) -> np.ndarray:
         """Points spread evenly over the surface, the same ones every time.
 
-        Args:
-            count: how many, at least 6.
-
-        Returns:
-            (count, 3) m.
+        `count`: how many, at least 6. Returns (count, 3) m.
 
         Raises:
             InputError: there are too few to stand for the surface.
@@ -126,10 +111,7 @@ class Obstacle:
 def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
     """An obstacle of the recorded size that stands upright.
 
-    Args:
-        shape: what it is.
-        centre: (3,) m.
-        yaw: rad, turn about the vertical.
+    `centre` (3,) m; `yaw`: rad, turn about the vertical.
 
     Raises:
         InputError: there is no such shape.
@@ -174,12 +156,7 @@ def check_cloud(cloud: np.ndarray) -> None:
 def ringed_sphere(centre: np.ndarray, radius: float) -> np.ndarray:
     """The cloud by which the dissertation's unseen spheres are known: four rings, two poles, the centre.
 
-    Args:
-        centre: (..., 3) m.
-        radius: m.
-
-    Returns:
-        (..., 35, 3) m, the centre last; it is also the mean.
+    `centre` (..., 3) m; `radius`: m. Returns (..., 35, 3) m, the centre last; it is also the mean.
     """
     polar = np.pi * np.arange(1, RINGS + 1) / (RINGS + 1)
     azimuth = 2.0 * np.pi * np.arange(RING_POINTS) / RING_POINTS
@@ -263,3 +240,66 @@ def _cube_cloud(half: np.ndarray, count: int) -> np.ndarray:
         part[:, others] = half[others] * (2.0 * square - 1.0) * side
         points.append(part)
     return np.vstack(points)
+
+
+Motion = Callable[[float], np.ndarray]
+"""Displacement (B, 3) in m of an obstacle since the start of the movement, at a time in s."""
+
+
+@dataclass(frozen=True)
+class CloudBatch:
+    """One obstacle in each of B scenarios, in the scenarios' local frames; see `cloud_batch`."""
+
+    points: np.ndarray  # (B, P, 3) points of the surfaces at the start, m
+    centre: np.ndarray  # (B, 3) at the start, m
+    radius: np.ndarray  # (B,) virtual radius in m
+    motion: Motion | None = None  # displacement over time; None for obstacles at rest
+
+    def displacement(self, time: float) -> np.ndarray:
+        """(B, 3) displacement in m since the start, at a time in s."""
+        if self.motion is None:
+            return np.zeros_like(self.centre)
+        moved = np.asarray(self.motion(time), dtype=float)
+        if not np.isfinite(moved).all():
+            raise InputError(f"an obstacle's displacement at {time:g} s is not finite")
+        return np.broadcast_to(moved, self.centre.shape)
+
+    def path(self, times: np.ndarray) -> np.ndarray:
+        """(B, T, 3) displacement in m at times (T,) in s."""
+        return np.stack([self.displacement(float(time)) for time in times], axis=1)
+
+
+def cloud_batch(
+    points: np.ndarray,
+    centre: np.ndarray | None = None,
+    radius: np.ndarray | float | None = None,
+    motion: Motion | None = None,
+) -> CloudBatch:
+    """Clouds of B scenarios; what is not known of the obstacles is taken from their points.
+
+    Args:
+        points: (B, P, 3) m.
+        centre: (B, 3) m; default the mean point.
+        radius: (B,) or one for all, m; default the mean distance of the points to their mean.
+        motion: displacement over time; default at rest.
+
+    Raises:
+        InputError: there are no points, or they are not (B, P, 3) or not finite; centres likewise; a radius
+            is not positive.
+    """
+    points = np.asarray(points, dtype=float)
+    check_cloud(points)
+    if points.ndim != 3:
+        raise InputError(f"clouds of a batch must be (scenarios, points, 3), have the shape {points.shape}")
+    radius = np.broadcast_to(virtual_radius(points) if radius is None else radius, len(points)).astype(float)
+    if not (radius > 0.0).all():
+        raise InputError("an obstacle has no extent: its virtual radius must be positive")
+    centre = points.mean(axis=1) if centre is None else np.asarray(centre, dtype=float)
+    if centre.shape != (len(points), 3) or not np.isfinite(centre).all():
+        raise InputError(f"centres of {len(points)} obstacles must be finite ({len(points)}, 3)")
+    return CloudBatch(points, centre, radius, motion)
+
+
+def constant_velocity(velocity: np.ndarray) -> Motion:
+    """Motion with a velocity (B, 3) or (3,) in m/s."""
+    return partial(np.multiply, np.asarray(velocity, dtype=float))

@@ -47,22 +47,14 @@ SAMPLES = 250
 
 @dataclass(frozen=True)
 class CorrectedPaths:
-    """Corrected demonstrations of one primitive at the same T samples of normalised time.
+    """Corrected demonstrations of one primitive at the same T samples of normalised time."""
 
-    Attributes:
-        deviation: (L, T, D) s_actual - s_expected, counts.
-        target: (L, T) coupling term of one axis that was demonstrated, m or rad.
-        correction: (L, T) m or rad, what was added to the nominal movement from the demonstration's initial
-            state.
-        setting: (L,) degrees of board roll, or labels.
-        demonstration: (L,) number within its setting.
-    """
-
-    deviation: np.ndarray
-    target: np.ndarray
+    deviation: np.ndarray  # (L, T, D) s_actual - s_expected, counts
+    target: np.ndarray  # (L, T) coupling term of one axis that was demonstrated, m or rad
+    # (L, T) m or rad, what was added to the nominal movement from the demonstration's initial state
     correction: np.ndarray
-    setting: np.ndarray
-    demonstration: np.ndarray
+    setting: np.ndarray  # (L,) degrees of board roll, or labels
+    demonstration: np.ndarray  # (L,) number within its setting
 
     @property
     def response(self) -> np.ndarray:
@@ -87,15 +79,9 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
     The correction is unrolled at the demonstration's own rate, so that nothing faster than the common samples
     folds into it; everything is then interpolated linearly.
 
-    Args:
-        dataset: samples of each demonstration from the start to the end of the primitive, on a uniform clock.
-        samples: T per demonstration.
-
-    Returns:
-        CorrectedPaths in the order of setting, then demonstration.
-
-    Raises:
-        InputError: a demonstration is not on a uniform clock from the start to the end of the primitive.
+    `dataset`: samples of each demonstration from the start to the end of the primitive, on a uniform clock.
+    Returns CorrectedPaths in the order of setting, then demonstration. Raises InputError: a demonstration is
+    not on a uniform clock from the start to the end of the primitive.
     """
     keys = sorted(set(zip(dataset.setting.tolist(), dataset.demonstration.tolist(), strict=True)))
     columns: dict[str, list[np.ndarray]] = {"deviation": [], "target": [], "correction": []}
@@ -121,12 +107,8 @@ def corrected_paths(dataset: CouplingDataset, samples: int) -> CorrectedPaths:
 def unrolled_error(network: CouplingModel, paths: CorrectedPaths) -> np.ndarray:
     """Difference between the unrolled and the demonstrated path, given the demonstration's sensors.
 
-    Args:
-        network: any feedback model of this coupling dimension, however it was training.
-        paths: the demonstrations.
-
-    Returns:
-        (L,) m or rad, root mean square over each demonstration.
+    `network`: any feedback model of this coupling dimension, however it was training. Returns (L,) m or rad,
+    root mean square over each demonstration.
     """
     unrolled = network.coupling(paths.deviation, *paths.phase) @ paths.response.T
     return np.sqrt(np.mean((unrolled - paths.correction) ** 2, axis=1))
@@ -137,13 +119,9 @@ def path_errors(
 ) -> pd.DataFrame:
     """Errors of the unrolled roll path, given the recorded sensors, over all demonstrations.
 
-    Args:
-        datasets: by the primitive's name, with settings that were and were not learned from.
-        models: networks by primitive, by model.
-
-    Returns:
-        One row per model, primitive and demonstration: `model`, `primitive`, `setting_deg`, `demonstration`,
-        `error_deg` (rms over the movement).
+    `datasets`: by the primitive's name, with settings that were and were not learned from. `models`: networks
+    by primitive, by model. Returns one row per model, primitive and demonstration: `model`, `primitive`,
+    `setting_deg`, `demonstration`, `error_deg` (rms over the movement).
     """
     tables = []
     for name, dataset in datasets.items():
@@ -167,16 +145,8 @@ def path_errors(
 def split(paths: CorrectedPaths, share: float, seed: int) -> tuple[CorrectedPaths, CorrectedPaths]:
     """Demonstrations to train on and demonstrations to validate on; no number of a demonstration is in both.
 
-    Args:
-        paths: demonstrations of at least two numbers.
-        share: of the demonstration numbers, to validate on; at least one number.
-        seed: of the choice.
-
-    Returns:
-        Training and validation demonstrations.
-
-    Raises:
-        InputError: the demonstrations have one number only.
+    `paths`: demonstrations of at least two numbers. `share`: of the demonstration numbers, to validate on; at
+    least one number. Raises InputError: the demonstrations have one number only.
     """
     numbers = np.unique(paths.demonstration)
     if len(numbers) < 2:
@@ -197,12 +167,8 @@ def coupling_response(samples: int, step: float) -> np.ndarray:
     `coupling_response @ c`. Held terms act through c_k -> x_t = (A^(t-k-1) b)_x, a lower-triangular Toeplitz
     matrix; the initial goal makes up for the first value (eq. IV.12).
 
-    Args:
-        samples: number of samples T from the start.
-        step: sampling interval / tau, dimensionless; 1 / (2 (T - 1)) for a whole movement.
-
-    Returns:
-        (T, T), read-only.
+    `samples`: number of samples T from the start. `step`: sampling interval / tau, dimensionless; 1 / (2
+    (T - 1)) for a whole movement. Returns (T, T), read-only.
     """
     matrix = step_matrix(step)
     state = np.empty((samples, 3))  # response to the initial state (x - G, tau xd, g - G)

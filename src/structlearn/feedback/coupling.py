@@ -24,13 +24,8 @@ def position_target(
 ) -> np.ndarray:
     """Coupling target of a corrected vector movement (eq. IV.23).
 
-    Args:
-        path: corrected demonstration of one primitive, (T, D), in the primitive's coordinates.
-        primitive: the nominal primitive.
-        goal: (D,) steady goal; default the primitive's.
-
-    Returns:
-        (T, D) c_target; 0 at the first sample.
+    `path`: corrected demonstration of one primitive, (T, D), in the primitive's coordinates. `goal`: (D,)
+    steady goal; default the primitive's. Returns (T, D) c_target; 0 at the first sample.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)
@@ -48,15 +43,8 @@ def reach_target(path: Trajectory, primitive: PositionPrimitive) -> np.ndarray:
     The transformation system is the same along all axes, so a coupling term turns with the local frame, which
     is that from the reach's own start to the goal of the nominal primitive.
 
-    Args:
-        path: corrected demonstration of one primitive, (T, 3) m in the base frame.
-        primitive: the nominal primitive.
-
-    Returns:
-        (T, 3) c_target in m; 0 at the first sample.
-
-    Raises:
-        InputError: the path starts at the goal, so that there is no local frame.
+    `path`: corrected demonstration of one primitive, (T, 3) m in the base frame. Returns (T, 3) c_target in
+    m; 0 at the first sample. Raises InputError: the path starts at the goal, so that there is no local frame.
     """
     start = path.position[0]
     try:
@@ -72,13 +60,8 @@ def orientation_target(
 ) -> np.ndarray:
     """Coupling target of a corrected orientation movement (eq. IV.24).
 
-    Args:
-        path: corrected demonstration of one primitive, (T, 4) orientations.
-        primitive: the nominal primitive.
-        goal: (4,) steady goal; default the primitive's.
-
-    Returns:
-        (T, 3) c_target in the base frame; 0 at the first sample.
+    `path`: corrected demonstration of one primitive, (T, 4) orientations. `goal`: (4,) steady goal; default
+    the primitive's. Returns (T, 3) c_target in the base frame; 0 at the first sample.
     """
     goal = primitive.goal if goal is None else goal
     tau = canonical.time_constant(path.duration)

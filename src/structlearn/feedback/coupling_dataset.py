@@ -19,27 +19,16 @@ from structlearn.primitives import kernels
 
 @dataclass(frozen=True)
 class CouplingDataset:
-    """Samples of one primitive in all corrected demonstrations.
+    """Samples of one primitive in all corrected demonstrations."""
 
-    Attributes:
-        deviation: (S, D) s_actual - s_expected: counts, and N and N m of a wrench.
-        phase: (S,) p.
-        phase_velocity: (S,) u.
-        target: (S,) coupling term of one axis, m or rad.
-        setting: (S,) degrees of board roll, or labels.
-        demonstration: (S,) number of the demonstration within its setting, from 0.
-        time: (S,) s since the primitive's start.
-        groups: numbers of neighbouring channels that share a unit; none: all do.
-    """
-
-    deviation: np.ndarray
-    phase: np.ndarray
-    phase_velocity: np.ndarray
-    target: np.ndarray
-    setting: np.ndarray
-    demonstration: np.ndarray
-    time: np.ndarray
-    groups: tuple[int, ...] = ()
+    deviation: np.ndarray  # (S, D) s_actual - s_expected: counts, and N and N m of a wrench
+    phase: np.ndarray  # (S,) p
+    phase_velocity: np.ndarray  # (S,) u
+    target: np.ndarray  # (S,) coupling term of one axis, m or rad
+    setting: np.ndarray  # (S,) degrees of board roll, or labels
+    demonstration: np.ndarray  # (S,) number of the demonstration within its setting, from 0
+    time: np.ndarray  # (S,) s since the primitive's start
+    groups: tuple[int, ...] = ()  # numbers of neighbouring channels that share a unit; none: all do
 
     def modulation(self, kernel_count: int = kernels.KERNEL_COUNT) -> np.ndarray:
         """Phase features G(p, u), (S, N)."""
@@ -76,10 +65,9 @@ def from_table(table: pd.DataFrame) -> CouplingDataset:
 def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
     """One row per sample of what was demonstrated of one primitive on several axes.
 
-    Returns:
-        `setting` (a label), `demonstration`, `time_s`, `phase`, `phase_velocity`, `target_<axis>` of each
-        axis, and the deviation of each channel: `channel_00`, ... in the first group, in others
-        `channel_<group>_00`, ...
+    Returns `setting` (a label), `demonstration`, `time_s`, `phase`, `phase_velocity`, `target_<axis>` of each
+    axis, and the deviation of each channel: `channel_00`, ... in the first group, in others
+    `channel_<group>_00`, ...
     """
     first = next(iter(datasets.values()))
     keys = {"setting": first.setting.astype(str).astype(object)}
@@ -90,8 +78,7 @@ def to_axes_table(datasets: Mapping[Axis, CouplingDataset]) -> pd.DataFrame:
 def from_axes_table(table: pd.DataFrame) -> dict[Axis, CouplingDataset]:
     """The datasets of a table written by `to_axes_table`, by axis.
 
-    Raises:
-        KeyError: the table is of another kind.
+    Raises KeyError: the table is of another kind.
     """
     axes = [axis for axis in AXES if f"target_{axis}" in table.columns]
     if not axes:

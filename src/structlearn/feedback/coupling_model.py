@@ -57,17 +57,11 @@ movement begins, and is kept from sample to sample.
 
 
 class Compiled(NamedTuple):
-    """A network's own numbers, as its kernel takes them.
+    """A network's own numbers, as its kernel takes them."""
 
-    Attributes:
-        sizes: (S,) whole numbers.
-        values: (V,) numbers.
-        memory: how many numbers it remembers.
-    """
-
-    sizes: np.ndarray
-    values: np.ndarray
-    memory: int
+    sizes: np.ndarray  # (S,) whole numbers
+    values: np.ndarray  # (V,) numbers
+    memory: int  # how many numbers it remembers
 
 
 @dataclass(frozen=True)
@@ -75,12 +69,9 @@ class CouplingModel(ABC):
     """Coupling term of one axis from sensor deviations and phase; a frozen dataclass of arrays and `Layers`.
 
     Where the phase velocity u is 0, c should be 0: then a movement starts smoothly and ends at its goal.
-
-    Attributes:
-        kernel: compiled forward pass, see `kernel`.
     """
 
-    kernel: ClassVar[Any]
+    kernel: ClassVar[Any]  # compiled forward pass, see `kernel`
 
     @classmethod
     @abstractmethod
@@ -89,14 +80,10 @@ class CouplingModel(ABC):
     ) -> "Sequence[Trained]":
         """Train one model per job.
 
-        Args:
-            jobs: of equal sizes; they differ in fold, in target, or in what a deviation is.
-            parameters: of the training, as far as the network has use for them.
-            hidden: nodes of the hidden layers, likewise.
-            initial: model to start from, which keeps its shape and the standardisation of its inputs.
-
-        Raises:
-            InputError: too few samples, or the target is constant.
+        `jobs`: of equal sizes; they differ in fold, in target, or in what a deviation is. `parameters`: of
+        the training, as far as the network has use for them. `initial`: model to start from, which keeps its
+        shape and the standardisation of its inputs. Raises InputError: too few samples, or the target is
+        constant.
         """
 
     def train_in_unroll(
@@ -157,16 +144,9 @@ class CouplingModel(ABC):
     def coupling(self, deviation: np.ndarray, p: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Coupling terms of a batch, by the compiled kernel.
 
-        Args:
-            deviation: (..., D) sensor deviations; samples of a movement follow each other in time.
-            p: phase, of the batch's shape (...) or of its last axes.
-            u: phase velocity, likewise.
-
-        Returns:
-            (...) coupling terms c.
-
-        Raises:
-            ValueError: there are fewer channels than the network takes.
+        `deviation`: (..., D) sensor deviations; samples of a movement follow each other in time. `p`: phase,
+        of the batch's shape (...) or of its last axes. Returns (...) coupling terms c. Raises ValueError:
+        there are fewer channels than the network takes.
         """
         *batch, channels = np.shape(deviation)
         if channels < self.inputs:
@@ -189,18 +169,13 @@ Model = TypeVar("Model", bound=CouplingModel, covariant=True)
 
 @dataclass(frozen=True)
 class Trained(Generic[Model]):
-    """What came of a job.
+    """What came of a job."""
 
-    Attributes:
-        models: by the part whose error chose the step: `validation`, which is honest, and where a
-            demonstration is left out `generalization`, which the dissertation reports and is optimistic.
-        steps: gradient steps done, likewise; 0 where there are none.
-        code: to how many dimensions the deviations are compressed first; NaN where they are not.
-    """
-
+    # by the part whose error chose the step: `validation`, which is honest, and where a demonstration is left
+    # out `generalization`, which the dissertation reports and is optimistic
     models: Mapping[str, Model]
-    steps: Mapping[str, int]
-    code: float = np.nan
+    steps: Mapping[str, int]  # gradient steps done, likewise; 0 where there are none
+    code: float = np.nan  # to how many dimensions the deviations are compressed first; NaN where they are not
 
     @classmethod
     def at_once(cls, model: CouplingModel) -> "Trained[CouplingModel]":
@@ -228,8 +203,7 @@ def train_final(
 def named_model(name: str) -> type[CouplingModel]:
     """The network that a module of `feedback.models` defines.
 
-    Raises:
-        InputError: there is no such module, or it does not define one network.
+    Raises InputError: there is no such module, or it does not define one network.
     """
     known = sorted(module.name for module in pkgutil.iter_modules(models.__path__))
     if name not in known:
@@ -262,8 +236,8 @@ def write_networks(networks: Sequence[tuple[str, CouplingModel]], path: str | Pa
 def read_networks(path: str | Path) -> dict[str, CouplingModel]:
     """Read the networks of a file by name.
 
-    Raises:
-        InputError: the file is missing, no safetensors, or holds something else; or a weight is not finite.
+    Raises InputError: the file is missing, no safetensors, or holds something else; or a weight is not
+    finite.
     """
     tensors = read_tensors(path)
     try:

@@ -29,14 +29,9 @@ def train_models(
 ) -> dict[str, list[tuple[Key, CouplingModel]]]:
     """Train models for every primitive; of several axes each has a network of its own (IV.6.2.3.2).
 
-    Args:
-        datasets: corrections by the primitive's name, or by whatever tells primitive and axis.
-        level: of `supervision.level_dataset`, likewise; without the model `level` it is not looked at.
-        parameters: see there.
-        models: which of `MODELS` are trained.
-
-    Returns:
-        By model, its networks by the keys of the datasets.
+    `datasets`: corrections by the primitive's name, or by whatever tells primitive and axis. `level`: of
+    `supervision.level_dataset`, likewise; without the model `level` it is not looked at. `models`: which of
+    `MODELS` are trained. Returns by model, its networks by the keys of the datasets.
     """
     learned_from = {
         model: {

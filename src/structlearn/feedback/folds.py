@@ -23,21 +23,13 @@ FRACTIONS = (0.075, 0.075)
 
 @dataclass(frozen=True)
 class Fold:
-    """Rows of a dataset by what they are used for; all disjoint.
+    """Rows of a dataset by what they are used for; all disjoint."""
 
-    Attributes:
-        number: of the demonstration that is left out; None where none is.
-        train: rows that make gradients, standardisation and principal components.
-        validation: rows that choose the step at which training stops.
-        test: rows of the same demonstrations that choose nothing.
-        generalization: all rows of the left-out demonstration.
-    """
-
-    number: int | None
-    train: np.ndarray
-    validation: np.ndarray
-    test: np.ndarray
-    generalization: np.ndarray
+    number: int | None  # of the demonstration that is left out; None where none is
+    train: np.ndarray  # rows that make gradients, standardisation and principal components
+    validation: np.ndarray  # rows that choose the step at which training stops
+    test: np.ndarray  # rows of the same demonstrations that choose nothing
+    generalization: np.ndarray  # all rows of the left-out demonstration
 
     @property
     def stream(self) -> int:
@@ -54,14 +46,10 @@ def leave_one_out(
 ) -> list[Fold]:
     """One fold per demonstration number.
 
-    Args:
-        dataset: samples of all demonstrations; those of one demonstration follow each other in time.
-        fractions: of validation and test among the remaining demonstrations; the others train.
-        chunk_samples: consecutive samples that go to the same part; 1 is the text.
-        seed: of the shuffles.
-
-    Raises:
-        InputError: fewer than two demonstrations, or a part would be empty.
+    `dataset`: samples of all demonstrations; those of one demonstration follow each other in time.
+    `fractions`: of validation and test among the remaining demonstrations; the others train. `chunk_samples`:
+    consecutive samples that go to the same part; 1 is the text. Raises InputError: fewer than two
+    demonstrations, or a part would be empty.
     """
     numbers = np.unique(dataset.demonstration)
     if len(numbers) < 2:

@@ -34,13 +34,10 @@ class FadingParameters(Parameters):
 
 
 class Limits(FadingParameters):
-    """Bounds on feedback, cautious ones where nothing else is said.
+    """Bounds on feedback, cautious ones where nothing else is said."""
 
-    Attributes:
-        largest_coupling: by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by
-            c / (ALPHA BETA). `largest_coupling` derives it from demonstrated coupling terms.
-    """
-
+    # by axis, bound of |c|, m or rad (see `axes`); held for long, c shifts or turns by c / (ALPHA BETA).
+    # `largest_coupling` derives it from demonstrated coupling terms.
     largest_coupling: dict[Axis, PositiveFloat] = Field(default_factory=_cautious)
     fade_s: float = Field(default=0.05, gt=0)
     stale_after_s: float = Field(default=0.05, gt=0)
@@ -49,8 +46,7 @@ class Limits(FadingParameters):
     def of(self, axes: Sequence[Axis], dt: float) -> np.ndarray:
         """Largest coupling terms, and their largest changes in a tick of dt s: (2, D).
 
-        Raises:
-            InputError: an axis has no bound.
+        Raises InputError: an axis has no bound.
         """
         for axis in axes:
             if axis not in self.largest_coupling:
@@ -60,11 +56,7 @@ class Limits(FadingParameters):
 
 
 def largest_coupling(targets: Sequence[np.ndarray]) -> float:
-    """A bound of the coupling term of one axis: the largest demonstrated one, and `TARGET_MARGIN`.
-
-    Args:
-        targets: demonstrated coupling terms of any shapes.
-    """
+    """A bound of the coupling term of one axis: the largest demonstrated one, and `TARGET_MARGIN`."""
     return TARGET_MARGIN * max(float(np.abs(target).max()) for target in targets)
 
 

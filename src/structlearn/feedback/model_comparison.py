@@ -52,17 +52,10 @@ def compare_representations(
 ) -> dict[str, pd.DataFrame]:
     """Train every representation on every fold.
 
-    Args:
-        datasets: samples by the primitive's name.
-        parameters: of the training.
-
-    Returns:
-        By primitive: `representation`, `fold`, `stopping`, `step`, `train`, `validation`, `test`,
-        `generalization` (NMSE at that step) and `dimensions` (of the code; missing where the deviations are
-        not compressed first).
-
-    Raises:
-        InputError: fewer than two demonstrations, too few samples, or a constant target.
+    `datasets`: samples by the primitive's name. Returns by primitive: `representation`, `fold`, `stopping`,
+    `step`, `train`, `validation`, `test`, `generalization` (NMSE at that step) and `dimensions` (of the code;
+    missing where the deviations are not compressed first). Raises InputError: fewer than two demonstrations,
+    too few samples, or a constant target.
     """
     work = [(dataset, parameters, name) for name in _LONGEST_FIRST for dataset in datasets.values()]
     tables = iter(parallel_map(_evaluated, work, "comparing representations"))
@@ -106,14 +99,10 @@ def paired_orderings(table: pd.DataFrame) -> pd.DataFrame:
     Folds share most of their training samples, so their differences are not independent and the intervals
     are somewhat too narrow.
 
-    Args:
-        table: of `compare_representations`.
-
-    Returns:
-        Per stopping and claim: `better`, `worse` (as claimed), `difference` (mean over folds of the latter's
-        generalisation NMSE minus the former's; positive as claimed), `half_width` of its 95 % confidence
-        interval, `p_value` (two-sided Wilcoxon signed-rank test) and the `verdict`: better, worse or
-        undecided, by the interval.
+    `table`: of `compare_representations`. Returns per stopping and claim: `better`, `worse` (as claimed),
+    `difference` (mean over folds of the latter's generalisation NMSE minus the former's; positive as
+    claimed), `half_width` of its 95 % confidence interval, `p_value` (two-sided Wilcoxon signed-rank test)
+    and the `verdict`: better, worse or undecided, by the interval.
     """
     from scipy import stats
 

@@ -95,10 +95,8 @@ def compiled_networks(
 ) -> dict[str, np.ndarray]:
     """Networks as a tick evaluates them: the parts of a `Plan` that are theirs.
 
-    Args:
-        networks: by the index of the primitive and that of the axis.
-        phases: p and u (T_i,) of each primitive.
-        axes: their number D.
+    `networks`: by the index of the primitive and that of the axis. `phases`: p and u (T_i,) of each
+    primitive.
     """
     shape, rows = (len(phases), axes), np.cumsum([0, *(len(p) for p, _ in phases)])
     compiled = {place: network.compiled() for place, network in networks.items()}
@@ -139,19 +137,9 @@ def forcing_in_base_frame(
     Frame and amplitude of a primitive are those from where it will start without feedback: it is unrolled
     here. What feedback on the position has left over where it does start is taken up by the evolving goal.
 
-    Args:
-        skill: the skill.
-        plan: its plan in time.
-        dt: length of a tick in s.
-        first: primitive to begin with.
-        state: position, velocity, acceleration (3,) at its start.
-        goals: (P, 3) m.
-
-    Returns:
-        (R, 3) the plan's forcing with new rows from that primitive on.
-
-    Raises:
-        InputError: a primitive's start and goal define no local frame.
+    `dt`: length of a tick in s. `state`: position, velocity, acceleration (3,) at its start. `goals`: (P, 3)
+    m. Returns (R, 3) the plan's forcing with new rows from that primitive on. Raises InputError: a
+    primitive's start and goal define no local frame.
     """
     forcing = plan.position_forcing.copy()
     for index in range(first, len(plan.tau)):
@@ -187,8 +175,7 @@ def end_state(
 def checked_durations(skill: ReactiveSkill, durations: Sequence[float] | None, dt: float) -> Sequence[float]:
     """Durations in s, one per primitive; default the demonstrations' means.
 
-    Raises:
-        InputError: another number of them, one shorter than a tick or infinite, or more than `MOST_TICKS`.
+    Raises InputError: another number of them, one shorter than a tick or infinite, or more than `MOST_TICKS`.
     """
     if durations is None:
         durations = [primitive.duration for primitive in skill.primitives]
@@ -208,9 +195,8 @@ def checked_goals(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Positions (3,) and orientations (4,) of the goals; default the demonstrations' means.
 
-    Raises:
-        InputError: another number of them, or one that is not finite, outside the workspace or no unit
-            quaternion.
+    Raises InputError: another number of them, or one that is not finite, outside the workspace or no unit
+    quaternion.
     """
     goals = default_goals(skill.primitives) if goals is None else goals
     _check_count(skill, goals, "goals")

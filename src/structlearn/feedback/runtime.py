@@ -27,23 +27,16 @@ from structlearn.primitives.vector import sample_count
 
 
 class Status(IntFlag):
-    """What a tick has to report; 0 where all is well.
+    """What a tick has to report; 0 where all is well."""
 
-    Attributes:
-        REJECTED: the sample handed in has a value that is not finite, or the network overflowed on it.
-        WAITING: the offset of the run is not known yet, so there is no feedback yet.
-        NO_OFFSET: it was not known in time, so there is no feedback in this run.
-        STALE: the newest good sample is too old; the coupling terms fade until there is one again.
-        SATURATED: a coupling term is at its bound.
-        RATE_LIMITED: one changes as fast as it may.
-    """
-
+    # the sample handed in has a value that is not finite, or the network overflowed on it
     REJECTED = stepping.REJECTED
-    WAITING = stepping.WAITING
-    NO_OFFSET = stepping.NO_OFFSET
+    WAITING = stepping.WAITING  # the offset of the run is not known yet, so there is no feedback yet
+    NO_OFFSET = stepping.NO_OFFSET  # it was not known in time, so there is no feedback in this run
+    # the newest good sample is too old; the coupling terms fade until there is one again
     STALE = stepping.STALE
-    SATURATED = stepping.SATURATED
-    RATE_LIMITED = stepping.RATE_LIMITED
+    SATURATED = stepping.SATURATED  # a coupling term is at its bound
+    RATE_LIMITED = stepping.RATE_LIMITED  # one changes as fast as it may
 
 
 class Controller:
@@ -73,15 +66,10 @@ class Controller:
     ) -> None:
         """Work out what depends on time only.
 
-        Args:
-            skill: what to do.
-            rate_hz: ticks per second.
-            durations: one per primitive in s; default the demonstrations' means.
-            goals: one per primitive; default the demonstrations' means.
-            feedback: False leaves the coupling terms 0; deviations are still reported.
-
-        Raises:
-            InputError: the rate, a duration or a goal is no good, or a goal is outside the skill's workspace.
+        `durations`: one per primitive in s; default the demonstrations' means. `goals`: one per primitive;
+        default the demonstrations' means. `feedback`: False leaves the coupling terms 0; deviations are still
+        reported. Raises InputError: the rate, a duration or a goal is no good, or a goal is outside the
+        skill's workspace.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0):
             raise InputError(f"the rate of the controller must be positive, is {rate_hz} Hz")
@@ -116,13 +104,9 @@ class Controller:
 
         What is compiled is compiled here, so that no tick waits for it.
 
-        Args:
-            position: (3,) m.
-            orientation: (4,) unit quaternion; may be left out when no primitive has orientations.
-
-        Raises:
-            InputError: the pose is not finite, outside the skill's workspace or no unit quaternion, or a
-                reach has no direction.
+        `position`: (3,) m. `orientation`: (4,) unit quaternion; may be left out when no primitive has
+        orientations. Raises InputError: the pose is not finite, outside the skill's workspace or no unit
+        quaternion, or a reach has no direction.
         """
         plan, state, start = self._plan, self._state, "the position at the start"
         position = planning.within_workspace(self.skill, require_finite(position, 3, start), start)
@@ -155,12 +139,8 @@ class Controller:
     def tick(self, counts: np.ndarray | None) -> int:
         """Advance to the next sample of the run; the first tick gives the start itself.
 
-        Args:
-            counts: (E,) the sensor's newest sample if one has come since the last tick, else None. Without
-                expected traces (E = 0) it is not looked at.
-
-        Returns:
-            Flags, see `Status`.
+        `counts`: (E,) the sensor's newest sample if one has come since the last tick, else None. Without
+        expected traces (E = 0) it is not looked at. Returns flags, see `Status`.
 
         Raises:
             InputError: counts have another size; nothing has moved then.
@@ -186,10 +166,7 @@ class Controller:
         Position, velocity and acceleration stay continuous: the running primitive keeps its forcing term,
         later ones are planned anew from where they will start. Between two ticks; takes some tenths of a ms.
 
-        Args:
-            primitive: name or place.
-            position: (3,) m.
-            orientation: (4,) unit quaternion; default stays.
+        `position`: (3,) m. `orientation`: (4,) unit quaternion; default stays.
 
         Raises:
             InputError: no such primitive, it has ended, or the goal is no good or outside the workspace;
@@ -236,8 +213,7 @@ class Controller:
     def compiled(self) -> tuple[tuple, tuple]:
         """Plan and state as `stepping.tick` takes them, for loops that are compiled as a whole.
 
-        Raises:
-            RuntimeError: the run has not been started.
+        Raises RuntimeError: the run has not been started.
         """
         if not self._started:
             raise RuntimeError("start() comes before the first tick")

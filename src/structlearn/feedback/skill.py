@@ -29,16 +29,11 @@ UNIT_TOLERANCE = 1e-6
 class Workspace:
     """A box along the axes of the base frame.
 
-    Attributes:
-        low: (3,) m.
-        high: (3,) m.
-
-    Raises:
-        InputError: the corners are no finite points, or the wrong way round.
+    Raises InputError: the corners are no finite points, or the wrong way round.
     """
 
-    low: np.ndarray
-    high: np.ndarray
+    low: np.ndarray  # (3,) m
+    high: np.ndarray  # (3,) m
 
     def __post_init__(self) -> None:
         corners = np.array([self.low, self.high], dtype=float)
@@ -48,8 +43,7 @@ class Workspace:
     def require(self, point: np.ndarray, what: str) -> None:
         """Refuse a point (3,) that is outside.
 
-        Raises:
-            InputError: it is; the message names every such axis, and by how much.
+        InputError names every axis on which it is, and by how much.
         """
         beyond = np.maximum(self.low - point, point - self.high)
         faults = [
@@ -66,24 +60,18 @@ class Workspace:
 class ReactiveSkill:
     """Primitives in sequence, with feedback where they have a network.
 
-    Attributes:
-        primitives: with orientations of the quaternion form, or without orientation and networks that turn.
-        expected: expected sensor traces by the primitive's name, all of the same channels.
-        networks: each takes all channels, or none (`pmnn.open_loop`).
-        limits: bounds of the feedback.
-        workspace: where runs may start and have their goals; None: anywhere.
-        sensors: names and numbers of channels of the sensors that make up a sample, in this order; may be
-            left out by those who know.
-
-    Raises:
-        InputError: the parts do not fit together; the message names the primitive.
+    Raises InputError: the parts do not fit together; the message names the primitive.
     """
 
+    # with orientations of the quaternion form, or without orientation and networks that turn
     primitives: Sequence[PosePrimitive]
+    # expected sensor traces by the primitive's name, all of the same channels
     expected: Mapping[str, VectorPrimitive] = field(default_factory=dict)
-    networks: Networks = field(default_factory=dict)
-    limits: Limits = field(default_factory=Limits)
-    workspace: Workspace | None = None
+    networks: Networks = field(default_factory=dict)  # each takes all channels, or none (`pmnn.open_loop`)
+    limits: Limits = field(default_factory=Limits)  # bounds of the feedback
+    workspace: Workspace | None = None  # where runs may start and have their goals; None: anywhere
+    # names and numbers of channels of the sensors that make up a sample, in this order; may be left out by
+    # those who know
     sensors: tuple[tuple[str, int], ...] = ()
 
     def __post_init__(self) -> None:
@@ -127,8 +115,7 @@ class ReactiveSkill:
     def index(self, primitive: int | str) -> int:
         """Place of a primitive in the sequence, by its name or its place.
 
-        Raises:
-            InputError: there is no such primitive.
+        Raises InputError: there is no such primitive.
         """
         names = [part.name for part in self.primitives]
         if primitive in names:
@@ -139,12 +126,7 @@ class ReactiveSkill:
 
 
 def demonstrated_workspace(paths: Iterable[np.ndarray], margin_m: float) -> Workspace:
-    """The smallest box around demonstrated paths, and a margin.
-
-    Args:
-        paths: (T, 3) m each, from start to end.
-        margin_m: added on every side.
-    """
+    """The smallest box around demonstrated paths, and a margin. `paths`: (T, 3) m each, from start to end."""
     points = np.concatenate(list(paths))
     return Workspace(points.min(axis=0) - margin_m, points.max(axis=0) + margin_m)
 
@@ -157,8 +139,7 @@ def on_axis(networks: Mapping[str, CouplingModel], axis: Axis) -> Networks:
 def require_unit(values: np.ndarray | None, size: int, what: str) -> np.ndarray:
     """The values as a (size,) float array.
 
-    Raises:
-        InputError: another size, a value that is not finite, or a norm that is not 1.
+    Raises InputError: another size, a value that is not finite, or a norm that is not 1.
     """
     array = require_finite(values, size, what)
     if abs(np.linalg.norm(array) - 1.0) > UNIT_TOLERANCE:

@@ -60,13 +60,8 @@ class SkillParameters(FadingParameters):
 def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str, Any]) -> None:
     """Publish a skill.
 
-    Args:
-        skill: with a workspace.
-        path: of the file.
-        provenance: of `provenance`.
-
-    Raises:
-        InputError: the skill has no workspace, or the file cannot be written.
+    `provenance`: of `provenance`. Raises InputError: the skill has no workspace, or the file cannot be
+    written.
     """
     if skill.workspace is None:
         raise InputError(f"{path}: a skill without a workspace is not for a robot")
@@ -96,8 +91,7 @@ def write_skill(skill: ReactiveSkill, path: str | Path, provenance: Mapping[str,
 def read_skill(path: str | Path) -> ReactiveSkill:
     """Read a skill.
 
-    Raises:
-        InputError: the file is missing, damaged or holds no skill, or its parts do not fit together.
+    Raises InputError: the file is missing, damaged or holds no skill, or its parts do not fit together.
     """
     tensors, described = read_tensors(path), _described(path)
     try:
@@ -126,11 +120,7 @@ def read_skill(path: str | Path) -> ReactiveSkill:
 
 
 def read_provenance(path: str | Path) -> dict[str, Any]:
-    """Where a skill comes from.
-
-    Raises:
-        InputError: as `read_skill`.
-    """
+    """Where a skill comes from. Raises InputError: as `read_skill`."""
     read_tensors(path)  # the digest is of the description too
     return _described(path)["provenance"]
 
@@ -138,13 +128,9 @@ def read_provenance(path: str | Path) -> dict[str, Any]:
 def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Of what, how and by which version a skill was learned.
 
-    Args:
-        bags: files or folders of recordings; all files below a folder are taken.
-        parameters: all that were used, by stage, as JSON can hold them.
-
-    Returns:
-        `bags`, SHA-256 by their names, which begin with that of the folder given; `parameters`, SHA-256 of
-        their sorted JSON; `version` of this package.
+    `bags`: files or folders of recordings; all files below a folder are taken. `parameters`: all that were
+    used, by stage, as JSON can hold them. Returns `bags`, SHA-256 by their names, which begin with that of
+    the folder given; `parameters`, SHA-256 of their sorted JSON; `version` of this package.
     """
     digests = {}
     for source in bags:

@@ -63,13 +63,8 @@ class StackedPhaseModulatedNetworks:
     def forward(self, inputs: Tensor, modulation: Tensor, training: bool = False) -> Tensor:
         """Coupling terms in units of the target's scale.
 
-        Args:
-            inputs: (M, B, D) standardised deviations.
-            modulation: (M, B, N) phase features G(p, u) (`primitives.kernels.features`).
-            training: whether nodes are dropped.
-
-        Returns:
-            (M, B) coupling terms.
+        `inputs`: (M, B, D) standardised deviations. `modulation`: (M, B, N) phase features G(p, u)
+        (`primitives.kernels.features`). `training`: whether nodes are dropped. Returns (M, B) coupling terms.
         """
         units = self.layers.forward(inputs, training, self.dropout)
         scaled = self.output_weights * self.kernel_scale[:, None]  # (M, N, 1): scaling G would cost more
@@ -80,11 +75,8 @@ class StackedPhaseModulatedNetworks:
     ) -> PhaseModulatedNetwork:
         """One model of the stack as what a file holds, in float64.
 
-        Args:
-            index: which model.
-            input_mean: (D,) mean that was taken off its inputs.
-            input_scale: (D,) positive scale by which they were divided.
-            output_scale: scale by which its targets were divided.
+        `input_mean`: (D,) mean that was taken off its inputs. `input_scale`: (D,) positive scale by which
+        they were divided. `output_scale`: scale by which its targets were divided.
         """
         scale = kernel_scale(len(self.kernel_scale))
         *hidden, (phase_weights, phase_biases) = self.layers.layers_of(index)
@@ -107,11 +99,8 @@ class StackedPhaseModulatedNetworks:
     ) -> Self:
         """A stack that starts from given networks of equal shape; the inverse of `to_network`.
 
-        Args:
-            networks: one per model; their standardisation of inputs stays with the caller.
-            output_scales: (M,) scales by which each model's targets are divided.
-            dropout: as for a new stack.
-            generator: source of the dropout masks.
+        `networks`: one per model; their standardisation of inputs stays with the caller. `output_scales`:
+        (M,) scales by which each model's targets are divided.
         """
         (inputs, *hidden), count = networks[0].sizes, len(networks[0].phase_biases)
         stack = cls(len(networks), inputs, hidden, count, dropout, generator)

@@ -25,85 +25,46 @@ _part_of_a_tick = numba.njit(cache=True, forceinline=True)
 
 
 class Plan(NamedTuple):
-    """What depends on time only; R rows, one per sample of each primitive, those at a switch twice.
+    """What depends on time only; R rows, one per sample of each primitive, those at a switch twice."""
 
-    Attributes:
-        rows: (P + 1,) first row of each primitive.
-        matrix: (P, 3, 5) `transformation.step_matrix`.
-        tau: (P,) time constants in s.
-        position_goal: (P, 3) m.
-        orientation_goal: (P, 4).
-        position_forcing: (R, 3) in the base frame.
-        orientation_forcing: (R, 3).
-        expected: (R, E) expected sensor traces; NaN where a primitive has none.
-        axes: (D,) places of the axes of the coupling in `axes.AXES`.
-        kernels: (P, D) addresses of the networks' kernels, 0 where there is no network.
-        inputs: (P, D) how many channels they take.
-        sizes: (P, D, S), see `coupling_model.Compiled`.
-        values: (P, D, V), likewise.
-        memory: (P, D) how many numbers they remember.
-        table: (R, D, K) `CouplingModel.table`.
-        limits: (2, D) largest coupling, and its largest change in one tick.
-        ages: (2,) ticks until the offset must be known, and until a sample is stale.
-    """
-
-    rows: np.ndarray
-    matrix: np.ndarray
-    tau: np.ndarray
-    position_goal: np.ndarray
-    orientation_goal: np.ndarray
-    position_forcing: np.ndarray
-    orientation_forcing: np.ndarray
-    expected: np.ndarray
-    axes: np.ndarray
-    kernels: np.ndarray
-    inputs: np.ndarray
-    sizes: np.ndarray
-    values: np.ndarray
-    memory: np.ndarray
-    table: np.ndarray
-    limits: np.ndarray
-    ages: np.ndarray
+    rows: np.ndarray  # (P + 1,) first row of each primitive
+    matrix: np.ndarray  # (P, 3, 5) `transformation.step_matrix`
+    tau: np.ndarray  # (P,) time constants in s
+    position_goal: np.ndarray  # (P, 3) m
+    orientation_goal: np.ndarray  # (P, 4)
+    position_forcing: np.ndarray  # (R, 3) in the base frame
+    orientation_forcing: np.ndarray  # (R, 3)
+    expected: np.ndarray  # (R, E) expected sensor traces; NaN where a primitive has none
+    axes: np.ndarray  # (D,) places of the axes of the coupling in `axes.AXES`
+    kernels: np.ndarray  # (P, D) addresses of the networks' kernels, 0 where there is no network
+    inputs: np.ndarray  # (P, D) how many channels they take
+    sizes: np.ndarray  # (P, D, S), see `coupling_model.Compiled`
+    values: np.ndarray  # (P, D, V), likewise
+    memory: np.ndarray  # (P, D) how many numbers they remember
+    table: np.ndarray  # (R, D, K) `CouplingModel.table`
+    limits: np.ndarray  # (2, D) largest coupling, and its largest change in one tick
+    ages: np.ndarray  # (2,) ticks until the offset must be known, and until a sample is stale
 
 
 class State(NamedTuple):
-    """What a tick changes.
+    """What a tick changes."""
 
-    Attributes:
-        clock: (5,) see `ROW`.
-        point: (3, 1, 3) x - G, tau xd, g - G at the row that is due.
-        turned: (1, 4) orientation at the row that is due.
-        rate: (1, 3) tau w.
-        remaining: (1, 3) rotation vector from the steady to the evolving goal.
-        coupling: (D,) c on each axis.
-        sample: (E,) newest sensor sample handed in.
-        good: (E,) newest good one.
-        zero: (E,) mean of the first samples: the offset of the run, complete after `OFFSET_SAMPLES`.
-        deviation: (E,) good - zero - expected.
-        path: (3, 1, 1, 3) output: position, velocity, acceleration.
-        orientation: (1, 1, 4) output.
-        turning: (2, 1, 1, 3) output: angular velocity, angular acceleration.
-        held: (2, 1, 3) coupling vector of the position, and of the orientation; 0 but on the axes.
-        window: (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation.
-        memory: (D, M) of the networks.
-    """
-
-    clock: np.ndarray
-    point: np.ndarray
-    turned: np.ndarray
-    rate: np.ndarray
-    remaining: np.ndarray
-    coupling: np.ndarray
-    sample: np.ndarray
-    good: np.ndarray
-    zero: np.ndarray
-    deviation: np.ndarray
-    path: np.ndarray
-    orientation: np.ndarray
-    turning: np.ndarray
-    held: np.ndarray
-    window: np.ndarray
-    memory: np.ndarray
+    clock: np.ndarray  # (5,) see `ROW`
+    point: np.ndarray  # (3, 1, 3) x - G, tau xd, g - G at the row that is due
+    turned: np.ndarray  # (1, 4) orientation at the row that is due
+    rate: np.ndarray  # (1, 3) tau w
+    remaining: np.ndarray  # (1, 3) rotation vector from the steady to the evolving goal
+    coupling: np.ndarray  # (D,) c on each axis
+    sample: np.ndarray  # (E,) newest sensor sample handed in
+    good: np.ndarray  # (E,) newest good one
+    zero: np.ndarray  # (E,) mean of the first samples: the offset of the run, complete after `OFFSET_SAMPLES`
+    deviation: np.ndarray  # (E,) good - zero - expected
+    path: np.ndarray  # (3, 1, 1, 3) output: position, velocity, acceleration
+    orientation: np.ndarray  # (1, 1, 4) output
+    turning: np.ndarray  # (2, 1, 1, 3) output: angular velocity, angular acceleration
+    held: np.ndarray  # (2, 1, 3) coupling vector of the position, and of the orientation; 0 but on the axes
+    window: np.ndarray  # (2, 1, 2, 3) forcing at this row and the next: of the position, of the orientation
+    memory: np.ndarray  # (D, M) of the networks
 
 
 def resting_state(plan: Plan) -> State:
@@ -185,10 +146,8 @@ def begin(plan_arrays: tuple, state_arrays: tuple, primitive: int) -> None:
 def tick(plan_arrays: tuple, state_arrays: tuple, fresh: bool) -> int:
     """Write the sample that is due into the outputs and step to the next one; return the flags.
 
-    Args:
-        plan_arrays: a `Plan` as plain tuple (numba looks that up faster).
-        state_arrays: a `State` as plain tuple.
-        fresh: whether `sample` holds a new sensor sample.
+    `plan_arrays`: a `Plan` as plain tuple (numba looks that up faster). `state_arrays`: a `State` as plain
+    tuple. `fresh`: whether `sample` holds a new sensor sample.
     """
     plan, state = Plan(*plan_arrays), State(*state_arrays)
     flags = _receive(plan, state, fresh)

@@ -46,34 +46,23 @@ class Stack(Protocol):
 
 @dataclass(frozen=True)
 class StackedData:
-    """What a stack of M models trains on; every model sees the same S samples in its own units.
+    """What a stack of M models trains on; every model sees the same S samples in its own units."""
 
-    Attributes:
-        inputs: (M, S, D) standardised inputs.
-        modulation: (S, N) phase features; None for networks without phase modulation.
-        target: (M, S) scaled coupling terms, or (M, S, D) what an autoencoder shall give back.
-        folds: per model, the samples by part.
-    """
-
-    inputs: Tensor
-    modulation: Tensor | None
-    target: Tensor
-    folds: Sequence[Fold]
+    inputs: Tensor  # (M, S, D) standardised inputs
+    modulation: Tensor | None  # (S, N) phase features; None for networks without phase modulation
+    target: Tensor  # (M, S) scaled coupling terms, or (M, S, D) what an autoencoder shall give back
+    folds: Sequence[Fold]  # per model, the samples by part
 
 
 @dataclass(frozen=True)
 class LearningCurves:
-    """What was seen while a stack trained.
+    """What was seen while a stack trained."""
 
-    Attributes:
-        steps: (E,) gradient steps done.
-        nmse: (E, M, 2) normalised mean squared errors per model and part, in the order of `CHOOSING`; NaN for
-            a part without samples.
-        weights: per part of `CHOOSING`, parameters of the stack with every model's best ones.
-    """
-
-    steps: np.ndarray
+    steps: np.ndarray  # (E,) gradient steps done
+    # (E, M, 2) normalised mean squared errors per model and part, in the order of `CHOOSING`; NaN for a part
+    # without samples
     nmse: np.ndarray
+    # per part of `CHOOSING`, parameters of the stack with every model's best ones
     weights: Mapping[str, Sequence[Tensor]]
 
     def best(self, part: str) -> np.ndarray:
@@ -87,11 +76,6 @@ def train(network: Stack, data: StackedData, parameters: TrainingParameters) -> 
 
     It runs on one thread: parallel work is a matter of processes, and a sum whose order depends on the number
     of threads would not be reproducible.
-
-    Args:
-        network: the stack.
-        data: samples of all models.
-        parameters: of the training.
     """
     optimiser = RootMeanSquarePropagation(network.parameters(), parameters.learning_rate, DECAY)
     draws = [np.random.default_rng([parameters.seed, fold.stream, 1]) for fold in data.folds]
@@ -129,11 +113,7 @@ def train_stack(
 ) -> list[Trained[Model]]:
     """Train a stack, and take each of its networks out at the step that each part chooses.
 
-    Args:
-        network: the stack.
-        data: samples of all models.
-        parameters: of the training.
-        model: network of an index with the weights that the stack has now.
+    `model`: network of an index with the weights that the stack has now.
     """
     curves = train(network, data, parameters)
     parts = [part for part in CHOOSING if all(len(getattr(fold, part)) for fold in data.folds)]
@@ -153,9 +133,7 @@ def train_stack(
 def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np.ndarray]], Tensor]:
     """Inputs of all jobs (M, S, D), and what was taken off each one's columns and divided them, twice (D,).
 
-    Args:
-        jobs: see there.
-        phases: 2 to append phase and phase velocity, each with a scale of its own; 0 not to.
+    `phases`: 2 to append phase and phase velocity, each with a scale of its own; 0 not to.
     """
     units, inputs = [], []
     for dataset, fold in jobs:
@@ -173,13 +151,8 @@ def standardised(jobs: Jobs, phases: int = 0) -> tuple[list[tuple[np.ndarray, np
 def scaled_targets(jobs: Jobs, inputs: Tensor, kernel_count: int | None) -> tuple[list[float], StackedData]:
     """Scales of the jobs' targets (M,), and all that a stack trains on.
 
-    Args:
-        jobs: see there.
-        inputs: (M, S, D) standardised.
-        kernel_count: number of phase features; None for networks without.
-
-    Raises:
-        InputError: a target is constant.
+    `inputs`: (M, S, D) standardised. `kernel_count`: number of phase features; None for networks without.
+    Raises InputError: a target is constant.
     """
     scales = [target_scale(dataset.target, fold) for dataset, fold in jobs]
     modulation = None if kernel_count is None else as_tensor(jobs[0][0].modulation(kernel_count))
@@ -226,10 +199,7 @@ def standardisation(
     The text feeds its networks with counts. One scale changes their unit alone, while a scale of its own
     would make as much of an electrode that hardly feels the tool, and is mostly noise, as of one below it.
 
-    Args:
-        values: (S, D) samples.
-        fold: which of them train.
-        groups: numbers of neighbouring columns that share a unit; none: all do.
+    `values`: (S, D) samples. `groups`: numbers of neighbouring columns that share a unit; none: all do.
     """
     found = values[fold.train]
     scales = [_spread(part) for part in np.split(found, np.cumsum(groups)[:-1], axis=1)]
@@ -243,11 +213,7 @@ def _spread(values: np.ndarray) -> float:
 
 
 def target_scale(target: np.ndarray, fold: Fold) -> float:
-    """Std of the training targets.
-
-    Raises:
-        InputError: the targets are constant.
-    """
+    """Std of the training targets. Raises InputError: the targets are constant."""
     scale = float(target[fold.train].std())
     if not scale > 0.0:
         raise InputError("the coupling target is constant: there is nothing to learn")

@@ -102,17 +102,10 @@ def learn_expected(
 ) -> dict[str, VectorPrimitive]:
     """Expected traces of every primitive from nominal executions (associative skill memory).
 
-    Args:
-        runs: executions in the default setting.
-        cuts: of these runs; those that are not in it are left out.
-        smoothing_hz: low-pass of the traces; about 12 / duration is what 25 kernels resolve.
-        sensors: whose traces, in this order.
-
-    Returns:
-        By primitive, a vector primitive with one dimension per channel.
-
-    Raises:
-        InputError: a run has no stream of a sensor.
+    `runs`: executions in the default setting. `cuts`: of these runs; those that are not in it are left out.
+    `smoothing_hz`: low-pass of the traces; about 12 / duration is what 25 kernels resolve. Returns by
+    primitive, a vector primitive with one dimension per channel. Raises InputError: a run has no stream of a
+    sensor.
     """
     traces = {run.name: without_offset(felt(run, sensors)) for run in runs}
     return {
@@ -127,23 +120,14 @@ def learn_expected(
 
 @dataclass(frozen=True)
 class CorrectedPrimitive:
-    """One primitive in one corrected demonstration; paths are None where no such axis is asked for.
+    """One primitive in one corrected demonstration; paths are None where no such axis is asked for."""
 
-    Attributes:
-        time: (T,) s since the primitive's start.
-        point: (T, 3) corrected position, smoothed.
-        turn: (T, 4) corrected orientation, smoothed.
-        deviation: (T, D) of the sensors.
-        target: (T, 6) coupling term on each of `axes.AXES`; 0 where its path is None.
-        groups: of `CouplingDataset`.
-    """
-
-    time: np.ndarray
-    point: Trajectory | None
-    turn: OrientationTrajectory | None
-    deviation: np.ndarray
-    target: np.ndarray
-    groups: tuple[int, ...]
+    time: np.ndarray  # (T,) s since the primitive's start
+    point: Trajectory | None  # (T, 3) corrected position, smoothed
+    turn: OrientationTrajectory | None  # (T, 4) corrected orientation, smoothed
+    deviation: np.ndarray  # (T, D) of the sensors
+    target: np.ndarray  # (T, 6) coupling term on each of `axes.AXES`; 0 where its path is None
+    groups: tuple[int, ...]  # of `CouplingDataset`
 
 
 def corrected_primitive(
@@ -155,18 +139,9 @@ def corrected_primitive(
 ) -> CorrectedPrimitive:
     """What one corrected demonstration says about one primitive.
 
-    Args:
-        demonstration: complete.
-        cut: `start_s` and `end_s` of the primitive in it.
-        primitive: the nominal one.
-        expected: its expected traces.
-        parameters: axes, sensors and low-passes.
-
-    Returns:
-        Signals on the demonstration's clock, from the primitive's start to its end.
-
-    Raises:
-        InputError: orientation or a sensor's stream is missing, or the primitive turns beyond half a circle.
+    `cut`: `start_s` and `end_s` of the primitive in it. Returns signals on the demonstration's clock, from
+    the primitive's start to its end. Raises InputError: orientation or a sensor's stream is missing, or the
+    primitive turns beyond half a circle.
     """
     dt, ticks = demonstration.dt, _ticks(demonstration, cut)
     time, deviating = executed_primitive(demonstration, cut, expected, parameters.sensors)
@@ -191,17 +166,9 @@ def executed_primitive(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sensor deviations of one primitive in an execution.
 
-    Args:
-        run: complete, since the sensors' offset is taken at its start.
-        cut: `start_s` and `end_s` of the primitive in it.
-        expected: its expected traces.
-        sensors: that they are of.
-
-    Returns:
-        (T,) s since the primitive's start, and (T, D) deviations.
-
-    Raises:
-        InputError: a sensor's stream is missing, or has other channels than the expected traces.
+    `run`: complete, since the sensors' offset is taken at its start. `cut`: `start_s` and `end_s` of the
+    primitive in it. Returns (T,) s since the primitive's start, and (T, D) deviations. Raises InputError: a
+    sensor's stream is missing, or has other channels than the expected traces.
     """
     trace = _part(without_offset(felt(run, sensors)), run, cut)
     if trace.shape[1] != len(expected.start):
@@ -213,11 +180,7 @@ def executed_primitive(
 
 
 def felt(run: Demonstration, sensors: Sequence[Sensor]) -> np.ndarray:
-    """Readings (T, D) of the sensors of a run, side by side.
-
-    Raises:
-        InputError: one was not recorded.
-    """
+    """Readings (T, D) of the sensors of a run, side by side. Raises InputError: one was not recorded."""
     for sensor in sensors:
         if getattr(run, sensor) is None:
             raise InputError(f"{run.name}: has no {sensor} stream, which feedback is learned from")
@@ -246,8 +209,7 @@ def require_parts(
 ) -> None:
     """Check that feedback can be learned for the primitives of these names.
 
-    Raises:
-        InputError: there is no such primitive, or nothing is expected of its sensors.
+    Raises InputError: there is no such primitive, or nothing is expected of its sensors.
     """
     known = [primitive.name for primitive in primitives]
     for name in names:
@@ -268,12 +230,9 @@ def coupling_dataset(
 ) -> tuple[dict[Axis, CouplingDataset], pd.DataFrame]:
     """Supervised data of one primitive, and how well they hold together.
 
-    Args:
-        demonstrations: corrected ones by setting, in degrees or by label.
-        cuts: the primitive's segments by setting; demonstrations that are not in it are left out.
-        primitive: the nominal one.
-        expected: its expected traces.
-        parameters: see there.
+    `demonstrations`: corrected ones by setting, in degrees or by label. `cuts`: the primitive's segments by
+    setting; demonstrations that are not in it are left out. Raises InputError: no demonstration could be cut,
+    or one lacks a stream.
 
     Returns:
         The dataset of each axis, and one row per demonstration: `setting` (`setting_deg` if it is a number),
@@ -281,9 +240,6 @@ def coupling_dataset(
         demonstration and the primitive unrolled with the target on these axes alone; `smoothing_deg`, rms of
         what the low-pass took away; `others`, rms of the target about the other axes relative to the rms
         about these; with axes of position likewise `reproduction_m`, `smoothing_m` and `others_position`.
-
-    Raises:
-        InputError: no demonstration could be cut, or one lacks a stream.
     """
     parts, checks = [], []
     for setting, runs in demonstrations.items():
@@ -314,11 +270,7 @@ def coupling_samples(
 ) -> dict[Axis, CouplingDataset]:
     """What one corrected primitive adds to the supervised data of each axis.
 
-    Args:
-        corrected: see there.
-        setting: in degrees, or its label.
-        number: of the demonstration within its setting.
-        parameters: axes, and the samples per second that are kept.
+    `setting`: in degrees, or its label. `parameters`: axes, and the samples per second that are kept.
     """
     key, rate_hz = (setting, number), parameters.rate_hz
     return {

@@ -13,22 +13,15 @@ from structlearn.feedback.runtime import Controller
 
 
 class TickLatency(NamedTuple):
-    """What (T,) ticks took, each with what befell the thread from the end of the tick before to its end.
+    """What (T,) ticks took, each with what befell the thread from the end of the tick before to its end."""
 
-    Attributes:
-        seconds: duration in s.
-        processor_s: of the duration, what the thread ran; the rest it waited, or an interrupt or the host of
-            a virtual machine had the core.
-        switches: how often the system gave the core to other work.
-        faults: how often a page of memory was not there.
-        collections: how often garbage was collected.
-    """
-
-    seconds: np.ndarray
+    seconds: np.ndarray  # duration in s
+    # of the duration, what the thread ran; the rest it waited, or an interrupt or the host of a virtual
+    # machine had the core
     processor_s: np.ndarray
-    switches: np.ndarray
-    faults: np.ndarray
-    collections: np.ndarray
+    switches: np.ndarray  # how often the system gave the core to other work
+    faults: np.ndarray  # how often a page of memory was not there
+    collections: np.ndarray  # how often garbage was collected
 
 
 def tick_latency(controller: Controller, ticks: int) -> TickLatency:
@@ -36,9 +29,7 @@ def tick_latency(controller: Controller, ticks: int) -> TickLatency:
 
     Runs follow one another from the demonstrations' mean start; starting them is not timed.
 
-    Args:
-        controller: any; its run is lost.
-        ticks: number of ticks.
+    `controller`: any; its run is lost. `ticks`: number of ticks.
     """
     first = controller.skill.primitives[0]
     orientation = None if first.orientation is None else first.orientation.start

@@ -48,18 +48,9 @@ def train_unrolled(
     error on the validation demonstrations is kept. That is honest only if the initial network has not seen
     them.
 
-    Args:
-        training: demonstrations to train on.
-        validation: demonstrations that choose the step.
-        initial: where to start: an untrained network, or one trained sample by sample on the training
-            demonstrations; its standardisation of the input is kept.
-        parameters: of the training.
-
-    Returns:
-        The trained network.
-
-    Raises:
-        InputError: nothing was corrected in the demonstrations.
+    `initial`: where to start: an untrained network, or one trained sample by sample on the training
+    demonstrations; its standardisation of the input is kept. Raises InputError: nothing was corrected in the
+    demonstrations.
     """
     target_scale = float(np.sqrt(np.mean(training.target**2)))
     if target_scale == 0.0:

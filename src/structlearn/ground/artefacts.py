@@ -30,12 +30,7 @@ Metrics = dict[str, float | int | str | bool | None]
 def filled(folder: str | Path, at_least: int = 1) -> Path:
     """A folder that a stage before wrote, which is empty where its data are missing.
 
-    Args:
-        folder: there it is.
-        at_least: files that are needed.
-
-    Returns:
-        The folder.
+    `at_least`: files that are needed. Returns the folder.
 
     Raises:
         MissingInputError: it holds fewer.
@@ -58,21 +53,23 @@ def write_table(frame: pd.DataFrame, target: str | Path) -> None:
     write_arrow(pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(None), target)
 
 
-def write_arrow(table: pyarrow.Table, target: str | Path) -> None:
+def write_arrow(table: pyarrow.Table, target: str | Path, **encoding: Any) -> None:
     """Publish a table of Arrow as `write_table` does; what its metadata say is covered by the digest."""
     metadata = {**(table.schema.metadata or {}), HEADINGS: _headings(table)}
     with publish(target) as path:
         pyarrow.parquet.write_table(
-            table.replace_schema_metadata(metadata), path, compression="zstd", write_page_checksum=True
+            table.replace_schema_metadata(metadata),
+            path,
+            compression="zstd",
+            write_page_checksum=True,
+            **encoding,
         )
 
 
 def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
     """Read a Parquet table.
 
-    Args:
-        path: of the file.
-        needed: columns that it must have: another table, or one of an older version, is as sound.
+    `needed`: columns that it must have: another table, or one of an older version, is as sound.
 
     Raises:
         InputError: the file is missing, truncated, of another kind, not as it was written or lacks a column.

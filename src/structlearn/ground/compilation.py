@@ -21,8 +21,7 @@ MARK = b"numba"
 def use_own_cache(package: Path) -> None:
     """Point numba to the folder for the present sources, unless the user has chosen one.
 
-    Args:
-        package: folder of the package; call before numba is imported.
+    `package`: folder of the package; call before numba is imported.
     """
     if VARIABLE not in os.environ:
         os.environ[VARIABLE] = str(_kept_in(package) / f"compiled-{sources_digest(package)}")

@@ -20,14 +20,9 @@ def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
     """Which definition of the local frame suits a reach.
 
     The choice is made once, from the mean displacement of the demonstrations, and kept with the primitive:
-    deciding again at every unroll could turn the frame between two nearly equal reaches.
-
-    Args:
-        displacement: (3,) goal minus start in m.
-        shortest_reach: m; a shorter displacement has no direction to speak of.
-
-    Returns:
-        `world` when the reach is too short, `side` when it is steep, else `up`, the text's definition.
+    deciding again at every unroll could turn the frame between two nearly equal reaches. `displacement` (3,)
+    goal minus start in m; `shortest_reach`: m; a shorter displacement has no direction to speak of. Returns
+    `world` when the reach is too short, `side` when it is steep, else `up`, the text's definition.
     """
     length = float(np.linalg.norm(displacement))
     if length < shortest_reach:

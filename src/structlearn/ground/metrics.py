@@ -7,13 +7,8 @@ from scipy.special import ndtri, stdtrit
 def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Normalised mean squared error: mean squared error / variance of the target (ddof 0), per column.
 
-    Args:
-        prediction: (T, ...) values.
-        target: (T, ...) values.
-
-    Returns:
-        (...) dimensionless; 1 is as good as the target's mean. A constant target gives infinity, or 0 when it
-        is met exactly.
+    `prediction` (T, ...) values; `target` (T, ...) values. Returns (...) dimensionless; 1 is as good as the
+    target's mean. A constant target gives infinity, or 0 when it is met exactly.
     """
     error = np.mean((prediction - target) ** 2, axis=0)
     variance = np.var(target, axis=0)
@@ -24,11 +19,8 @@ def nmse(prediction: np.ndarray, target: np.ndarray) -> np.ndarray:
 def pairwise_spread(curves: np.ndarray) -> float:
     """Mean distance between pairs of aligned curves, averaged over time.
 
-    Args:
-        curves: (L, T, D) L curves on a common, normalised time.
-
-    Returns:
-        The mean over pairs and time of the Euclidean distance, in the curves' unit.
+    `curves` (L, T, D) L curves on a common, normalised time. Returns the mean over pairs and time of the
+    Euclidean distance, in the curves' unit.
     """
     first, second = np.triu_indices(len(curves), k=1)
     return float(np.linalg.norm(curves[first] - curves[second], axis=-1).mean())
@@ -37,14 +29,9 @@ def pairwise_spread(curves: np.ndarray) -> float:
 def mean_interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[float, float]:
     """Mean of independent samples and half the width of its confidence interval by the t distribution.
 
-    For a paired comparison the samples are the differences between the pairs.
-
-    Args:
-        samples: (N,) independent samples.
-        confidence: probability that the interval covers the true mean.
-
-    Returns:
-        Mean and half width in the samples' unit; the half width of a single sample is NaN.
+    For a paired comparison the samples are the differences between the pairs. `samples` (N,) independent
+    samples; `confidence`: probability that the interval covers the true mean. Returns mean and half width in
+    the samples' unit; the half width of a single sample is NaN.
     """
     count = len(samples)
     if count < 2:
@@ -58,13 +45,7 @@ def wilson_interval(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Wilson's interval of a probability, from independent trials; it holds near 0 and 1 too.
 
-    Args:
-        successes: (...) numbers.
-        trials: (...) numbers.
-        confidence: probability that the interval covers the true one.
-
-    Returns:
-        Lower and upper ends, (...) each.
+    `successes` (...) numbers; `trials` (...) numbers. Returns lower and upper ends, (...) each.
     """
     quantile = ndtri(0.5 + 0.5 * confidence)
     count = np.asarray(trials, dtype=float)
@@ -81,11 +62,6 @@ BETTER, WORSE, UNDECIDED = "better", "worse", "undecided"
 def verdict(low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
     """What confidence intervals of a gain say: better, worse, or undecided where zero is inside or unknown.
 
-    Args:
-        low: (...) lower ends.
-        high: (...) upper ends.
-
-    Returns:
-        (...) texts `BETTER`, `WORSE` or `UNDECIDED`.
+    `low` (...) lower ends; `high` (...) upper ends. Returns (...) texts `BETTER`, `WORSE` or `UNDECIDED`.
     """
     return np.select([np.greater(low, 0), np.less(high, 0)], [BETTER, WORSE], UNDECIDED)

@@ -54,17 +54,10 @@ def parallel_map(
 
     A process may die: killed for want of memory, or by a crash in compiled code. With `lost`, items without a
     result then run once more, one at a time. So only an item that ends its process also when it runs alone is
-    lost, whatever the number of processes.
-
-    Args:
-        function: a picklable function of one item; randomness must come from a seed in the item.
-        items: the work.
-        description: what the progress bar says.
-        lost: result of an item that ends its process.
-        local: the work needs files of this machine and is not for a cluster.
-
-    Returns:
-        The results in the order of the items, whatever the number of processes.
+    lost, whatever the number of processes. `function`: a picklable function of one item; randomness must come
+    from a seed in the item; `lost`: result of an item that ends its process; `local`: the work needs files of
+    this machine and is not for a cluster. Returns the results in the order of the items, whatever the number
+    of processes.
 
     Raises:
         InputError: a variable of the environment makes no sense, or the cluster cannot be reached.

@@ -50,13 +50,8 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 def read_parameters(path: Path, key: str, model: type[ParametersType]) -> ParametersType:
     """Check the value of one key of a YAML file against its model.
 
-    Args:
-        path: the YAML file, usually `params.yaml`.
-        key: the stage's key at the top level, or with dots one below, e.g. `testbed.touch`.
-        model: the pydantic model of that key.
-
-    Returns:
-        The checked, frozen parameters.
+    `path`: the YAML file, usually `params.yaml`; `key`: the stage's key at the top level, or with dots one
+    below, e.g. `testbed.touch`. Returns the checked, frozen parameters.
 
     Raises:
         InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a value
@@ -101,12 +96,6 @@ def read_values(path: str | Path) -> Any:
 
 def checked(values: Any, model: type[ParametersType], path: str | Path, key: str) -> ParametersType:
     """Values as their model has them.
-
-    Args:
-        values: what stands at the key.
-        model: its pydantic model.
-        path: of the file, for the message.
-        key: likewise.
 
     Raises:
         InputError: a value is missing, unknown, of the wrong type or out of range.

@@ -13,12 +13,8 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Hamilton product a o b (eq. B.1).
 
-    Args:
-        a: (..., 4) quaternions.
-        b: (..., 4) quaternions.
-
-    Returns:
-        (..., 4) the rotation b followed by a, both in the base frame.
+    `a` (..., 4) quaternions; `b` (..., 4) quaternions. Returns (..., 4) the rotation b followed by a, both in
+    the base frame.
     """
     components = (np.moveaxis(np.asarray(q, dtype=float), -1, 0) for q in (a, b))
     return np.stack(product_components(*components), axis=-1)
@@ -52,13 +48,8 @@ def log(q: np.ndarray) -> np.ndarray:
     """Logarithm of unit quaternions (eq. B.3): half the rotation vector, norm in [0, pi].
 
     The half angle is taken by atan2(|q|, r), which keeps full precision near the identity, where arccos(r)
-    loses half the digits. Q and -Q have different logarithms; see `shortest` for the short way round.
-
-    Args:
-        q: (..., 4) unit quaternions.
-
-    Returns:
-        (..., 3) half rotation vectors in rad.
+    loses half the digits. Q and -Q have different logarithms; see `shortest` for the short way round. `q`
+    (..., 4) unit quaternions. Returns (..., 3) half rotation vectors in rad.
     """
     q = np.asarray(q, dtype=float)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
@@ -95,12 +86,8 @@ def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
 def difference(target: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Rotation vector from Q to the target the short way round, 2 log(Q_target o Q*), in the base frame.
 
-    Args:
-        target: (..., 4) unit quaternions.
-        q: (..., 4) unit quaternions.
-
-    Returns:
-        (..., 3) rad: turning Q by it gives the target.
+    `target` (..., 4) unit quaternions; `q` (..., 4) unit quaternions. Returns (..., 3) rad: turning Q by it
+    gives the target.
     """
     return rotation_vector(product(target, conjugate(q)))
 
@@ -134,11 +121,8 @@ def matrix(q: np.ndarray) -> np.ndarray:
 def sign_continuous(path: np.ndarray) -> np.ndarray:
     """A path of orientations with signs chosen so that neighbours are close; the first one is kept.
 
-    Args:
-        path: (..., T, 4) unit quaternions.
-
-    Returns:
-        (..., T, 4) the same rotations without jumps between Q and -Q.
+    `path` (..., T, 4) unit quaternions. Returns (..., T, 4) the same rotations without jumps between Q and
+    -Q.
     """
     path = np.asarray(path, dtype=float)
     flips = np.sum(path[..., 1:, :] * path[..., :-1, :], axis=-1) < 0
@@ -149,11 +133,7 @@ def sign_continuous(path: np.ndarray) -> np.ndarray:
 def mean(q: np.ndarray) -> np.ndarray:
     """Mean orientation: the eigenvector of sum Q Q^T with the largest eigenvalue; signs do not matter.
 
-    Args:
-        q: (L, 4) unit quaternions.
-
-    Returns:
-        (4,) unit quaternion with r >= 0.
+    `q` (L, 4) unit quaternions. Returns (4,) unit quaternion with r >= 0.
     """
     q = np.asarray(q, dtype=float)
     _, vectors = np.linalg.eigh(q.T @ q)
@@ -164,13 +144,8 @@ def mean(q: np.ndarray) -> np.ndarray:
 def interpolate(times: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.ndarray:
     """Spherical linear interpolation of an orientation path.
 
-    Args:
-        times: (M,) where to evaluate, within the stamps' range.
-        stamps: (T,) strictly increasing.
-        path: (T, 4) unit quaternions at the stamps; sign flips do no harm.
-
-    Returns:
-        (M, 4) unit quaternions.
+    `times` (M,) where to evaluate, within the stamps' range; `stamps` (T,) strictly increasing; `path` (T, 4)
+    unit quaternions at the stamps; sign flips do no harm. Returns (M, 4) unit quaternions.
     """
     left = np.clip(np.searchsorted(stamps, times, side="right") - 1, 0, len(stamps) - 2)
     fraction = (times - stamps[left]) / (stamps[left + 1] - stamps[left])
@@ -181,12 +156,7 @@ def interpolate(times: np.ndarray, stamps: np.ndarray, path: np.ndarray) -> np.n
 def angular_velocity(path: np.ndarray, dt: float) -> np.ndarray:
     """Angular velocity in the base frame by central differences, one-sided at the ends.
 
-    Args:
-        path: (T, 4) unit quaternions, uniform clock.
-        dt: sampling interval in s.
-
-    Returns:
-        (T, 3) rad/s.
+    `path` (T, 4) unit quaternions, uniform clock; `dt`: sampling interval in s. Returns (T, 3) rad/s.
     """
     steps = difference(path[1:], path[:-1]) / dt
     return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])

@@ -12,15 +12,8 @@ def low_pass(signal: np.ndarray, dt: float, cutoff_hz: float) -> np.ndarray:
     """Zero-phase Butterworth low-pass along the first axis.
 
     The ends are extended by odd reflection, which keeps value and slope there. A cut-off at or above half the
-    sampling rate leaves the signal as it is.
-
-    Args:
-        signal: (T, ...) samples.
-        dt: sampling interval in s.
-        cutoff_hz: cut-off frequency in Hz.
-
-    Returns:
-        (T, ...) the smoothed signal.
+    sampling rate leaves the signal as it is. `signal` (T, ...) samples; `dt`: sampling interval in s;
+    `cutoff_hz`: cut-off frequency in Hz. Returns (T, ...) the smoothed signal.
     """
     from scipy.signal import sosfiltfilt
 

@@ -25,35 +25,25 @@ point where one direction has become very much narrower than another."""
 
 
 class CovarianceParameters(Parameters):
-    """How the covariance follows the good samples.
+    """How the covariance follows the good samples."""
 
-    Attributes:
-        mode: `per_weight`: the old covariance, each parameter's standard deviation times the root of
-            (sum_k w_k,d (theta_k,d - theta_d)^2 / Sigma_dd)^(1 / damping);
-            `rescaled`: the old covariance times (tr(Sigma_old^-1 Sigma_ml) / D)^(1 / damping);
-            `full`: Sigma_ml, as in the text; `kept`: the old covariance.
-        damping: of `per_weight` and `rescaled`; 1 is none.
-        eigenvalue_floor: of all but `kept`: smallest ratio of new to old variance of a parameter or in any
-            direction. Without it `full` gives up every direction that the samples happen to miss; near 1 it
-            lets the covariance grow, because then chance only widens.
-    """
-
+    # `per_weight`: the old covariance, each parameter's standard deviation times the root of (sum_k w_k,d
+    # (theta_k,d - theta_d)^2 / Sigma_dd)^(1 / damping); `rescaled`: the old covariance times
+    # (tr(Sigma_old^-1 Sigma_ml) / D)^(1 / damping); `full`: Sigma_ml, as in the text; `kept`: the old
+    # covariance
     mode: Literal["per_weight", "rescaled", "full", "kept"]
-    damping: float = Field(ge=1)
+    damping: float = Field(ge=1)  # of `per_weight` and `rescaled`; 1 is none
+    # of all but `kept`: smallest ratio of new to old variance of a parameter or in any direction. Without it
+    # `full` gives up every direction that the samples happen to miss; near 1 it lets the covariance grow,
+    # because then chance only widens.
     eigenvalue_floor: float = Field(gt=0, le=1)
 
 
 def factor(covariance: np.ndarray) -> np.ndarray:
     """Lower Cholesky factor of a covariance.
 
-    Args:
-        covariance: (D, D) symmetric.
-
-    Returns:
-        (D, D) L with L L^T = covariance.
-
-    Raises:
-        InputError: the covariance is not positive definite.
+    `covariance`: (D, D) symmetric. Returns (D, D) L with L L^T = covariance. Raises InputError: the
+    covariance is not positive definite.
     """
     try:
         return np.linalg.cholesky(covariance)
@@ -69,17 +59,9 @@ def adapted(
     `rescaled` and `full` find it in coordinates in which the old covariance is the unit matrix, so that a
     linear change of the policy's parameters changes nothing; they weigh a sample alike in all parameters.
 
-    Args:
-        old: (D, D) covariance that the samples were drawn with.
-        deviations: (K, D) samples minus the old mean.
-        weights: (K, D) of the samples in each parameter, sum over the samples 1.
-        parameters: which of the estimate is taken over.
-
-    Returns:
-        (D, D) symmetric and positive definite.
-
-    Raises:
-        InputError: the old covariance is not positive definite.
+    `old`: (D, D) covariance that the samples were drawn with. `deviations`: (K, D) samples minus the old
+    mean. `weights`: (K, D) of the samples in each parameter, sum over the samples 1. Returns (D, D) symmetric
+    and positive definite. Raises InputError: the old covariance is not positive definite.
     """
     if parameters.mode == "kept":
         return old

@@ -48,15 +48,10 @@ class PI2Parameters(Parameters):
 
 @dataclass(frozen=True)
 class SearchDistribution:
-    """Gaussian over policies.
+    """Gaussian over policies."""
 
-    Attributes:
-        mean: (D,) parameters of a policy, in their own unit.
-        covariance: (D, D) symmetric and positive definite.
-    """
-
-    mean: np.ndarray
-    covariance: np.ndarray
+    mean: np.ndarray  # (D,) parameters of a policy, in their own unit
+    covariance: np.ndarray  # (D, D) symmetric and positive definite
 
     def __post_init__(self) -> None:
         if self.mean.ndim != 1 or self.covariance.shape != 2 * self.mean.shape:
@@ -69,45 +64,27 @@ class SearchDistribution:
     def around(cls, mean: np.ndarray, std: float | np.ndarray) -> Self:
         """Independent parameters.
 
-        Args:
-            mean: (D,) parameters.
-            std: standard deviation of all, or (D,) of each.
+        `mean`: (D,) parameters. `std`: standard deviation of all, or (D,) of each.
         """
         return cls(np.array(mean, dtype=float), np.diag(np.broadcast_to(std, np.shape(mean)) ** 2.0))
 
 
 @dataclass(frozen=True)
 class Update:
-    """A new search distribution and what it was made of.
+    """A new search distribution and what it was made of."""
 
-    Attributes:
-        distribution: to draw the next policies from.
-        temperatures: (T,) lambda of the normalised costs.
-        effective_samples: (T,) 1 / sum_k P_k,t^2: between 1 (one sample has all the weight) and K.
-        weights: (K, D) of the samples in the new mean, per parameter; sum over the samples 1.
-        failed: (K,) whether a rollout was left out.
-    """
-
-    distribution: SearchDistribution
-    temperatures: np.ndarray
-    effective_samples: np.ndarray
-    weights: np.ndarray
-    failed: np.ndarray
+    distribution: SearchDistribution  # to draw the next policies from
+    temperatures: np.ndarray  # (T,) lambda of the normalised costs
+    effective_samples: np.ndarray  # (T,) 1 / sum_k P_k,t^2: between 1 (one sample has all the weight) and K
+    weights: np.ndarray  # (K, D) of the samples in the new mean, per parameter; sum over the samples 1
+    failed: np.ndarray  # (K,) whether a rollout was left out
 
 
 def sample(distribution: SearchDistribution, count: int, rng: np.random.Generator) -> np.ndarray:
     """Draw policies (algorithm IV.3, line 7).
 
-    Args:
-        distribution: the search distribution.
-        count: how many; fewer from an equal generator are the first of more.
-        rng: random numbers.
-
-    Returns:
-        (count, D) parameters.
-
-    Raises:
-        InputError: the covariance is not positive definite.
+    `count`: how many; fewer from an equal generator are the first of more. Raises InputError: the covariance
+    is not positive definite.
     """
     white = rng.standard_normal((count, len(distribution.mean)))
     return distribution.mean + white @ covariance.factor(distribution.covariance).T
@@ -116,12 +93,8 @@ def sample(distribution: SearchDistribution, count: int, rng: np.random.Generato
 def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
     """S_k,t = sum of J_k,j over j from t to the end (algorithm IV.4, line 5, with j for its second t).
 
-    Args:
-        costs: (K, T) costs per time step.
-        horizon: share of the steps at which the sum ends already, at least one step.
-
-    Returns:
-        (K, T); NaN or infinite at the first step where any is.
+    `costs`: (K, T) costs per time step. `horizon`: share of the steps at which the sum ends already, at least
+    one step. Returns (K, T); NaN or infinite at the first step where any is.
     """
     steps = costs.shape[1]
     reach = max(1, round(horizon * steps))
@@ -134,11 +107,7 @@ def cost_to_go(costs: np.ndarray, horizon: float = 1.0) -> np.ndarray:
 def time_weights(steps: int) -> np.ndarray:
     """T, T - 1, ..., 1 over their sum (algorithm IV.4, lines 9 and 10): early steps have more to decide.
 
-    Args:
-        steps: number of time steps T.
-
-    Returns:
-        (T,) weights.
+    `steps`: number of time steps T. Returns (T,) weights.
     """
     return np.arange(steps, 0.0, -1.0) * (2.0 / (steps * (steps + 1.0)))
 
@@ -152,20 +121,11 @@ def update(
 ) -> Update:
     """One update of the search distribution (algorithm IV.4).
 
-    Args:
-        distribution: which the samples were drawn from.
-        samples: (K, D) parameters of the rolled-out policies.
-        costs: (K, T) cost per rollout and time step, any unit; a rollout with a NaN or infinity is left out.
-        parameters: averaging, temperature and covariance.
-        activation: (T, D) how much each parameter acts at every time step, not negative, somewhere positive,
-            any unit; for `per_weight` averaging. None: all act alike at all times.
-
-    Returns:
-        The new distribution and diagnostics.
-
-    Raises:
-        InputError: shapes do not fit, a sample is not finite, fewer than two rollouts have finite costs, or
-            the covariance of the distribution is not positive definite.
+    `samples`: (K, D) parameters of the rolled-out policies. `costs`: (K, T) cost per rollout and time step,
+    any unit; a rollout with a NaN or infinity is left out. `activation`: (T, D) how much each parameter acts
+    at every time step, not negative, somewhere positive, any unit; for `per_weight` averaging. None: all act
+    alike at all times. Raises InputError: shapes do not fit, a sample is not finite, fewer than two rollouts
+    have finite costs, or the covariance of the distribution is not positive definite.
     """
     _check_shapes(distribution, samples, costs, activation)
     ahead = cost_to_go(costs, parameters.horizon)

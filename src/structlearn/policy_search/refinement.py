@@ -68,25 +68,15 @@ class RefinementParameters(Parameters):
 
 @dataclass(frozen=True)
 class Progress:
-    """State after an iteration; all that the next one needs.
+    """State after an iteration; all that the next one needs."""
 
-    Attributes:
-        iteration: 0 before the first update.
-        network: the feedback model of the iteration that cost least so far.
-        covariance: (N, N) of the search.
-        history: of all rollouts so far, see `rollouts.history_rows`.
-        policies: (R, N) weights of the open-loop rollouts in the history's order, for inspection.
-        samples: of all rollouts so far, see `rollouts.sample_rows`; for inspection.
-        compressed: what the executions with this network amount to as a policy, (N,).
-    """
-
-    iteration: int
-    network: CouplingModel
-    covariance: np.ndarray
-    history: pd.DataFrame
-    policies: np.ndarray
-    samples: pd.DataFrame
-    compressed: np.ndarray
+    iteration: int  # 0 before the first update
+    network: CouplingModel  # the feedback model of the iteration that cost least so far
+    covariance: np.ndarray  # (N, N) of the search
+    history: pd.DataFrame  # of all rollouts so far, see `rollouts.history_rows`
+    policies: np.ndarray  # (R, N) weights of the open-loop rollouts in the history's order, for inspection
+    samples: pd.DataFrame  # of all rollouts so far, see `rollouts.sample_rows`; for inspection
+    compressed: np.ndarray  # what the executions with this network amount to as a policy, (N,)
 
     @property
     def kept(self) -> int:
@@ -103,14 +93,7 @@ def start(
 ) -> Progress:
     """Execute the initial network (algorithm IV.3, line 2).
 
-    Args:
-        environment: the new setting.
-        initial: trained on demonstrations of other settings.
-        parameters: see there.
-        exploration: standard deviation of the policy's weights.
-
-    Raises:
-        InputError: no execution succeeded.
+    `exploration`: standard deviation of the policy's weights. Raises InputError: no execution succeeded.
     """
     count = initial.kernel_count
     runs = _execute(environment, [initial] * parameters.evaluation_runs, 0, FEEDBACK)
@@ -136,19 +119,8 @@ def improve(
 ) -> Progress:
     """One iteration of algorithm IV.3.
 
-    Args:
-        environment: the new setting.
-        progress: after the iteration before.
-        initial: from which the network is trained anew.
-        demonstrations: of the settings that were learned from.
-        parameters: see there.
-        seed: of the exploration.
-
-    Returns:
-        The state after this iteration.
-
-    Raises:
-        InputError: fewer than two policies could be executed, or the improved policy or the network not once.
+    `initial`: from which the network is trained anew. Raises InputError: fewer than two policies could be
+    executed, or the improved policy or the network not once.
     """
     iteration = progress.iteration + 1
     rng = np.random.default_rng([seed, iteration])
@@ -193,17 +165,8 @@ def refine(
 ) -> Progress:
     """Refine a feedback model.
 
-    Args:
-        environment: the new setting.
-        initial: trained on demonstrations of other settings.
-        demonstrations: these demonstrations.
-        parameters: see there.
-        exploration: standard deviation of the policy's weights at first.
-        seed: of the exploration.
-        report: called with the state after every iteration, the 0th included.
-
-    Returns:
-        The last state.
+    `exploration`: standard deviation of the policy's weights at first. `report`: called with the state after
+    every iteration, the 0th included.
     """
     progress = start(environment, initial, parameters, exploration)
     report(progress)
@@ -220,16 +183,8 @@ def executed(environment: Environment, policy: np.ndarray, runs: int) -> Couplin
     new setting is executed, so what is right in the known ones is, too: else the network takes the difference
     between hand and no hand for one between settings.
 
-    Args:
-        environment: the known setting.
-        policy: (N,) weights of what is right there.
-        runs: executions.
-
-    Returns:
-        Their samples, numbered as those of `learnable`.
-
-    Raises:
-        InputError: all executions failed.
+    `policy`: (N,) weights of what is right there. Returns their samples, numbered as those of `learnable`.
+    Raises InputError: all executions failed.
     """
     seeds = [(0, KNOWN, number) for number in range(runs)]
     return learnable(environment.rollouts([open_loop(policy)] * runs, seeds), "executions in a known setting")
@@ -251,15 +206,8 @@ def learnable(runs: Sequence[Rollout], what: str) -> CouplingDataset:
 def compress(runs: Sequence[Rollout], kernel_count: int = KERNEL_COUNT) -> np.ndarray:
     """Open-loop policy that does what executions did on average (algorithm IV.3, line 4).
 
-    Args:
-        runs: executions; failed ones are left out.
-        kernel_count: number of phase kernels N.
-
-    Returns:
-        (N,) weights.
-
-    Raises:
-        InputError: all executions failed.
+    `runs`: executions; failed ones are left out. `kernel_count`: number of phase kernels N. Returns (N,)
+    weights. Raises InputError: all executions failed.
     """
     return open_loop_weights(learnable(runs, "executions with the network"), kernel_count)
 

@@ -23,18 +23,13 @@ FEEDBACK, SAMPLE, IMPROVED = "feedback", "sample", "improved"
 
 @dataclass(frozen=True)
 class Rollout:
-    """One execution of the primitive that is refined.
+    """One execution of the primitive that is refined."""
 
-    Attributes:
-        cost: (T,) rad per tick; NaN throughout where it failed.
-        samples: what was felt and done, as supervised data; None where it failed, or where the environment
-            was not to say.
-        fault: why it failed, or empty.
-    """
-
-    cost: np.ndarray
+    cost: np.ndarray  # (T,) rad per tick; NaN throughout where it failed
+    # what was felt and done, as supervised data; None where it failed, or where the environment was not to
+    # say
     samples: CouplingDataset | None
-    fault: str = ""
+    fault: str = ""  # why it failed, or empty
 
 
 class Environment(Protocol):
@@ -49,11 +44,7 @@ class Environment(Protocol):
 
 
 def succeeded(runs: Sequence[Rollout], what: str, fewest: int = 1) -> list[Rollout]:
-    """The runs that did not fail.
-
-    Raises:
-        InputError: with the first fault, if there are too few.
-    """
+    """The runs that did not fail. Raises InputError: with the first fault, if there are too few."""
     done = [run for run in runs if not run.fault]
     if len(done) < fewest:
         fault = next(run.fault for run in runs if run.fault)
@@ -72,12 +63,8 @@ def cost_matrix(runs: Sequence[Rollout]) -> np.ndarray:
 def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarray:
     """How much each weight of an open-loop policy acts at every tick of a primitive: |G_i(p, u)|.
 
-    Args:
-        steps: ticks T from the primitive's start to its end.
-        kernel_count: number of weights N.
-
-    Returns:
-        (T, N).
+    `steps`: ticks T from the primitive's start to its end. `kernel_count`: number of weights N. Returns
+    (T, N).
     """
     p, u = canonical.phase(np.linspace(0.0, 1.0, steps), canonical.TAU_PER_DURATION)
     return np.abs(features(p, u, kernel_count))
@@ -86,9 +73,8 @@ def kernel_activation(steps: int, kernel_count: int = KERNEL_COUNT) -> np.ndarra
 def history_rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataFrame:
     """One row per rollout, failed ones too.
 
-    Returns:
-        `iteration`, `kind`, `number`, `cost_rad` (accumulated; NaN where it failed), `norm_rad` (of the cost
-        vector), `fault`.
+    Returns `iteration`, `kind`, `number`, `cost_rad` (accumulated; NaN where it failed), `norm_rad`
+    (of the cost vector), `fault`.
     """
     return pd.DataFrame(
         {
@@ -105,9 +91,8 @@ def history_rows(runs: Sequence[Rollout], iteration: int, kind: str) -> pd.DataF
 def sample_rows(runs: Sequence[Rollout], iteration: int, kind: str, rate_hz: float) -> pd.DataFrame:
     """What was felt and done in the rollouts that did not fail, of which there must be one.
 
-    Returns:
-        One row per sample: `iteration`, `kind`, `number`, the columns of `dataset.to_table`, and `cost_rad`
-        at this sample; in single precision, for they are looked at, not learned from.
+    Returns one row per sample: `iteration`, `kind`, `number`, the columns of `dataset.to_table`, and
+    `cost_rad` at this sample; in single precision, for they are looked at, not learned from.
     """
     keys = {"iteration": iteration, "kind": kind}
     tables = [

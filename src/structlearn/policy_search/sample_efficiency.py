@@ -62,15 +62,9 @@ class Search(Protocol):
 
 @dataclass
 class PathIntegralSearch:
-    """PI2-CMA (algorithm IV.4), a `Search`.
+    """PI2-CMA (algorithm IV.4), a `Search`."""
 
-    Attributes:
-        distribution: of the next policies.
-        parameters: see there.
-        rng: random numbers.
-    """
-
-    distribution: SearchDistribution
+    distribution: SearchDistribution  # of the next policies
     parameters: PI2Parameters
     rng: np.random.Generator
 
@@ -99,11 +93,7 @@ class PathIntegralSearch:
 
 @dataclass
 class EvolutionStrategy:
-    """Plain CMA-ES of the package `cma`, a `Search`.
-
-    Attributes:
-        strategy: its state.
-    """
+    """Plain CMA-ES of the package `cma`, a `Search`."""
 
     strategy: "cma.CMAEvolutionStrategy"
 
@@ -111,10 +101,8 @@ class EvolutionStrategy:
     def around(cls, mean: np.ndarray, std: float, rng: np.random.Generator) -> Self:
         """Begin with independent weights.
 
-        Args:
-            mean: (N,) weights.
-            std: standard deviation of all.
-            rng: random numbers. Without them the package seeds and uses numpy's global ones.
+        `mean`: (N,) weights. `rng`: random numbers. Without them the package seeds and uses numpy's global
+        ones.
         """
         import cma
 
@@ -149,21 +137,14 @@ class EvolutionStrategy:
 
 @dataclass
 class Trial:
-    """One search and what it has come to.
-
-    Attributes:
-        method: its name.
-        seed: of its random numbers and of what its rollouts meet.
-        search: its state.
-        costs: accumulated cost of every rollout so far in rad, NaN where it failed.
-        means: (N,) mean policy after every update so far.
-    """
+    """One search and what it has come to."""
 
     method: str
-    seed: int
+    seed: int  # of its random numbers and of what its rollouts meet
     search: Search
+    # accumulated cost of every rollout so far in rad, NaN where it failed
     costs: list[float] = field(default_factory=list)
-    means: list[np.ndarray] = field(default_factory=list)
+    means: list[np.ndarray] = field(default_factory=list)  # (N,) mean policy after every update so far
 
 
 def compare(
@@ -176,22 +157,14 @@ def compare(
 ) -> pd.DataFrame:
     """Run all searches in lock-step and judge their mean policies.
 
-    Args:
-        environment: where the primitive is executed.
-        start: (N,) weights of the policy from which all searches begin.
-        exploration: initial standard deviation of its weights.
-        search: of PI2-CMA.
-        parameters: see there.
-        first_seed: of the searches, which have consecutive ones.
+    `start`: (N,) weights of the policy from which all searches begin. Raises InputError: the budget is not
+    enough for one update, or fewer than two rollouts of one succeeded.
 
     Returns:
         One row per method, seed and update: `method`, `seed`, `update` (0 is the start), `rollouts` (used so
         far), `cost_rad` (accumulated, mean over the mean policy's executions, which meet the same conditions
         in all rows; NaN if one failed), `best_rad` (lowest accumulated cost of any rollout so far; NaN at the
         start), `failed` (rollouts so far).
-
-    Raises:
-        InputError: the budget is not enough for one update, or fewer than two rollouts of one succeeded.
     """
     trials = _trials(start, exploration, search, parameters, first_seed)
     while going := [trial for trial in trials if _left(trial, parameters.budget) >= 0]:

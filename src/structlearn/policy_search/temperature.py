@@ -21,11 +21,8 @@ ROUNDING = 1e-12
 def normalised(costs: np.ndarray) -> np.ndarray:
     """Costs of every time step mapped from [lowest, highest over the samples] to [0, 1].
 
-    Args:
-        costs: (K, T) finite costs of K samples.
-
-    Returns:
-        (K, T) costs without unit; 0 at time steps where all samples cost the same.
+    `costs`: (K, T) finite costs of K samples. Returns (K, T) costs without unit; 0 at time steps where all
+    samples cost the same.
     """
     lowest, highest = costs.min(axis=0), costs.max(axis=0)
     # halved: the difference of two finite numbers may be infinite
@@ -37,12 +34,8 @@ def normalised(costs: np.ndarray) -> np.ndarray:
 def probabilities(costs: np.ndarray, temperatures: np.ndarray) -> np.ndarray:
     """Weights of the samples at every time step (algorithm IV.4, line 6).
 
-    Args:
-        costs: (K, T), smallest cost of each time step 0.
-        temperatures: (T,) positive, in the costs' unit.
-
-    Returns:
-        (K, T) positive or 0, sum over the samples 1.
+    `costs`: (K, T), smallest cost of each time step 0. `temperatures`: (T,) positive, in the costs' unit.
+    Returns (K, T) positive or 0, sum over the samples 1.
     """
     weights = np.exp(-costs / temperatures)
     return weights / weights.sum(axis=0)
@@ -55,13 +48,10 @@ def bounded_temperatures(costs: np.ndarray, kl_bound: float, floor: float) -> np
 
         g(lambda) = lambda bound + lambda log(mean_k exp(-S_k / lambda)),    dg/dlambda = bound - KL(lambda)
 
-    Args:
-        costs: (K, T) normalised costs, smallest of each time step 0, largest at most 1.
-        kl_bound: largest divergence in nat; beyond log K it is never met.
-        floor: smallest temperature, where the bound leaves room for less (too few samples, or ties).
-
-    Returns:
-        (T,) temperatures; the divergence is the bound wherever the temperature is above the floor.
+    `costs`: (K, T) normalised costs, smallest of each time step 0, largest at most 1. `kl_bound`: largest
+    divergence in nat; beyond log K it is never met. `floor`: smallest temperature, where the bound leaves
+    room for less (too few samples, or ties). Returns (T,) temperatures; the divergence is the bound wherever
+    the temperature is above the floor.
     """
     return _bounded_temperatures(np.ascontiguousarray(costs.T), kl_bound, floor)
 

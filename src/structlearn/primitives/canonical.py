@@ -18,8 +18,7 @@ would be spent in the first half, and most kernels would be bunched in the last 
 def time_constant(duration: float) -> float:
     """Time constant tau in s of a movement of the given duration in s.
 
-    Raises:
-        ValueError: the duration is not positive.
+    Raises ValueError: the duration is not positive.
     """
     if not duration > 0.0:
         raise ValueError(f"duration must be positive, is {duration}")
@@ -29,9 +28,7 @@ def time_constant(duration: float) -> float:
 def phase(times: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
     """Phase and phase velocity of the canonical system (eq. IV.4, IV.5).
 
-    Args:
-        times: (...) s since the start of the movement.
-        tau: time constant in s.
+    `times`: (...) s since the start of the movement. `tau`: time constant in s.
 
     Returns:
         p: (...) phase, 1 -> 0.   u: (...) phase velocity tau dp/dt, <= 0, 0 at both ends.

@@ -50,16 +50,9 @@ def segment_paths(
 ) -> list[Segment]:
     """One primitive's part of every demonstration, smoothed before it is cut.
 
-    Args:
-        demonstrations: complete demonstrations.
-        cuts: index demonstration, columns `start_s`, `end_s`; demonstrations that are not in it are left out.
-        smoothing_hz: cut-off of the low-pass.
-
-    Returns:
-        One segment per demonstration in the cuts, in the order of the demonstrations.
-
-    Raises:
-        InputError: a segment has fewer than three samples, or some demonstrations have no orientation.
+    `cuts`: index demonstration, columns `start_s`, `end_s`; demonstrations that are not in it are left out.
+    Returns one segment per demonstration in the cuts, in the order of the demonstrations. Raises InputError:
+    a segment has fewer than three samples, or some demonstrations have no orientation.
     """
     segments: list[Segment] = []
     for demonstration in demonstrations:
@@ -81,11 +74,7 @@ def segment_paths(
 
 
 def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
-    """Orientations of segments that all have one.
-
-    Raises:
-        InputError: one has none.
-    """
+    """Orientations of segments that all have one. Raises InputError: one has none."""
     found = [orientation for _, orientation in segments if orientation is not None]
     if len(found) < len(segments):
         raise InputError("a segment has no orientation")
@@ -95,13 +84,8 @@ def orientations(segments: Sequence[Segment]) -> list[OrientationTrajectory]:
 def learn_primitive(name: str, segments: Sequence[Segment], parameters: FitParameters) -> PosePrimitive:
     """One primitive from its segments in all demonstrations.
 
-    Args:
-        name: of the primitive.
-        segments: one per demonstration.
-        parameters: see there.
-
-    Returns:
-        Position primitive in the local frame, and orientation primitive where orientations were recorded.
+    `segments`: one per demonstration. Returns position primitive in the local frame, and orientation
+    primitive where orientations were recorded.
     """
     positions = [position for position, _ in segments]
     orientations = [orientation for _, orientation in segments if orientation is not None]
@@ -118,13 +102,7 @@ def learn_sequence(
 ) -> list[PosePrimitive]:
     """All primitives of segmented demonstrations, in order (IV.5.4).
 
-    Args:
-        demonstrations: the complete ones.
-        cuts: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
-        parameters: see there.
-
-    Returns:
-        One pose primitive per primitive of the cuts.
+    `cuts`: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
     """
     primitives = []
     for name, its in cuts.items():
@@ -138,14 +116,10 @@ def cross_validation(
 ) -> pd.DataFrame:
     """Reproduction errors of demonstrations that were learned from and of ones that were left out.
 
-    Args:
-        demonstrations: the complete ones.
-        cuts: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
-        parameters: see there; both regressions are tried.
-
-    Returns:
-        Rows of `reproduction_errors` with `primitive`, `demonstration`, `regression` and `left_out`: False
-        where the primitive was learned from all demonstrations, True where from all but this one.
+    `cuts`: of these demonstrations by primitive in order of time, each as `segment_paths` takes them.
+    `parameters`: see there; both regressions are tried. Returns rows of `reproduction_errors` with
+    `primitive`, `demonstration`, `regression` and `left_out`: False where the primitive was learned from all
+    demonstrations, True where from all but this one.
     """
     tables = []
     for name, its in cuts.items():
@@ -175,13 +149,9 @@ def _leave_one_out(name: str, segments: Sequence[Segment], parameters: FitParame
 def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -> pd.DataFrame:
     """Distance of each segment from the primitive, unrolled with the segment's start, goal and duration.
 
-    Args:
-        primitive: the primitive.
-        segments: the segments to compare with, whether it was learned from them or not.
-
-    Returns:
-        One row per segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an
-        orientation, `mean_deg`, `max_deg`, `end_deg`.
+    `segments`: the segments to compare with, whether it was learned from them or not. Returns one row per
+    segment: `mean_mm`, `max_mm`, `end_mm`, `nmse` (all axes together) and, with an orientation, `mean_deg`,
+    `max_deg`, `end_deg`.
     """
     rows = []
     for position, orientation in segments:
@@ -211,12 +181,8 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
 def reproduction_summary(errors: pd.DataFrame) -> pd.DataFrame:
     """Errors over all demonstrations: means of the mean errors, largest of the largest and of the end errors.
 
-    Args:
-        errors: of `cross_validation`.
-
-    Returns:
-        One row per `primitive` (in order of time), `regression` and `left_out`: `mean_mm`, `max_mm`,
-        `end_mm` and, with orientations, `mean_deg`, `max_deg`, `end_deg`.
+    `errors`: of `cross_validation`. Returns one row per `primitive` (in order of time), `regression` and
+    `left_out`: `mean_mm`, `max_mm`, `end_mm` and, with orientations, `mean_deg`, `max_deg`, `end_deg`.
     """
     how = {column: "mean" if column.startswith("mean") else "max" for column in REPRODUCTION_ERRORS}
     known = {column: how[column] for column in REPRODUCTION_ERRORS if column in errors.columns}

@@ -24,8 +24,7 @@ SMALLEST_EXPONENT = -700.0
 def centres_and_widths(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Centres c_i = p(t_i), t_i from start to end, and widths h_i = 1 / (OVERLAP (c_{i+1} - c_i))^2.
 
-    Args:
-        count: number of kernels, at least 2.
+    `count`: number of kernels, at least 2.
 
     Returns:
         c: (N,) falling from 1.   h: (N,) the last one repeats its neighbour's.
@@ -40,13 +39,8 @@ def centres_and_widths(count: int) -> tuple[np.ndarray, np.ndarray]:
 def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndarray:
     """Features of the forcing term, u psi_i(p) / sum_j psi_j(p) (eq. IV.6).
 
-    Args:
-        p: (...) phase.
-        u: (...) phase velocity.
-        count: number of kernels N.
-
-    Returns:
-        (..., N) features; a forcing term is `features @ weights`.
+    `p`: (...) phase. `u`: (...) phase velocity. Returns (..., N) features; a forcing term is
+    `features @ weights`.
     """
     centres, widths = centres_and_widths(count)
     values = np.subtract.outer(centres, p)  # (N, ...), in place: temporaries would cost more than the exp
@@ -62,13 +56,8 @@ def features(p: np.ndarray, u: np.ndarray, count: int = KERNEL_COUNT) -> np.ndar
 def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np.ndarray:
     """Features at the samples of a movement; equal movements share them.
 
-    Args:
-        samples: number of samples T from the start.
-        step: sampling interval / tau, dimensionless.
-        count: number of kernels N.
-
-    Returns:
-        (T, N) read-only features.
+    `samples`: number of samples T from the start. `step`: sampling interval / tau, dimensionless. Returns
+    (T, N) read-only features.
     """
     values = features(*phase(step * np.arange(samples), 1.0), count)
     values.flags.writeable = False
@@ -78,7 +67,6 @@ def sampled_features(samples: int, step: float, count: int = KERNEL_COUNT) -> np
 def unit_features(samples: int, count: int = KERNEL_COUNT) -> np.ndarray:
     """Features at `samples` equally spaced times from start to end; they do not depend on the duration.
 
-    Returns:
-        (samples, N) read-only features.
+    Returns (samples, N) read-only features.
     """
     return sampled_features(samples, 1.0 / (TAU_PER_DURATION * (samples - 1)), count)

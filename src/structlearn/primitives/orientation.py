@@ -23,23 +23,14 @@ from structlearn.primitives.vector import sample_count
 
 @dataclass(frozen=True)
 class QuaternionPrimitive:
-    """Learned movement of an orientation that turns less than half a circle.
+    """Learned movement of an orientation that turns less than half a circle."""
 
-    Attributes:
-        weights: (..., N, 3) forcing weights; leading axes make a batch.
-        start: (4,) mean start of the demonstrations.
-        goal: (4,) mean goal of the demonstrations.
-        velocity: (3,) mean initial angular velocity of the demonstrations, rad per duration.
-        acceleration: (3,) mean initial angular acceleration, rad per duration squared.
-        duration: mean duration of the demonstrations in s.
-    """
-
-    weights: np.ndarray
-    start: np.ndarray
-    goal: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    duration: float
+    weights: np.ndarray  # (..., N, 3) forcing weights; leading axes make a batch
+    start: np.ndarray  # (4,) mean start of the demonstrations
+    goal: np.ndarray  # (4,) mean goal of the demonstrations
+    velocity: np.ndarray  # (3,) mean initial angular velocity of the demonstrations, rad per duration
+    acceleration: np.ndarray  # (3,) mean initial angular acceleration, rad per duration squared
+    duration: float  # mean duration of the demonstrations in s
 
     def forcing(self, times: np.ndarray, duration: float) -> np.ndarray:
         """Forcing term (..., T, 3) at times (T,) in s of a movement of the given duration in s."""
@@ -90,13 +81,7 @@ def fit_quaternion(
 ) -> QuaternionPrimitive:
     """Learn a quaternion primitive from one or several demonstrations of any durations.
 
-    Args:
-        demonstrations: each with (T_l, 4) orientations.
-        method: regression of the forcing weights.
-        kernel_count: number of kernels.
-
-    Returns:
-        The primitive.
+    `demonstrations`: each with (T_l, 4) orientations.
     """
     durations = np.array([path.duration for path in demonstrations])[:, None]
     velocities = np.array([path.angular_velocity[0] for path in demonstrations])
@@ -144,14 +129,8 @@ def initial_goal(
 def goal_path(goal: np.ndarray, first: np.ndarray, times: np.ndarray, tau: float) -> np.ndarray:
     """Evolving goal over time, closed-form along the geodesic to the steady goal (eq. IV.11).
 
-    Args:
-        goal: (4,) steady goal Q_G.
-        first: (..., 4) initial goal Q_g0.
-        times: (T,) s.
-        tau: time constant in s.
-
-    Returns:
-        (..., T, 4) Q_g.
+    `goal`: (4,) steady goal Q_G. `first`: (..., 4) initial goal Q_g0. `times`: (T,) s. `tau`: time constant
+    in s. Returns (..., T, 4) Q_g.
     """
     remaining = quaternion.difference(first, goal)[..., None, :] * np.exp(-ALPHA_G * times / tau)[:, None]
     return quaternion.product(quaternion.from_rotation_vector(remaining), goal)

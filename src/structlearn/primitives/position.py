@@ -16,19 +16,12 @@ SHORTEST_REACH = 0.01
 
 @dataclass(frozen=True)
 class PositionPrimitive:
-    """Learned movement of a point.
+    """Learned movement of a point."""
 
-    Attributes:
-        local: the movement relative to its start, in the local frame.
-        frame: which definition of the local frame (see `frames.frame_kind`).
-        start: (3,) mean start of the demonstrations in the base frame, m.
-        goal: (3,) mean goal of the demonstrations in the base frame, m.
-    """
-
-    local: VectorPrimitive
-    frame: FrameKind
-    start: np.ndarray
-    goal: np.ndarray
+    local: VectorPrimitive  # the movement relative to its start, in the local frame
+    frame: FrameKind  # which definition of the local frame (see `frames.frame_kind`)
+    start: np.ndarray  # (3,) mean start of the demonstrations in the base frame, m
+    goal: np.ndarray  # (3,) mean goal of the demonstrations in the base frame, m
 
     @property
     def duration(self) -> float:
@@ -92,14 +85,8 @@ def fit_position(
 ) -> PositionPrimitive:
     """Learn a position primitive; each demonstration is turned into its own local frame.
 
-    Args:
-        demonstrations: each with (T_l, 3) signals in the base frame.
-        scaled: local axes (x: along the reach) whose forcing term scales with the reach.
-        method: regression of the forcing weights.
-        kernel_count: number of kernels.
-
-    Returns:
-        The primitive.
+    `demonstrations`: each with (T_l, 3) signals in the base frame. `scaled`: local axes (x: along the reach)
+    whose forcing term scales with the reach.
     """
     start = np.mean([demonstration.position[0] for demonstration in demonstrations], axis=0)
     goal = np.mean([demonstration.position[-1] for demonstration in demonstrations], axis=0)

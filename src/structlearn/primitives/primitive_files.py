@@ -40,8 +40,7 @@ def write_primitives(primitives: Sequence[PosePrimitive], path: str | Path) -> N
 def read_primitives(path: str | Path) -> list[PosePrimitive]:
     """Read a sequence of pose primitives.
 
-    Raises:
-        InputError: the file is missing, no safetensors, or holds something else.
+    Raises InputError: the file is missing, no safetensors, or holds something else.
     """
     tensors = read_tensors(path)
     try:
@@ -58,8 +57,7 @@ def write_vector_primitive(primitive: VectorPrimitive, path: str | Path, descrip
 def read_vector_primitive(path: str | Path) -> VectorPrimitive:
     """Read one vector primitive.
 
-    Raises:
-        InputError: the file is missing, no safetensors, or holds something else.
+    Raises InputError: the file is missing, no safetensors, or holds something else.
     """
     tensors = read_tensors(path)
     try:

@@ -26,15 +26,11 @@ def forcing_weights(
 ) -> np.ndarray:
     """Weights of the forcing term from one or several demonstrations.
 
-    Args:
-        targets: per demonstration (T_l, D) forcing targets on a uniform clock from start to end.
-        scales: (L, D) amplitude of each demonstration's forcing term relative to the primitive's; None: 1.
-        method: `joint`: ridge least squares over all kernels, as in the text. `local`: each kernel alone,
-            weighted by its activation (locally weighted regression).
-        count: number of kernels N.
-
-    Returns:
-        (N, D) weights theta that minimise sum_l |scale_l features theta - target_l|^2.
+    `targets`: per demonstration (T_l, D) forcing targets on a uniform clock from start to end. `scales`:
+    (L, D) amplitude of each demonstration's forcing term relative to the primitive's; None: 1. `method`:
+    `joint`: ridge least squares over all kernels, as in the text. `local`: each kernel alone, weighted by its
+    activation (locally weighted regression). Returns (N, D) weights theta that minimise sum_l |scale_l
+    features theta - target_l|^2.
     """
     if scales is None:
         scales = np.ones((len(targets), targets[0].shape[1]))

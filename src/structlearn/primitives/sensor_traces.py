@@ -18,13 +18,8 @@ OFFSET_SAMPLES = 5
 def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
     """A trace relative to the sensor's reading at the start of the run.
 
-    Args:
-        trace: (T, E) counts.
-        first: (S, E) samples at the start of the run; default the trace itself. For later primitives of a
-            run: the trace of its first primitive.
-
-    Returns:
-        (T, E) counts.
+    `trace`: (T, E) counts. `first`: (S, E) samples at the start of the run; default the trace itself. For
+    later primitives of a run: the trace of its first primitive. Returns (T, E) counts.
     """
     return trace - (trace if first is None else first)[:OFFSET_SAMPLES].mean(axis=0)
 
@@ -32,13 +27,9 @@ def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.nda
 def fit_expected_traces(traces: Sequence[np.ndarray], dt: float, smoothing_hz: float) -> VectorPrimitive:
     """Expected traces from repeated runs of a primitive.
 
-    Args:
-        traces: per run (T_l, E) readings without offset, on one uniform clock from start to end.
-        dt: sampling interval in s.
-        smoothing_hz: low-pass before the traces are differentiated.
-
-    Returns:
-        A vector primitive with one dimension per channel.
+    `traces`: per run (T_l, E) readings without offset, on one uniform clock from start to end.
+    `smoothing_hz`: low-pass before the traces are differentiated. Returns a vector primitive with one
+    dimension per channel.
     """
     return fit_vector([differentiated(trace, dt, smoothing_hz) for trace in traces])
 

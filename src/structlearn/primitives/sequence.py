@@ -23,16 +23,11 @@ LARGEST_SHORT_WAY = np.radians(160.0)
 
 @dataclass(frozen=True)
 class PosePrimitive:
-    """Position and orientation of one primitive; both run on one canonical system.
-
-    Attributes:
-        name: for tables and messages.
-        position: movement of the point.
-        orientation: movement of the orientation; None where none was recorded.
-    """
+    """Position and orientation of one primitive; both run on one canonical system."""
 
     name: str
     position: position.PositionPrimitive
+    # movement of the orientation; None where none was recorded
     orientation: OrientationPrimitive | None = None
 
     @property
@@ -43,30 +38,20 @@ class PosePrimitive:
 
 @dataclass(frozen=True)
 class PoseGoal:
-    """Where a primitive is to end.
+    """Where a primitive is to end."""
 
-    Attributes:
-        position: (3,) m.
-        orientation: (4,) unit quaternion, or None for a movement without orientation.
-    """
-
-    position: np.ndarray
-    orientation: np.ndarray | None = None
+    position: np.ndarray  # (3,) m
+    orientation: np.ndarray | None = None  # (4,) unit quaternion, or None for a movement without orientation
 
 
 @dataclass(frozen=True)
 class SequencePath:
-    """An unrolled sequence.
+    """An unrolled sequence."""
 
-    Attributes:
-        position: (T, 3) path of the point.
-        orientation: (T, 4) path of the orientation, or None.
-        switches: (P + 1,) sample at which each primitive starts, and the last sample. The sample of a switch
-            is the last of one primitive and the first of the next.
-    """
-
-    position: Trajectory
-    orientation: OrientationTrajectory | None
+    position: Trajectory  # (T, 3) path of the point
+    orientation: OrientationTrajectory | None  # (T, 4) path of the orientation, or None
+    # (P + 1,) sample at which each primitive starts, and the last sample. The sample of a switch is the last
+    # of one primitive and the first of the next.
     switches: np.ndarray
 
 
@@ -86,13 +71,8 @@ def fit_orientation(
 ) -> OrientationPrimitive:
     """Orientation primitive in the form that the demonstrations' largest net turn asks for.
 
-    Args:
-        demonstrations: each with (T_l, 4) orientations.
-        method: regression of the forcing weights.
-        kernel_count: number of kernels.
-
-    Returns:
-        The text's quaternion primitive below `LARGEST_SHORT_WAY`, the twist-swing primitive above.
+    `demonstrations`: each with (T_l, 4) orientations. Returns the text's quaternion primitive below
+    `LARGEST_SHORT_WAY`, the twist-swing primitive above.
     """
     if twist_swing.largest_turn(demonstrations) <= LARGEST_SHORT_WAY:
         return orientation.fit_quaternion(demonstrations, method, kernel_count)
@@ -141,16 +121,9 @@ def unroll(
     Each successor starts in the exact state in which its predecessor ended; its initial goal absorbs the
     difference to its own equilibrium (eq. IV.12-14).
 
-    Args:
-        primitives: with or without orientation, all alike.
-        dt: sampling interval in s.
-        start: pose at the start; default the first primitive's mean start.
-        goals: one per primitive; default the demonstrations' means.
-        durations: one per primitive in s; default the demonstrations' means.
-        from_rest: the first one starts at rest, as a robot does; else as its demonstrations did on average.
-
-    Returns:
-        The whole path on one clock.
+    `start`: pose at the start; default the first primitive's mean start. `goals`: one per primitive; default
+    the demonstrations' means. `durations`: one per primitive in s; default the demonstrations' means.
+    `from_rest`: the first one starts at rest, as a robot does; else as its demonstrations did on average.
     """
     goals = default_goals(primitives) if goals is None else goals
     durations = [primitive.duration for primitive in primitives] if durations is None else durations
@@ -173,16 +146,7 @@ def unroll(
 def generalised(
     primitives: Sequence[PosePrimitive], dt: float, parameters: GeneraliseParameters
 ) -> SequencePath:
-    """The sequence from another start to other goals in another time.
-
-    Args:
-        primitives: the learned sequence.
-        dt: sampling interval in s.
-        parameters: what is changed.
-
-    Returns:
-        The whole path on one clock.
-    """
+    """The sequence from another start to other goals in another time."""
     start = default_start(primitives)
     turn = quaternion.from_rotation_vector(np.radians(parameters.goal_turn_deg) * UP)
     return unroll(
@@ -200,10 +164,6 @@ def sequence_table(path: SequencePath, names: Sequence[str]) -> pd.DataFrame:
     Position `x`, `y`, `z` in m, velocity `vx` ... in m/s, acceleration `ax` ... in m/s^2 and, with an
     orientation, quaternion `qw`, `qx`, `qy`, `qz`, angular velocity `wx` ... in rad/s, angular acceleration
     `dwx` ... in rad/s^2. The sample of a switch belongs to the successor.
-
-    Args:
-        path: an unrolled sequence.
-        names: of its primitives.
     """
     lengths = np.diff(path.switches)
     lengths[-1] += 1
@@ -231,11 +191,7 @@ def largest_acceleration_jump(table: pd.DataFrame) -> float:
 
     Without eq. IV.12 it would be of the order of 1; with it, it is what a smooth path changes in one sample.
 
-    Args:
-        table: of `sequence_table`.
-
-    Returns:
-        Dimensionless; 0 for a single primitive.
+    `table`: of `sequence_table`. 0 for a single primitive.
     """
     acceleration = table[["ax", "ay", "az"]].to_numpy()
     names = table["primitive"].to_numpy()

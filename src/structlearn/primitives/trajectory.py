@@ -10,13 +10,9 @@ from structlearn.ground import quaternion, signals
 
 @dataclass(frozen=True)
 class Path:
-    """What the paths below share: a uniform clock that starts at 0.
+    """What the paths below share: a uniform clock that starts at 0."""
 
-    Attributes:
-        time: (T,) s since the start.
-    """
-
-    time: np.ndarray
+    time: np.ndarray  # (T,) s since the start
 
     @property
     def duration(self) -> float:
@@ -36,32 +32,20 @@ class Path:
 
 @dataclass(frozen=True)
 class Trajectory(Path):
-    """A vector signal (position, sensor trace, chart coordinates) with two derivatives.
+    """A vector signal (position, sensor trace, chart coordinates) with two derivatives."""
 
-    Attributes:
-        position: (..., T, D).
-        velocity: (..., T, D) per s.
-        acceleration: (..., T, D) per s^2.
-    """
-
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    position: np.ndarray  # (..., T, D)
+    velocity: np.ndarray  # (..., T, D) per s
+    acceleration: np.ndarray  # (..., T, D) per s^2
 
 
 @dataclass(frozen=True)
 class OrientationTrajectory(Path):
-    """An orientation path with angular velocity and acceleration in the base frame.
+    """An orientation path with angular velocity and acceleration in the base frame."""
 
-    Attributes:
-        orientation: (T, 4) unit quaternions w, x, y, z, sign-continuous.
-        angular_velocity: (T, 3) rad/s.
-        angular_acceleration: (T, 3) rad/s^2.
-    """
-
-    orientation: np.ndarray
-    angular_velocity: np.ndarray
-    angular_acceleration: np.ndarray
+    orientation: np.ndarray  # (T, 4) unit quaternions w, x, y, z, sign-continuous
+    angular_velocity: np.ndarray  # (T, 3) rad/s
+    angular_acceleration: np.ndarray  # (T, 3) rad/s^2
 
 
 def differentiated(position: np.ndarray, dt: float, cutoff_hz: float) -> Trajectory:
@@ -69,10 +53,7 @@ def differentiated(position: np.ndarray, dt: float, cutoff_hz: float) -> Traject
 
     Filter a whole demonstration before cutting it: neighbouring segments then agree at the cut.
 
-    Args:
-        position: (T, D) samples on a uniform clock.
-        dt: sampling interval in s.
-        cutoff_hz: cut-off of the low-pass in Hz.
+    `position`: (T, D) samples on a uniform clock. `cutoff_hz`: cut-off of the low-pass in Hz.
     """
     smooth = signals.low_pass(position, dt, cutoff_hz)
     velocity = signals.derivative(smooth, dt)
@@ -85,10 +66,7 @@ def differentiated_orientation(orientation: np.ndarray, dt: float, cutoff_hz: fl
     The components of the sign-continuous quaternion are filtered and normalised again: unlike a logarithm
     they have no singular orientation, and for a smooth path they stay far from zero.
 
-    Args:
-        orientation: (T, 4) unit quaternions on a uniform clock.
-        dt: sampling interval in s.
-        cutoff_hz: cut-off of the low-pass in Hz.
+    `orientation`: (T, 4) unit quaternions on a uniform clock. `cutoff_hz`: cut-off of the low-pass in Hz.
     """
     smooth = quaternion.normalised(signals.low_pass(quaternion.sign_continuous(orientation), dt, cutoff_hz))
     rate = signals.derivative(smooth, dt)  # Qd = 1/2 [0, w] o Q, so [0, w] = 2 Qd o Q*

@@ -24,19 +24,13 @@ from structlearn.primitives.vector import VectorPrimitive, fit_vector
 
 @dataclass(frozen=True)
 class TwistSwingPrimitive:
-    """Learned movement of an orientation that may turn any number of times.
+    """Learned movement of an orientation that may turn any number of times."""
 
-    Attributes:
-        chart: the movement of (theta, s_1, s_2) in rad; its start tells how many turns are left to go.
-        axes: (3, 3) columns: dominant axis, and two perpendicular ones, in the base frame.
-        start: (4,) mean start of the demonstrations.
-        goal: (4,) mean goal of the demonstrations.
-    """
-
+    # the movement of (theta, s_1, s_2) in rad; its start tells how many turns are left to go
     chart: VectorPrimitive
-    axes: np.ndarray
-    start: np.ndarray
-    goal: np.ndarray
+    axes: np.ndarray  # (3, 3) columns: dominant axis, and two perpendicular ones, in the base frame
+    start: np.ndarray  # (4,) mean start of the demonstrations
+    goal: np.ndarray  # (4,) mean goal of the demonstrations
 
     @property
     def duration(self) -> float:
@@ -100,13 +94,7 @@ def fit_twist_swing(
 ) -> TwistSwingPrimitive:
     """Learn an orientation primitive in the chart about the demonstrations' dominant axis.
 
-    Args:
-        demonstrations: each with (T_l, 4) orientations, sign flips removed.
-        method: regression of the forcing weights.
-        kernel_count: number of kernels.
-
-    Returns:
-        The primitive.
+    `demonstrations`: each with (T_l, 4) orientations, sign flips removed.
     """
     axes = dominant_axes(demonstrations)
     return TwistSwingPrimitive(
@@ -122,11 +110,7 @@ def dominant_axes(demonstrations: Sequence[OrientationTrajectory]) -> np.ndarray
 
     The first is the principal axis of the angular velocities, directed along the net turn.
 
-    Args:
-        demonstrations: with (T_l, 3) angular velocities.
-
-    Returns:
-        (3, 3) orthonormal columns, right-handed.
+    `demonstrations`: with (T_l, 3) angular velocities. Returns (3, 3) orthonormal columns, right-handed.
     """
     second_moment = sum(path.angular_velocity.T @ path.angular_velocity for path in demonstrations)
     axis = np.linalg.eigh(second_moment)[1][:, -1]
@@ -157,12 +141,8 @@ def on_chart(path: OrientationTrajectory, axes: np.ndarray) -> Trajectory:
 def to_chart(relative: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """Twist and swing of orientations relative to the goal.
 
-    Args:
-        relative: (..., 4) unit quaternions Q o Q_G*.
-        axes: (3, 3) columns: dominant axis and two perpendicular ones.
-
-    Returns:
-        (..., 3) twist in [-pi, pi], two swing components, in rad.
+    `relative`: (..., 4) unit quaternions Q o Q_G*. `axes`: (3, 3) columns: dominant axis and two
+    perpendicular ones. Returns (..., 3) twist in [-pi, pi], two swing components, in rad.
     """
     along = relative[..., 1:] @ axes[:, 0]
     twist = 2.0 * np.arctan2(along, relative[..., 0])
@@ -184,11 +164,7 @@ def angular_rates(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Angular velocity and acceleration in the base frame of a movement on the chart.
 
-    Args:
-        coordinates: (..., 3) rad.
-        rates: (..., 3) rad/s.
-        accelerations: (..., 3) rad/s^2.
-        axes: (3, 3).
+    `coordinates`: (..., 3) rad. `rates`: (..., 3) rad/s. `accelerations`: (..., 3) rad/s^2. `axes`: (3, 3).
 
     Returns:
         w: (..., 3) rad/s.   wd: (..., 3) rad/s^2.
@@ -203,11 +179,8 @@ def chart_rates(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rates and accelerations on the chart of a given angular motion, the inverse of `angular_rates`.
 
-    Args:
-        coordinates: (..., 3) rad.
-        velocity: (..., 3) angular velocity in rad/s.
-        acceleration: (..., 3) angular acceleration in rad/s^2.
-        axes: (3, 3).
+    `coordinates`: (..., 3) rad. `velocity`: (..., 3) angular velocity in rad/s. `acceleration`: (..., 3)
+    angular acceleration in rad/s^2. `axes`: (3, 3).
 
     Returns:
         rates: (..., 3) rad/s.   accelerations: (..., 3) rad/s^2.
@@ -225,8 +198,7 @@ def _chart_jacobian(
 
     With S = exp(s / 2) the swing and J its left Jacobian, w = J sd + thetad S a.
 
-    Returns:
-        M: (..., 3, 3).   M' rates: (..., 3).
+    Returns M: (..., 3, 3).   M' rates: (..., 3).
     """
     swing, swing_rate = coordinates[..., 1:] @ axes[:, 1:].T, rates[..., 1:] @ axes[:, 1:].T
     jacobian, jacobian_rate = _left_jacobian(swing, swing_rate)
@@ -243,9 +215,7 @@ def _left_jacobian(vector: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np
     J = 1 + A [v]x + B [v]x^2,  A = (1 - cos n) / n^2,  B = (n - sin n) / n^3,  n = |v|; near n = 0, where
     these cancel, their series are used.
 
-    Args:
-        vector: (..., 3) rotation vector in rad.
-        rate: (..., 3) its derivative in rad/s.
+    `vector`: (..., 3) rotation vector in rad. `rate`: (..., 3) its derivative in rad/s.
 
     Returns:
         J: (..., 3, 3).   Jd: (..., 3, 3) per s.

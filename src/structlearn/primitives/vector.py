@@ -14,37 +14,21 @@ SMALLEST_AMPLITUDE = 1e-3
 
 @dataclass(frozen=True)
 class VectorPrimitive:
-    """Learned movement of a D-dimensional signal.
+    """Learned movement of a D-dimensional signal."""
 
-    Attributes:
-        weights: (..., N, D) forcing weights; leading axes make a batch.
-        start: (D,) mean start of the demonstrations.
-        goal: (D,) mean goal of the demonstrations.
-        velocity: (D,) mean initial velocity of the demonstrations, per duration.
-        acceleration: (D,) mean initial acceleration of the demonstrations, per duration squared.
-        duration: mean duration of the demonstrations in s.
-        scaled: (D,) axes whose forcing term grows with the distance from start to goal.
-    """
-
-    weights: np.ndarray
-    start: np.ndarray
-    goal: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    duration: float
-    scaled: np.ndarray
+    weights: np.ndarray  # (..., N, D) forcing weights; leading axes make a batch
+    start: np.ndarray  # (D,) mean start of the demonstrations
+    goal: np.ndarray  # (D,) mean goal of the demonstrations
+    velocity: np.ndarray  # (D,) mean initial velocity of the demonstrations, per duration
+    acceleration: np.ndarray  # (D,) mean initial acceleration of the demonstrations, per duration squared
+    duration: float  # mean duration of the demonstrations in s
+    scaled: np.ndarray  # (D,) axes whose forcing term grows with the distance from start to goal
 
     def forcing(self, times: np.ndarray, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
         """Forcing term over time (eq. IV.6), scaled where that was asked for.
 
-        Args:
-            times: (T,) s since the start.
-            start: (D,).
-            goal: (D,).
-            duration: s.
-
-        Returns:
-            (..., T, D) forcing term.
+        `times`: (T,) s since the start. `start`: (D,). `goal`: (D,). `duration`: s. Returns (..., T, D)
+        forcing term.
         """
         p, u = canonical.phase(times, canonical.time_constant(duration))
         return self._forcing(kernels.features(p, u, self.weights.shape[-2]), start, goal)
@@ -103,14 +87,8 @@ def fit_vector(
 ) -> VectorPrimitive:
     """Learn a primitive from one or several demonstrations of any durations (IV.5.4).
 
-    Args:
-        demonstrations: each with (T_l, D) signals.
-        scaled: axes whose forcing term is to scale with the distance from start to goal; default none.
-        method: regression of the forcing weights.
-        kernel_count: number of kernels N.
-
-    Returns:
-        The primitive.
+    `demonstrations`: each with (T_l, D) signals. `scaled`: axes whose forcing term is to scale with the
+    distance from start to goal; default none.
     """
     starts = np.array([demonstration.position[0] for demonstration in demonstrations])
     goals = np.array([demonstration.position[-1] for demonstration in demonstrations])
@@ -138,13 +116,8 @@ def fit_vector(
 def relative_scale(distance: np.ndarray, amplitude: np.ndarray, scaled: np.ndarray) -> np.ndarray:
     """Factor on the forcing term: (G - x_0) / amplitude on scaled axes, 1 elsewhere.
 
-    Args:
-        distance: (..., D) goal minus start of this movement.
-        amplitude: (D,) goal minus start of the demonstrations' mean.
-        scaled: (D,) which axes are scaled.
-
-    Returns:
-        (..., D) factors.
+    `distance`: (..., D) goal minus start of this movement. `amplitude`: (D,) goal minus start of the
+    demonstrations' mean. `scaled`: (D,) which axes are scaled. Returns (..., D) factors.
     """
     meaningful = scaled & (np.abs(amplitude) >= SMALLEST_AMPLITUDE)
     return np.where(meaningful, distance / np.where(meaningful, amplitude, 1.0), 1.0)

@@ -14,7 +14,7 @@ import pandas as pd
 
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
+from structlearn.recordings.text_log import check_rising, read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/notvenky/eFlesh"
 COMMIT = "ab5ca56a87df7cbf59264138998bf74efc216b13"
@@ -57,12 +57,13 @@ class ProbeRun:
     provenance: dict[str, str] = field(default_factory=dict)
 
 
-def read_runs(folder: str | Path, kind: str) -> list[ProbeRun]:
+def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = None) -> list[ProbeRun]:
     """All runs of one kind.
 
     Args:
         folder: the data set's folder.
         kind: `PRESSES` or `STROKES`.
+        left_out: gets why a file cannot be read; None: that is an error.
 
     Returns:
         Runs in the order of their names, which are times; none where the kind's folder is missing.
@@ -72,7 +73,7 @@ def read_runs(folder: str | Path, kind: str) -> list[ProbeRun]:
     """
     folder = Path(folder)
     paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
-    return [read_run(path, folder, kind == STROKES) for path in paths]
+    return read_each(lambda path: read_run(path, folder, kind == STROKES), paths, left_out)
 
 
 def read_run(path: Path, root: Path, on_scale: bool) -> ProbeRun:
@@ -124,17 +125,18 @@ def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
     return np.where(asked - stamps[before] <= stamps[after] - asked, before, after)
 
 
-def read_all_runs(folder: str | Path) -> dict[str, list[ProbeRun]]:
+def read_all_runs(folder: str | Path, left_out: dict[str, str] | None = None) -> dict[str, list[ProbeRun]]:
     """Runs of all kinds, by kind.
 
     Args:
         folder: the data set's folder.
+        left_out: gets why a file cannot be read; None: that is an error.
 
     Raises:
         MissingInputError: there is no run over places.
         InputError: see `read_run`.
     """
-    found = {kind: read_runs(folder, kind) for kind in FOLDERS}
+    found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
     if not found[PRESSES]:
         raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
     return found

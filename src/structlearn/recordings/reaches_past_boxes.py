@@ -14,7 +14,7 @@ import numpy as np
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.recording import Form, NamedShape, Recording, Stream
-from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
+from structlearn.recordings.text_log import check_rising, read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/m-hasan-n/hlp"
 COMMIT = "5c1d5f29c3550391376da7e98e27a0006bb67ea5"
@@ -34,7 +34,7 @@ BOUNDARIES = {f"{side}Boundary": f"{BOUNDARY} {side.lower()}" for side in ("Left
 """Walls of the shelf that a hand beside the boxes may meet; its floor and its top are above and below."""
 
 
-def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
+def read_reaches_past_boxes(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
     """Trials of all people: the hand's pose, boxes, walls and target as named shapes.
 
     A trial is recorded as a whole; when the hand had moved and when the target was reached (s since the first
@@ -43,6 +43,7 @@ def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
     Args:
         folder: the data set's folder, or any part of it: trials whose folder is missing are passed over. A
             trial's files lie in its folder, or in folders there, as they were published.
+        left_out: gets why a file cannot be read; None: that is an error.
 
     Returns:
         Recordings named PERSON_TRIAL, e.g. "sub_01_T012", in the order of the table of trials.
@@ -54,17 +55,17 @@ def read_reaches_past_boxes(folder: str | Path) -> list[Recording]:
     folder = Path(folder)
     if not (folder / TRIALS).is_file():
         raise MissingInputError(f"{folder}: holds no table of trials ({TRIALS})")
-    found = []
+    known = {}
     for line, row in _rows(folder / TRIALS, TRIAL_COLUMNS):
         where = f"{folder / TRIALS}: line {line}"
         number = int(_numbers(where, row, ("trial",))[0])
         times = _numbers(where, row, TRIAL_COLUMNS[3:])
         trial = folder / row["participant"] / f"T{number:03d}"
         if trial.is_dir():
-            found.append(_trial(folder, trial, row, times))
-    if not found:
+            known[trial] = row, times
+    if not known:
         raise MissingInputError(f"{folder}: holds none of the trials of {TRIALS} (sub_01/T012, ...)")
-    return found
+    return read_each(lambda trial: _trial(folder, trial, *known[trial]), known, left_out)
 
 
 def unity_to_base(points: np.ndarray) -> np.ndarray:

@@ -65,7 +65,8 @@ def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str |
         fields.append(pyarrow.field(name, kind, metadata={UNIT: units[name.partition(".")[0]].encode()}))
     about = json.dumps({run.name: dict(run.about) for run in runs})
     schema = pyarrow.schema(fields, metadata={RUNS: about.encode()})
-    write_arrow(pyarrow.Table.from_arrays(arrays, schema=schema), target)
+    table = pyarrow.Table.from_arrays(arrays, schema=schema)
+    write_arrow(table, target, use_dictionary=[RUN], use_byte_stream_split=names)  # noise: 0.7 of the size
 
 
 def read_series(path: str | Path) -> list[Series]:

@@ -12,7 +12,7 @@ from structlearn.ground import quaternion
 from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.recording import Recording, Stream
-from structlearn.recordings.text_log import read_stamped_table, source_provenance
+from structlearn.recordings.text_log import read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/dexrob/BioTac_slide_20_50"
 COMMIT = "c19638b040791b7b32f2fcf12eee315ca901f80a"
@@ -25,12 +25,15 @@ FIRST_ELECTRODE = 25
 """Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
 
 
-def read_slides(folder: str | Path, trials: int | None = None) -> list[Recording]:
+def read_slides(
+    folder: str | Path, trials: int | None = None, left_out: dict[str, str] | None = None
+) -> list[Recording]:
     """Trials of a folder: pose, joint positions, velocities and torques, wrench and 19 electrodes.
 
     Args:
         folder: holds MATERIAL_TRIAL_STREAM.csv files, or folders of them, as the repository has.
         trials: the first so many of each material; None: all.
+        left_out: gets why a file cannot be read; None: that is an error.
 
     Returns:
         Recordings named "MATERIAL_TRIAL", e.g. "mat9_1", by material and trial; stamps are Unix time.
@@ -45,7 +48,8 @@ def read_slides(folder: str | Path, trials: int | None = None) -> list[Recording
         by_material.setdefault(material_of(name), []).append(name)
     if not found:
         raise MissingInputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
-    return [read_slide(found[name], name) for names in by_material.values() for name in names[:trials]]
+    paths = [found[name] / name for names in by_material.values() for name in names[:trials]]
+    return read_each(lambda path: read_slide(path.parent, path.name), paths, left_out)
 
 
 def material_of(trial: str) -> str:

@@ -2,13 +2,16 @@
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
+
+T = TypeVar("T")
 
 
 def read_table(
@@ -57,6 +60,19 @@ def read_stamped_table(
     stamps = [_nanoseconds(path, number, line.split(separator, 1)[0]) for number, line in lines.items()]
     values = np.ascontiguousarray(_numbers(path, lines, columns, separator)[:, 1:])
     return np.array(stamps, dtype=np.int64), values
+
+
+def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[str, str] | None) -> list[T]:
+    """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
+    found = []
+    for path in paths:
+        try:
+            found.append(read(path))
+        except InputError as error:
+            if left_out is None:
+                raise
+            left_out[f"{path.parent.name}/{path.name}"] = str(error)
+    return found
 
 
 def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:

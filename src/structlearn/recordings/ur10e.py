@@ -4,12 +4,13 @@ Files of the repository shamilmamedov/dynamic_calibration ("Practical Aspects of
 Detection", Frontiers in Robotics and AI 2020). Times are those of the controller, about 100 Hz and uneven.
 """
 
+from functools import partial
 from pathlib import Path
 
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.bag_files import check_unique
 from structlearn.recordings.drive_log import DriveLog
-from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
+from structlearn.recordings.text_log import check_rising, read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/shamilmamedov/dynamic_calibration"
 COMMIT = "11af40e7deb758ec080a175fed8fcdd6c99aca29"
@@ -35,11 +36,12 @@ OLDER_COLUMNS = 19
 """Of the logs of 2019, which hold positions, velocities and currents alone: no gain follows from them."""
 
 
-def read_logs(folder: str | Path) -> list[DriveLog]:
+def read_logs(folder: str | Path, left_out: dict[str, str] | None = None) -> list[DriveLog]:
     """All logs of a folder, whatever their number; those of `OLDER_COLUMNS` are left aside.
 
     Args:
         folder: holds `ur-*.csv`, or folders of them; no header; time in s, then the columns of `SIGNALS`.
+        left_out: gets why a file cannot be read; None: that is an error.
 
     Returns:
         Logs by name, the file's stem without its `ur-`.
@@ -57,7 +59,7 @@ def read_logs(folder: str | Path) -> list[DriveLog]:
     if not paths:
         raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
     check_unique([path.name for path in paths], str(folder))
-    return [_read_log(folder, path) for path in paths]
+    return read_each(partial(_read_log, folder), paths, left_out)
 
 
 def urdf_path(folder: str | Path) -> Path:

@@ -34,31 +34,20 @@ VERDICTS = (YES, NO, UNDECIDED, NOT_TESTED, BY_CONSTRUCTION)
 
 @dataclass(frozen=True)
 class Evidence:
-    """A number that was found, with its 95 % interval (wider where a claim makes many comparisons).
+    """A number that was found, with its 95 % interval (wider where a claim makes many comparisons)."""
 
-    Attributes:
-        value: the number; NaN where nothing was found.
-        low: lower end of the interval; the value itself where the number is exact (a largest value, a count).
-        high: upper end.
-        n: number of independent things that it rests on (people, seeds, runs).
-        count: of `n`, where the number is a share.
-        people: that the `n` trials of a share are of, where trials of one person are alike; else None.
-        pooled_low: lower end of the share's interval if all trials were independent.
-        pooled_high: its upper end.
-        study: that it is quoted from, run beside the pipeline; empty where this run computed it.
-        reason: why nothing was found, where the value is NaN.
-    """
-
-    value: float
+    value: float  # the number; NaN where nothing was found
+    # lower end of the interval; the value itself where the number is exact (a largest value, a count)
     low: float
-    high: float
-    n: int
-    count: int | None = None
+    high: float  # upper end
+    n: int  # number of independent things that it rests on (people, seeds, runs)
+    count: int | None = None  # of `n`, where the number is a share
+    # that the `n` trials of a share are of, where trials of one person are alike; else None
     people: int | None = None
-    pooled_low: float = float("nan")
-    pooled_high: float = float("nan")
-    study: str = ""
-    reason: str = ""
+    pooled_low: float = float("nan")  # lower end of the share's interval if all trials were independent
+    pooled_high: float = float("nan")  # its upper end
+    study: str = ""  # that it is quoted from, run beside the pipeline; empty where this run computed it
+    reason: str = ""  # why nothing was found, where the value is NaN
 
 
 def exact(value: float, n: int) -> Evidence:
@@ -106,14 +95,8 @@ def clustered_share(counts: np.ndarray, trials: np.ndarray, comparisons: int = 1
 
     For rare events of few people who differ much the t distribution is too narrow: at 5 % and an intraclass
     correlation of 0.1 the interval of 8 people covers in 85 % of all draws, Wilson's over all trials in 52 %.
-
-    Args:
-        counts: (P,) by person, of `trials`.
-        trials: (P,) by person, positive.
-        comparisons: see `confidence`.
-
-    Returns:
-        Evidence whose n and count are of trials, with the interval over people and the pooled one.
+    `counts` (P,) by person, of `trials`; `trials` (P,) by person, positive; `comparisons`: see `confidence`.
+    Returns evidence whose n and count are of trials, with the interval over people and the pooled one.
     """
     counts, trials = np.asarray(counts), np.asarray(trials)
     pooled = share(int(counts.sum()), int(trials.sum()), comparisons)
@@ -216,56 +199,37 @@ NEEDS_BOUND = {"at most", "at least", "between"}
 
 
 class Counterpart(BaseModel):
-    """The like statement of another testbed.
-
-    Attributes:
-        testbed: whose `claims.csv` has it.
-        statement: as it stands there.
-        cases: those that are meant; all where none is named.
-        page: of that testbed.
-        by: whose statement is meant where the text's and ours have the same words; None: they are the same.
-    """
+    """The like statement of another testbed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    testbed: str
-    statement: str
-    cases: tuple[str, ...] = ()
-    page: str = "index"
+    testbed: str  # whose `claims.csv` has it
+    statement: str  # as it stands there
+    cases: tuple[str, ...] = ()  # those that are meant; all where none is named
+    page: str = "index"  # of that testbed
+    # whose statement is meant where the text's and ours have the same words; None: they are the same
     by: Literal["text", "ours"] | None = None
 
 
 class Claim(BaseModel):
-    """One entry of a `claims.yaml`.
-
-    Attributes:
-        statement: what is claimed; a template that may name the page's facts, as may `published` and `note`.
-        source: where the dissertation says so, or why this project aims at it.
-        by: `text` where the dissertation states it, `ours` where this project set out to reach it.
-        evidence: name of what was found.
-        test: one of `TESTS`, or one by case.
-        bound: of the test, or one by case; 0 where it is left out.
-        published: what the dissertation prints.
-        format: of the numbers, or `share` for percentages, or `count` for `3 of 63`.
-        unit: written behind them.
-        note: what else a reader must know, e.g. what the number is of.
-        by_construction: why no measurement could refute it; it is shown as such and is no yes.
-        simulated: the like statement of a simulated testbed, for claims about recorded data.
-    """
+    """One entry of a `claims.yaml`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    # what is claimed; a template that may name the page's facts, as may `published` and `note`
     statement: str
-    source: str
+    source: str  # where the dissertation says so, or why this project aims at it
+    # `text` where the dissertation states it, `ours` where this project set out to reach it
     by: Literal["text", "ours"] = "text"
-    evidence: str
-    test: str | dict[str, str]
-    bound: Any = 0.0
-    published: str = ""
-    format: str = ".2f"
-    unit: str = ""
-    note: str = ""
-    by_construction: str = ""
+    evidence: str  # name of what was found
+    test: str | dict[str, str]  # one of `TESTS`, or one by case
+    bound: Any = 0.0  # of the test, or one by case; 0 where it is left out
+    published: str = ""  # what the dissertation prints
+    format: str = ".2f"  # of the numbers, or `share` for percentages, or `count` for `3 of 63`
+    unit: str = ""  # written behind them
+    note: str = ""  # what else a reader must know, e.g. what the number is of
+    by_construction: str = ""  # why no measurement could refute it; it is shown as such and is no yes
+    # the like statement of a simulated testbed, for claims about recorded data
     simulated: Counterpart | None = None
 
     @model_validator(mode="after")
@@ -289,23 +253,15 @@ class Claim(BaseModel):
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim with its verdict, as the page's table shows it.
+    """A claim with its verdict, as the page's table shows it."""
 
-    Attributes:
-        claim: with its texts rendered.
-        cases: name, number in words, n and verdict of each; one with an empty name where there are no cases.
-        verdict: over all cases.
-        studies: that the cases are quoted from, see `Evidence.study`; empty where none is.
-        heading: of the set of data that it is about, on a page with several.
-        simulated: verdict on the claim's counterpart; empty where it is not known.
-    """
-
-    claim: Claim
+    claim: Claim  # with its texts rendered
+    # name, number in words, n and verdict of each; one with an empty name where there are no cases
     cases: tuple[tuple[str, str, int, str], ...]
-    verdict: str
-    studies: tuple[str, ...] = ()
-    heading: str = ""
-    simulated: str = ""
+    verdict: str  # over all cases
+    studies: tuple[str, ...] = ()  # that the cases are quoted from, see `Evidence.study`; empty where none is
+    heading: str = ""  # of the set of data that it is about, on a page with several
+    simulated: str = ""  # verdict on the claim's counterpart; empty where it is not known
 
 
 def read_claims(path: Path) -> list[Claim]:
@@ -333,11 +289,7 @@ def judge(
 ) -> list[Judged]:
     """Hold claims against what was found.
 
-    Args:
-        claims: of `read_claims`.
-        evidence: by the names that the claims use; all of it is used.
-        environment: that renders their texts.
-        facts: that the texts may name.
+    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used.
 
     Raises:
         ValueError: evidence is missing, or no claim uses it.
@@ -410,10 +362,9 @@ def verdict_in(table: pd.DataFrame, counterpart: Counterpart) -> str:
 def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
     """One row per case of each claim, as the CSV file holds them; with its set where there are several.
 
-    Returns:
-        `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`, `verdict_of_all`,
-        `by_construction`: why nothing could refute it, and `study`: that the number is quoted from; both are
-        empty elsewhere.
+    Returns `by`, `statement`, `source`, `published`, `case`, `here` (in words), `n`, `verdict`,
+    `verdict_of_all`, `by_construction`: why nothing could refute it, and `study`: that the number is quoted
+    from; both are empty elsewhere.
     """
     texts = ("by", "statement", "source", "published")
     rows = [
@@ -435,23 +386,14 @@ def claims_table(judged: Sequence[Judged]) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class OnRecordings:
-    """A statement of a simulated testbed that recorded data speak to as well.
+    """A statement of a simulated testbed that recorded data speak to as well."""
 
-    Attributes:
-        statement: as the page of recorded data makes it.
-        counterpart: the like one of the simulated testbed.
-        simulated: verdict on that.
-        recorded: verdict on recorded data.
-        found: there, in words, one for each case.
-        heading: of the set of recordings.
-    """
-
-    statement: str
-    counterpart: Counterpart
-    simulated: str
-    recorded: str
-    found: tuple[str, ...]
-    heading: str
+    statement: str  # as the page of recorded data makes it
+    counterpart: Counterpart  # the like one of the simulated testbed
+    simulated: str  # verdict on that
+    recorded: str  # verdict on recorded data
+    found: tuple[str, ...]  # there, in words, one for each case
+    heading: str  # of the set of recordings
 
     @property
     def alike(self) -> bool:
@@ -462,13 +404,8 @@ class OnRecordings:
 def on_recordings(recorded: pd.DataFrame, testbed: str, own: pd.DataFrame) -> list[OnRecordings]:
     """What was found on recorded data for the statements of a simulated testbed.
 
-    Args:
-        recorded: `claims_table` of recorded data.
-        testbed: the simulated one.
-        own: its `claims_table`.
-
-    Returns:
-        One entry per statement that was tested on both, in the order of the recorded ones.
+    `recorded`: `claims_table` of recorded data; `own`: its `claims_table`. Returns one entry per statement
+    that was tested on both, in the order of the recorded ones.
     """
     rows = recorded[recorded["counterpart"].astype(bool) & (recorded["verdict_of_all"] != NOT_TESTED)]
     both = []

@@ -29,20 +29,15 @@ MISSING = "\N{EN DASH}"
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a data frame, without its index; it is written as `tables/NAME.csv` too.
+    """A table of a data frame, without its index; it is written as `tables/NAME.csv` too."""
 
-    Attributes:
-        frame: the rows, in order.
-        formats: by column, how a number is written, e.g. `.1f`; other numbers are written as they are.
-        headings: by column, what is written above it; default the column's name.
-        strong: row positions that are set in bold.
-        words: by column, what is written for a value, such as a model's name for its key.
-    """
-
-    frame: pd.DataFrame
+    frame: pd.DataFrame  # the rows, in order
+    # by column, how a number is written, e.g. `.1f`; other numbers are written as they are
     formats: Mapping[str, str] = field(default_factory=dict)
+    # by column, what is written above it; default the column's name
     headings: Mapping[str, str] = field(default_factory=dict)
-    strong: frozenset[int] = frozenset()
+    strong: frozenset[int] = frozenset()  # row positions that are set in bold
+    # by column, what is written for a value, such as a model's name for its key
     words: Mapping[str, Mapping[Any, str]] = field(default_factory=dict)
 
 
@@ -65,34 +60,22 @@ class Panel:
 
 @dataclass(frozen=True)
 class Document:
-    """What a page is made of.
+    """What a page is made of."""
 
-    Attributes:
-        template: its file in `package`.
-        package: of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`.
-        stage: that draws it; pages without figures and tables of their own need none.
-        facts: what its sentences name.
-        tables: by name.
-        judged: claims with their verdicts.
-        sources: by name, for `source=` of figures and tables.
-        parameters: by their key in `params.yaml`; listed in the end.
-        recordings: folder of the .rrd files, relative to the page.
-        simulated: whether what it shows was simulated; it is labelled so.
-        recorded: which of its statements were tested on recorded data too.
-        basis: what the verdicts rest on beside the pipeline: a sentence, and one that is hidden at first.
-    """
-
-    template: str
-    package: str
-    stage: str = ""
-    facts: Mapping[str, object] = field(default_factory=dict)
-    tables: Mapping[str, Table] = field(default_factory=dict)
-    judged: Sequence[Judged] = ()
+    template: str  # its file in `package`
+    package: str  # of the testbed's page, e.g. `structlearn.testbeds.obstacles.page`
+    stage: str = ""  # that draws it; pages without figures and tables of their own need none
+    facts: Mapping[str, object] = field(default_factory=dict)  # what its sentences name
+    tables: Mapping[str, Table] = field(default_factory=dict)  # by name
+    judged: Sequence[Judged] = ()  # claims with their verdicts
+    # by name, for `source=` of figures and tables
     sources: Mapping[str, Source] = field(default_factory=dict)
+    # by their key in `params.yaml`; listed in the end
     parameters: Mapping[str, Parameters] = field(default_factory=dict)
-    recordings: str = ""
-    simulated: bool = False
-    recorded: Sequence[OnRecordings] = ()
+    recordings: str = ""  # folder of the .rrd files, relative to the page
+    simulated: bool = False  # whether what it shows was simulated; it is labelled so
+    recorded: Sequence[OnRecordings] = ()  # which of its statements were tested on recorded data too
+    # what the verdicts rest on beside the pipeline: a sentence, and one that is hidden at first
     basis: tuple[str, str] = ("", "")
 
 
@@ -128,12 +111,7 @@ class Scribe:
     ) -> Markup:
         """A figure of one or more panels, which stand beside each other where there is room.
 
-        Args:
-            name: of the figure.
-            caption: what it shows; or as a call block.
-            alt: what a reader hears who cannot see it.
-            source: name of one of the document's sources, or names with spaces between them.
-            caller: the call block.
+        `source`: name of one of the document's sources, or names with spaces between them.
         """
         caption = caller() if caller is not None else caption
         return self._parts.figure(
@@ -180,10 +158,6 @@ def render(document: Document, figures: Mapping[str, Sequence[Panel]]) -> str:
     """The page as HTML.
 
     The template is rendered twice: the list of contents stands before the sections that are in it.
-
-    Args:
-        document: what it is made of.
-        figures: panels by name.
 
     Raises:
         jinja2.UndefinedError: the template names a value that is not there.
@@ -264,8 +238,7 @@ def cell(value: object, number_format: str = "") -> str:
 def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
     """One row per parameter, named as for `dvc exp run --temp -S`.
 
-    Args:
-        parameters: by their key in `params.yaml`.
+    `parameters`: by their key in `params.yaml`.
     """
     rows = [row for key, model in parameters.items() for row in _rows(key, model.model_dump(mode="json"))]
     return pd.DataFrame(rows, columns=["parameter", "value"])

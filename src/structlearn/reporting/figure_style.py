@@ -119,12 +119,7 @@ def canvas(height: float, width: float = WIDTH) -> Figure:
 def save(drawing: Drawing, path: Path) -> tuple[Path, tuple[int, int]]:
     """Write a drawing as SVG or PNG, whatever suits it, without metadata.
 
-    Args:
-        drawing: the drawing.
-        path: of the file, without its ending.
-
-    Returns:
-        Path with the ending, and width and height in pixels of the page.
+    Returns path with the ending, and width and height in pixels of the page.
     """
     if isinstance(drawing, Figure):
         path = path.with_name(f"{path.name}.svg")

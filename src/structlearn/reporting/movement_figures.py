@@ -97,8 +97,7 @@ def space_panels(paths: Sequence[tuple[np.ndarray, Mapping[str, Any]]]) -> list[
 def sequence_figure(sequences: Mapping[str, pd.DataFrame]) -> list[Figure]:
     """Position, speed and acceleration of unrolled sequences over time, with the switches; a panel each.
 
-    Args:
-        sequences: by title, of `primitives.sequence.sequence_table`.
+    `sequences`: by title, of `primitives.sequence.sequence_table`.
     """
     figures = []
     for title, table in sequences.items():

@@ -21,13 +21,9 @@ WIDTHS = {RECORDED: 3.5, NONE: 1.0, TEXT: 1.3, OURS: 1.8, PLANNED: 1.0}
 
 @dataclass(frozen=True)
 class SceneWays:
-    """What the folds showed.
+    """What the folds showed."""
 
-    Attributes:
-        tables: those of `avoidance.scene_folds.SceneResults`, by name.
-    """
-
-    tables: Mapping[str, pd.DataFrame]
+    tables: Mapping[str, pd.DataFrame]  # those of `avoidance.scene_folds.SceneResults`, by name
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]

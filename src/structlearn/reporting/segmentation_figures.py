@@ -124,13 +124,7 @@ def alignment_figure(
     segmentation: Segmentation,
     primitives: Sequence[PrimitiveParameters],
 ) -> list[Figure]:
-    """Figure IV.15a, b: segments of all demonstrations stretched to one duration, before and after refining.
-
-    Args:
-        demonstrations: the complete ones.
-        segmentation: of these.
-        primitives: those with an axis, one panel each.
-    """
+    """Figure IV.15a, b: segments of all demonstrations at one duration, before and after refining."""
     figures = []
     for primitive in primitives:
         figures.append(canvas(4.6, PANEL_WIDTH))
@@ -167,11 +161,9 @@ def noise_figure(
 ) -> list[Figure]:
     """Cut errors over the noise, and the paired differences to the result's method; a panel each.
 
-    Args:
-        by_level: of `segmentation.method_comparison.errors_by_level`.
-        comparison: of `segmentation.method_comparison.paired_comparison`.
-        noise: what the noise is.
-        pair: what the two errors of a difference have in common.
+    `by_level`: of `segmentation.method_comparison.errors_by_level`; `comparison`: of
+    `segmentation.method_comparison.paired_comparison`; `pair`: what the two errors of a difference have in
+    common.
     """
     figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
     errors, differences = (figure.subplots() for figure in figures)

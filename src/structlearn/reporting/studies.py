@@ -22,6 +22,7 @@ from structlearn.ground.artefacts import publish, read_csv, read_metrics, write_
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters, checked, read_parameters, read_values
 from structlearn.ground.populations import Population
+from structlearn.ground.source_closure import SourceTree
 from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Document, Table, render
 from structlearn.reporting.prose import counted, interval, listing, rounded
@@ -208,10 +209,14 @@ def upstream_parameters(pipeline: Mapping[str, Any], target: str) -> list[str]:
     return sorted({str(key).split(".")[0] for stage in stages for key in stage.get("params", [])})
 
 
-def upstream_code(pipeline: Mapping[str, Any], target: str) -> list[str]:
-    """Source folders and files that a stage of a pipeline and all before it depend on."""
-    stages = _upstream(pipeline, target)
-    return sorted({dep for stage in stages for dep in stage.get("deps", []) if dep.split("/")[0] in CODE})
+def upstream_code(pipeline: Mapping[str, Any], target: str, root: Path = Path(".")) -> list[str]:
+    """Scripts of a stage and all before it, and the source folders of the modules that they import."""
+    scripts = {stage["cmd"].split()[1] for stage in _upstream(pipeline, target)} - {"stages/list_code.py"}
+    sources = SourceTree(root / "src")
+    modules = {path for script in scripts for path in sources.closure(root / script)}
+    depth = {"testbeds": 4}  # `structlearn/testbeds/<testbed>/world`, but `structlearn/<method>`
+    folders = {Path("src", *path.parts[: depth.get(path.parts[1], 2)]) for path in modules}
+    return sorted(scripts | set(map(str, folders)))
 
 
 def digests(parameters: Path, keys: list[str]) -> dict[str, str]:

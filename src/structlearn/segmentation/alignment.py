@@ -15,15 +15,10 @@ from structlearn.ground.errors import InputError
 
 @dataclass(frozen=True)
 class Alignment:
-    """How a guessed segment lies relative to the reference segment.
+    """How a guessed segment lies relative to the reference segment."""
 
-    Attributes:
-        time_scale: tau, dimensionless.
-        delay: d in samples.
-    """
-
-    time_scale: float
-    delay: float
+    time_scale: float  # tau, dimensionless
+    delay: float  # d in samples
 
     def guess_time(self, reference_time: np.ndarray | float) -> np.ndarray | float:
         """Time in the guess that corresponds to a time in the reference, in samples (eq. IV.15)."""
@@ -37,14 +32,9 @@ def velocity_weights(
 
     The velocities are made comparable by the largest speed of each segment; this removes the time scale too.
 
-    Args:
-        reference_velocity: (K, D) velocity of the reference at the pairs.
-        guess_velocity: (K, D) velocity of the guess at the pairs.
-        near_zero: fraction of the largest speed below which a pair is dropped.
-        decay: k, dimensionless.
-
-    Returns:
-        (K,) weights in [0, 1]; 1 for equal velocities.
+    `reference_velocity`: (K, D) velocity of the reference at the pairs. `guess_velocity`: (K, D) velocity of
+    the guess at the pairs. `near_zero`: fraction of the largest speed below which a pair is dropped. `decay`:
+    k, dimensionless. Returns (K,) weights in [0, 1]; 1 for equal velocities.
     """
     speeds = [np.linalg.norm(velocity, axis=1) for velocity in (reference_velocity, guess_velocity)]
     largest = [max(float(speed.max(initial=0.0)), np.finfo(float).tiny) for speed in speeds]
@@ -56,15 +46,9 @@ def velocity_weights(
 def least_squares(pairs: np.ndarray, weights: np.ndarray | None = None) -> Alignment:
     """Time scale and delay that fit the pairs best (eq. IV.17, with weights IV.18).
 
-    Args:
-        pairs: (K, 2) corresponding times in samples: reference, guess.
-        weights: (K,) weights; None: ordinary least squares.
-
-    Returns:
-        The alignment.
-
-    Raises:
-        InputError: fewer than two different reference times have weight, or time would run backwards.
+    `pairs`: (K, 2) corresponding times in samples: reference, guess. `weights`: (K,) weights; None: ordinary
+    least squares. Raises InputError: fewer than two different reference times have weight, or time would run
+    backwards.
     """
     weights = np.ones(len(pairs)) if weights is None else weights
     used = weights > 0.0
@@ -102,9 +86,6 @@ def with_crossings(
         crossings: (2, 2) start and end by zero-velocity crossing: reference, guess, in samples.
         crossing_weight: weight of a pair of undoubted crossings relative to all other pairs together.
         tolerance: distance in samples at which a crossing has half its weight.
-
-    Returns:
-        The alignment.
     """
     distance = crossings[:, 1] - alignment.guess_time(crossings[:, 0])
     trust = 0.5 * crossing_weight * weights.sum() / (1.0 + (distance / tolerance) ** 2)

@@ -22,18 +22,9 @@ def moving_interval(
     across dips of at most `bridge` samples (a hesitation is not an end). From its crossings the cut points
     go down the lightly smoothed speed to its local minimum, or to rest.
 
-    Args:
-        smooth_speed: (T,) heavily smoothed speed in m/s.
-        speed: (T,) lightly smoothed speed in m/s.
-        threshold: h in m/s.
-        bridge: longest dip in samples.
-        first: sample before which nothing is looked for.
-
-    Returns:
-        s, e: first and last sample.
-
-    Raises:
-        InputError: the speed does not cross the threshold; the caller adds whose speed it is.
+    `smooth_speed`: (T,) heavily smoothed speed in m/s. `speed`: (T,) lightly smoothed speed in m/s.
+    `threshold`: h in m/s. Returns s, e: first and last sample. Raises InputError: the speed does not cross
+    the threshold; the caller adds whose speed it is.
     """
     above = np.flatnonzero(smooth_speed[first:] > threshold) + first
     if len(above) == 0:
@@ -50,15 +41,8 @@ def cut_points(
 ) -> tuple[int, int]:
     """Where a movement starts and ends, from a run of its heavily smoothed speed above the threshold.
 
-    Args:
-        speed: (T,) lightly smoothed speed.
-        run: its first and last sample.
-        threshold: above which it moves, in the unit of the speed.
-        rest: below which it counts as resting.
-        limits: first and last sample that may be cut at.
-
-    Returns:
-        s, e: first and last sample of the movement.
+    `speed`: (T,) lightly smoothed speed. `threshold`: above which it moves, in the unit of the speed. `rest`:
+    below which it counts as resting. Returns s, e: first and last sample of the movement.
     """
     s, e = run
     moving = np.flatnonzero(speed[s : e + 1] > threshold)

@@ -54,15 +54,9 @@ def find_crossings(
 ) -> tuple[int, list[Crossings | InputError]]:
     """Start and end of every primitive that has an axis.
 
-    Args:
-        demonstrations: complete demonstrations with one common sampling interval.
-        parameters: of the segmentation.
-
-    Returns:
-        Index of the reference, and of each demonstration the crossings, or why it has none.
-
-    Raises:
-        InputError: there is no demonstration of the reference's name, or none can be cut.
+    `demonstrations`: complete demonstrations with one common sampling interval. Returns index of the
+    reference, and of each demonstration the crossings, or why it has none. Raises InputError: there is no
+    demonstration of the reference's name, or none can be cut.
     """
     names = [demonstration.name for demonstration in demonstrations]
     if parameters.reference not in (None, *names):

@@ -23,12 +23,8 @@ def cut_errors(demonstrations: Sequence[Demonstration], segmentation: Segmentati
     Primitives in between have no cut points of their own, and the reference is not guessed: both are left
     out.
 
-    Args:
-        demonstrations: with `true_segments` in the order of the primitives.
-        segmentation: of these demonstrations.
-
-    Returns:
-        `demonstration`, `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
+    `demonstrations`: with `true_segments` in the order of the primitives. Returns `demonstration`,
+    `primitive`, `method`, `start_error_s`, `end_error_s` (found minus true).
     """
     true = {one.name: one.true_segments for one in demonstrations if one.true_segments is not None}
     places = {name: place for place, name in enumerate(segmentation.cuts["primitive"].unique())}
@@ -63,15 +59,7 @@ def aligned_segments(
 ) -> tuple[np.ndarray, list[str]]:
     """Position along an axis of one primitive in all demonstrations, on normalised time.
 
-    Args:
-        demonstrations: the complete ones.
-        segmentation: of these demonstrations.
-        primitive: which.
-        method: which estimate of the cut points.
-        axis: which.
-
-    Returns:
-        (L, SPREAD_SAMPLES, D) m, of an orientation rad, and the names of the L demonstrations.
+    Returns (L, SPREAD_SAMPLES, D) m, of an orientation rad, and the names of the L demonstrations.
     """
     cuts = segmentation.result(primitive, method)
     curves, names = [], []
@@ -112,8 +100,7 @@ def distances_to_reference_mm(
     One number per demonstration, so that two methods can be compared in pairs; `aligned_spread_mm` is one
     number for them all.
 
-    Returns:
-        Distances, index demonstration, without the reference.
+    Returns distances, index demonstration, without the reference.
     """
     curves, names = aligned_segments(demonstrations, segmentation, primitive, method, axis)
     curves = curves - curves.mean(axis=1, keepdims=True)
@@ -127,10 +114,7 @@ def downsampling_effect(
 ) -> pd.DataFrame:
     """Cut points with the alignment down-sampled by several factors (appendix C).
 
-    Args:
-        demonstrations: the complete ones.
-        parameters: of the segmentation; its `downsampling` is replaced.
-        factors: g.
+    `parameters`: of the segmentation; its `downsampling` is replaced.
 
     Returns:
         One row per factor: `factor`, `work` (cells of the warping tables that were computed, relative to the
@@ -182,14 +166,8 @@ def between_dwells(
 ) -> Demonstration:
     """A movement between two rests of random length, with smooth Gaussian noise on the whole.
 
-    Args:
-        demonstration: the movement alone.
-        dwells: see there.
-        noise_m: std of the noise per axis in m.
-        rng: draws the rests first, so that they do not depend on the noise.
-
-    Returns:
-        Positions only, with the movement as the one true segment.
+    `noise_m`: std of the noise per axis in m. `rng`: draws the rests first, so that they do not depend on the
+    noise. Returns positions only, with the movement as the one true segment.
     """
     dt = demonstration.dt
     before, after = (int(s / dt) for s in rng.uniform(dwells.shortest_s, dwells.longest_s, 2))

@@ -38,13 +38,9 @@ def doubts(
 ) -> list[tuple[str, str, str, float]]:
     """What speaks against the cuts of one demonstration.
 
-    Args:
-        demonstration: its name.
-        refined: by primitive, those that have an axis, in order of time.
-        reference: whether it is the reference, which has nothing to be compared with.
-
-    Returns:
-        Rows of `COLUMNS`; most demonstrations have none.
+    `refined`: by primitive, those that have an axis, in order of time. `reference`: whether it is the
+    reference, which has nothing to be compared with. Returns rows of `COLUMNS`; most demonstrations have
+    none.
     """
     return [
         (demonstration, primitive, reason, number)

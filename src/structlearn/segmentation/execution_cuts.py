@@ -12,12 +12,8 @@ from structlearn.segmentation.segments import cut
 def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[str, pd.DataFrame]:
     """Segments of executions that carry what was commanded.
 
-    Args:
-        runs: executions of one task, each with `true_segments` (P, 2).
-        names: of the P primitives in order of time.
-
-    Returns:
-        By primitive: index demonstration, columns `start_s` and `end_s`.
+    `runs`: executions of one task, each with `true_segments` (P, 2). Returns by primitive: index
+    demonstration, columns `start_s` and `end_s`.
     """
     labels = pd.Index([run.name for run in runs], name="demonstration")
     segments = [run.true_segments for run in runs if run.true_segments is not None]
@@ -32,17 +28,9 @@ def execution_cuts(
 ) -> dict[str, pd.DataFrame]:
     """Segments of executions: the commanded ones, or where a robot did not tell, what cutting finds.
 
-    Args:
-        runs: executions of one task.
-        names: its primitives in order of time.
-        parameters: of the cutting. Their reference is a demonstration, so the first run stands in for it;
-            none may be left out.
-
-    Returns:
-        By primitive: index demonstration, columns `start_s` and `end_s`.
-
-    Raises:
-        InputError: a run without commanded segments cannot be cut.
+    `parameters`: of the cutting. Their reference is a demonstration, so the first run stands in for it; none
+    may be left out. Returns by primitive: index demonstration, columns `start_s` and `end_s`. Raises
+    InputError: a run without commanded segments cannot be cut.
     """
     if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
         return commanded_cuts(runs, names)

@@ -18,11 +18,8 @@ BASELINE = "ls"
 def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
     """Mean absolute cut error of every simulated person.
 
-    Args:
-        noise: of `simulation.cut_sweep.noise_sweep`.
-
-    Returns:
-        `noise_mm`, `seed`, `method`, `error_ms`: mean over demonstrations, primitives and both ends.
+    `noise`: of `simulation.cut_sweep.noise_sweep`. Returns `noise_mm`, `seed`, `method`, `error_ms`: mean
+    over demonstrations, primitives and both ends.
     """
     found = noise[noise["method"] != "left_out"]
     both_ends = found[["start_error_s", "end_error_s"]].abs().mean(axis=1)
@@ -33,11 +30,8 @@ def errors_by_seed(noise: pd.DataFrame) -> pd.DataFrame:
 def errors_by_level(by_seed: pd.DataFrame) -> pd.DataFrame:
     """Mean over the seeds and half the width of its 95 % confidence interval, per noise level and method.
 
-    Args:
-        by_seed: of `errors_by_seed`.
-
-    Returns:
-        `noise_mm`, `method`, `mean_ms`, `half_width_ms`; methods in their own order.
+    `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method`, `mean_ms`, `half_width_ms`; methods in their
+    own order.
     """
     rows = []
     for level, at_level in by_seed.groupby("noise_mm"):
@@ -53,12 +47,9 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
 
     People differ more than methods do; the same person cut by two methods shows the difference.
 
-    Args:
-        by_seed: of `errors_by_seed`.
-
-    Returns:
-        `noise_mm`, `method` (the other), `seeds`, `difference_ms` (positive where the result is better),
-        `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on the result.
+    `by_seed`: of `errors_by_seed`. Returns `noise_mm`, `method` (the other), `seeds`, `difference_ms`
+    (positive where the result is better), `low_ms`, `high_ms` (95 % confidence interval) and `verdict` on the
+    result.
     """
     wide = by_seed.pivot_table(index=["noise_mm", "seed"], columns="method", values="error_ms")
     others = [method for method in METHODS if method in wide.columns and method != RESULT]
@@ -76,8 +67,7 @@ def paired_comparison(by_seed: pd.DataFrame) -> pd.DataFrame:
 def wins_at_every_noise_level(by_level: pd.DataFrame) -> bool:
     """Whether the result's mean error is the smallest at every level with noise; False if there is none.
 
-    Args:
-        by_level: of `errors_by_level`.
+    `by_level`: of `errors_by_level`.
     """
     means = by_level.pivot_table(index="noise_mm", columns="method", values="mean_ms")
     means = means[means.index > 0]
@@ -95,15 +85,10 @@ def alignment_comparison(
     The spread is one number for the whole set, so the test is on the distances from the reference's segment,
     in pairs over the demonstrations.
 
-    Args:
-        demonstrations: the complete ones.
-        segmentation: of these, with at least one demonstration beside the reference.
-        primitives: those with an axis.
-
-    Returns:
-        One row per primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm` (mean over the
-        demonstrations), `gain_mm` (distance by ordinary least squares minus this one, positive where this
-        one is closer), `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
+    `segmentation`: of these, with at least one demonstration beside the reference. Returns one row per
+    primitive and method: `primitive`, `method`, `spread_mm`, `distance_mm` (mean over the demonstrations),
+    `gain_mm` (distance by ordinary least squares minus this one, positive where this one is closer),
+    `low_mm`, `high_mm` (95 % confidence interval) and `verdict` on this method.
     """
     rows = []
     for primitive in primitives:

@@ -31,19 +31,12 @@ SPARE_RUNS = 8
 
 @dataclass(frozen=True)
 class Motion:
-    """What one axis of one demonstration shows; T samples.
+    """What one axis of one demonstration shows; T samples."""
 
-    Attributes:
-        path: (T, D) heavily smoothed, m or rad.
-        smooth_speed: (T,) of it, m/s or rad/s.
-        speed: (T,) lightly smoothed.
-        turns: whether it is a turn in rad.
-    """
-
-    path: np.ndarray
-    smooth_speed: np.ndarray
-    speed: np.ndarray
-    turns: bool
+    path: np.ndarray  # (T, D) heavily smoothed, m or rad
+    smooth_speed: np.ndarray  # (T,) of it, m/s or rad/s
+    speed: np.ndarray  # (T,) lightly smoothed
+    turns: bool  # whether it is a turn in rad
 
 
 @dataclass(frozen=True)
@@ -78,8 +71,7 @@ def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
     The sum of small rotations in the base frame is no orientation, but its derivative is the angular
     velocity, and it has no half turn at which it would jump.
 
-    Raises:
-        InputError: the orientation is asked for and was not recorded.
+    Raises InputError: the orientation is asked for and was not recorded.
     """
     if axis != "rot":
         return demonstration.position[:, AXES[axis]]
@@ -90,11 +82,7 @@ def path(demonstration: Demonstration, axis: Axis) -> np.ndarray:
 
 
 def motion(demonstration: Demonstration, axis: Axis, parameters: SegmentParameters) -> Motion:
-    """Path and speeds of one axis.
-
-    Raises:
-        InputError: as `path`.
-    """
+    """Path and speeds of one axis. Raises InputError: as `path`."""
     raw, dt = path(demonstration, axis), demonstration.dt
     smooth = signals.low_pass(raw, dt, parameters.guess_cutoff_hz)
     light = signals.low_pass(raw, dt, parameters.cut_cutoff_hz)
@@ -130,8 +118,7 @@ def pace(motions: Sequence[Motion]) -> float:
 def events(demonstration: Demonstration, until: BoundParameters) -> np.ndarray:
     """(E,) samples at which a signal passes a value in the direction asked for.
 
-    Raises:
-        InputError: the signal was not recorded.
+    Raises InputError: the signal was not recorded.
     """
     values = _signal(demonstration, until.signal)
     passed = values > until.above if until.above is not None else values < until.below
@@ -157,14 +144,9 @@ def runs_of_motion(
 ) -> np.ndarray:
     """Runs of speed above a threshold.
 
-    Args:
-        smooth_speed: (T,) heavily smoothed.
-        threshold: in the unit of the speed.
-        most: of how many runs the ones of the longest way are kept.
-        breaks: samples at which a run ends and the next one begins.
-
-    Returns:
-        (R, 2) first and last sample of each, in order of time.
+    `smooth_speed`: (T,) heavily smoothed. `most`: of how many runs the ones of the longest way are kept.
+    `breaks`: samples at which a run ends and the next one begins. Returns (R, 2) first and last sample of
+    each, in order of time.
     """
     above = smooth_speed > threshold
     starts = above & ~np.append(False, above[:-1])
@@ -178,23 +160,15 @@ def runs_of_motion(
 
 @dataclass(frozen=True)
 class Search:
-    """How candidates are looked for.
+    """How candidates are looked for."""
 
-    Attributes:
-        thresholds: of the speed, the lowest first.
-        dt: s.
-        bridge: longest dip in samples that may be a hesitation.
-        most: runs that are looked at, see `runs_of_motion`.
-        breaks: samples at which runs end, whatever the speed.
-        ends: (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before
-            the next run, and is none if there is none. None: it ends where its last run does.
-    """
-
-    thresholds: Sequence[float]
-    dt: float
-    bridge: int
-    most: int
-    breaks: Sequence[int] = ()
+    thresholds: Sequence[float]  # of the speed, the lowest first
+    dt: float  # s
+    bridge: int  # longest dip in samples that may be a hesitation
+    most: int  # runs that are looked at, see `runs_of_motion`
+    breaks: Sequence[int] = ()  # samples at which runs end, whatever the speed
+    # (E,) samples, at one of which the primitive ends: a candidate reaches on to the first one before the
+    # next run, and is none if there is none. None: it ends where its last run does.
     ends: np.ndarray | None = None
 
 
@@ -203,8 +177,7 @@ def candidates(moved: Motion, search: Search) -> Candidates:
 
     Long pauses are cut alike at all thresholds; a short one shows at a high threshold alone.
 
-    Returns:
-        All candidates; there may be none.
+    Returns all candidates; there may be none.
     """
     step = np.linalg.norm(np.diff(moved.path, axis=0, prepend=moved.path[:1]), axis=1)
     travelled = np.cumsum(np.where(moved.smooth_speed > search.thresholds[0], step, 0.0))

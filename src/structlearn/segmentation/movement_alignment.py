@@ -15,19 +15,12 @@ from structlearn.segmentation.parameters import SegmentParameters
 
 @dataclass(frozen=True)
 class Movement:
-    """Filtered signals of one primitive's axis in one demonstration, and its crossing.
+    """Filtered signals of one primitive's axis in one demonstration, and its crossing."""
 
-    Attributes:
-        dt: s.
-        path: (T, D) m, of an orientation rad.
-        velocity: (T, D) of it.
-        crossing: in samples.
-    """
-
-    dt: float
-    path: np.ndarray
-    velocity: np.ndarray
-    crossing: Crossing
+    dt: float  # s
+    path: np.ndarray  # (T, D) m, of an orientation rad
+    velocity: np.ndarray  # (T, D) of it
+    crossing: Crossing  # in samples
 
 
 @dataclass(frozen=True)
@@ -64,11 +57,7 @@ class Refined:
 
 
 def refine(reference: Movement, own: Movement, parameters: SegmentParameters) -> Refined:
-    """Lines 11 to 24 of algorithm IV.1 for one primitive.
-
-    Raises:
-        InputError: too few samples correspond.
-    """
+    """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises InputError: too few samples correspond."""
     extension = round(parameters.extension_s / reference.dt)
     g = parameters.downsampling
     # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.

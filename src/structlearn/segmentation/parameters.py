@@ -40,20 +40,14 @@ class BoundParameters(Parameters):
 
 
 class PrimitiveParameters(Parameters):
-    """How one primitive is found.
-
-    Attributes:
-        name: of the primitive.
-        axis: what shows it, or `between`: what lies between its neighbours.
-        threshold_m_s: speed along the axis above which it moves; None: found from the data
-            (`motion_runs.thresholds`). An orientation's always is, and what is between has none.
-        until: an event that ends it; None: it ends where its motion does.
-    """
+    """How one primitive is found."""
 
     name: Name
-    axis: Literal[Axis, "between"] = "xyz"
+    axis: Literal[Axis, "between"] = "xyz"  # what shows it, or `between`: what lies between its neighbours
+    # speed along the axis above which it moves; None: found from the data (`motion_runs.thresholds`). An
+    # orientation's always is, and what is between has none.
     threshold_m_s: float | None = Field(None, gt=0)
-    until: BoundParameters | None = None
+    until: BoundParameters | None = None  # an event that ends it; None: it ends where its motion does
 
     @model_validator(mode="after")
     def _threshold_where_it_means_something(self) -> "PrimitiveParameters":

@@ -18,25 +18,19 @@ AS_PRINTED = "wls_text"
 
 @dataclass(frozen=True)
 class Segmentation:
-    """All cuts of a set of demonstrations.
+    """All cuts of a set of demonstrations."""
 
-    Attributes:
-        cuts: one row per demonstration, primitive and method: `demonstration`, `primitive`, `method`,
-            `start_s`, `end_s` (since the start of the demonstration).
-        pairs: one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the
-            start of either demonstration), `weight`.
-        left_out: `demonstration`, `reason` of those that could not be cut.
-        doubts: `demonstration`, `primitive`, `reason`, `number` of what speaks against a cut (`doubts`).
-        reference: name of the reference demonstration.
-        cells: of all warping tables that were computed; not kept on disk.
-    """
-
+    # one row per demonstration, primitive and method: `demonstration`, `primitive`, `method`, `start_s`,
+    # `end_s` (since the start of the demonstration)
     cuts: pd.DataFrame
+    # one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the start of
+    # either demonstration), `weight`
     pairs: pd.DataFrame
-    left_out: pd.DataFrame
+    left_out: pd.DataFrame  # `demonstration`, `reason` of those that could not be cut
+    # `demonstration`, `primitive`, `reason`, `number` of what speaks against a cut (`doubts`)
     doubts: pd.DataFrame
-    reference: str
-    cells: int = 0
+    reference: str  # name of the reference demonstration
+    cells: int = 0  # of all warping tables that were computed; not kept on disk
 
     @property
     def primitives(self) -> list[str]:
@@ -66,11 +60,7 @@ def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
 
 
 def read_segmentation(folder: str | Path) -> Segmentation:
-    """Read a segmentation.
-
-    Raises:
-        InputError: a table is missing, not readable or another one.
-    """
+    """Read a segmentation. Raises InputError: a table is missing, not readable or another one."""
     paths = {name: Path(folder, f"{name}.parquet") for name in COLUMNS}
     tables = {name: read_table(path, COLUMNS[name]) for name, path in paths.items()}
     reference = tables.pop("reference")["reference"]

@@ -44,22 +44,16 @@ the prices above. The work grows with their number times that of the demonstrati
 
 @dataclass(frozen=True)
 class Assignment:
-    """Which candidates are the primitives; P primitives.
+    """Which candidates are the primitives; P primitives."""
 
-    Attributes:
-        reference: index of the demonstration that is the pattern.
-        chosen: of each demonstration (P,) the candidates, or None where it has no such chain.
-        costs: of each demonstration (P,) how unlike the pattern they are.
-        left_out: of each demonstration (P + 1,) motion before each primitive and after the last one that
-            belongs to none (`LEFT_OUT`), in ways of a mean primitive of the pattern.
-        total: of the choice; to compare choices among other candidates.
-    """
-
-    reference: int
+    reference: int  # index of the demonstration that is the pattern
+    # of each demonstration (P,) the candidates, or None where it has no such chain
     chosen: list[np.ndarray | None]
-    costs: list[np.ndarray]
+    costs: list[np.ndarray]  # of each demonstration (P,) how unlike the pattern they are
+    # of each demonstration (P + 1,) motion before each primitive and after the last one that belongs to none
+    # (`LEFT_OUT`), in ways of a mean primitive of the pattern
     left_out: list[np.ndarray]
-    total: float
+    total: float  # of the choice; to compare choices among other candidates
 
 
 def assign(
@@ -67,13 +61,9 @@ def assign(
 ) -> Assignment | None:
     """The cheapest assignment over all demonstrations.
 
-    Args:
-        demonstrations: of each, the candidates for its P primitives in order of time.
-        references: indices of those that may be the reference.
-        between: (P,) whether what lies before a primitive is a primitive too, which may move as it likes.
-
-    Returns:
-        The assignment; None where no demonstration that may be the reference has a chain of candidates.
+    `demonstrations`: of each, the candidates for its P primitives in order of time. `between`: (P,) whether
+    what lies before a primitive is a primitive too, which may move as it likes. Returns the assignment; None
+    where no demonstration that may be the reference has a chain of candidates.
     """
     gaps = [_gaps(primitives, between) for primitives in demonstrations]
     most = max(PATTERNS // len(references), FEWEST)
@@ -147,9 +137,8 @@ def _pattern(
 def _gaps(primitives: Sequence[Candidates], between: Sequence[bool]) -> list[np.ndarray]:
     """Motion before each primitive along its own axis, and after the last one: `_left_out`.
 
-    Returns:
-        P + 1 tables: (1, G) before the first, (G of the one before, G) between, inf where the order is wrong,
-        (G, 1) after the last.
+    Returns P + 1 tables: (1, G) before the first, (G of the one before, G) between, inf where the order is
+    wrong, (G, 1) after the last.
     """
     first, last = primitives[0], primitives[-1]
     tables = [_left_out(first, np.zeros(1, dtype=int), first.first)]
@@ -207,8 +196,7 @@ def _cheapest(
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Cost of the cheapest chain of candidates for each pattern, and for the first pattern that chain.
 
-    Returns:
-        (K,) costs, inf where there is none.   (P,) candidates, or None.
+    Returns (K,) costs, inf where there is none.   (P,) candidates, or None.
     """
     price = LEFT_OUT / pattern.mean_way  # (K, P)
     best, ways_back = np.zeros((len(price), 1)), []

@@ -27,17 +27,10 @@ from structlearn.segmentation.result import METHODS, RESULT, Segmentation
 def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
     """Cut demonstrations into primitives.
 
-    Args:
-        demonstrations: complete demonstrations with one common sampling interval.
-        parameters: see there.
-
-    Returns:
-        All cuts.
-
-    Raises:
-        InputError: there is no demonstration of the reference's name, the sampling intervals differ, the
-            reference cannot be cut, or another cannot and failures are not to be skipped; or where runs are
-            assigned to primitives (`assigns_runs`), most cannot.
+    `demonstrations`: complete demonstrations with one common sampling interval. Raises InputError: there is
+    no demonstration of the reference's name, the sampling intervals differ, the reference cannot be cut, or
+    another cannot and failures are not to be skipped; or where runs are assigned to primitives
+    (`assigns_runs`), most cannot.
     """
     first = demonstrations[0]
     for demonstration in demonstrations:

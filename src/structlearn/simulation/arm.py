@@ -18,23 +18,14 @@ from structlearn.rigid_body.tree import LinkInertias, Robot, read_urdf
 
 @dataclass(frozen=True)
 class Mechanics:
-    """What moves, beside the kinematics: n links and joints.
+    """What moves, beside the kinematics: n links and joints."""
 
-    Attributes:
-        inertias: of the links, those of real bodies.
-        viscous: (n,) N m s/rad.
-        coulomb: (n,) N m.
-        ripple: (n,) N m, amplitude of the drives' torque ripple.
-        ripple_waves: periods of the ripple per rad of the joint.
-        latency_steps: steps by which torques act later than they are commanded.
-    """
-
-    inertias: LinkInertias
-    viscous: np.ndarray
-    coulomb: np.ndarray
-    ripple: np.ndarray
-    ripple_waves: float = 0.0
-    latency_steps: int = 0
+    inertias: LinkInertias  # of the links, those of real bodies
+    viscous: np.ndarray  # (n,) N m s/rad
+    coulomb: np.ndarray  # (n,) N m
+    ripple: np.ndarray  # (n,) N m, amplitude of the drives' torque ripple
+    ripple_waves: float = 0.0  # periods of the ripple per rad of the joint
+    latency_steps: int = 0  # steps by which torques act later than they are commanded
 
 
 def ideal(inertias: LinkInertias) -> Mechanics:
@@ -45,17 +36,11 @@ def ideal(inertias: LinkInertias) -> Mechanics:
 
 @dataclass(frozen=True)
 class Payload:
-    """A body that the last link takes hold of.
+    """A body that the last link takes hold of."""
 
-    Attributes:
-        mass_kg: its mass.
-        point_m: (3,) its centre of mass in the last joint's frame.
-        radius_m: of gyration, equal about all axes.
-    """
-
-    mass_kg: float
-    point_m: tuple[float, float, float]
-    radius_m: float
+    mass_kg: float  # its mass
+    point_m: tuple[float, float, float]  # (3,) its centre of mass in the last joint's frame
+    radius_m: float  # of gyration, equal about all axes
 
     @property
     def inertia(self) -> float:

@@ -6,13 +6,17 @@ a "true" arm may differ from its URDF, and there is nothing that could collide.
 
 Coulomb friction is Bullet's own: a motor that holds speed zero with bounded torque, solved implicitly. As an
 explicit torque it would let a light wrist rattle at any step that is fast enough to be of use.
+
+`differences` says how far two engines are apart that run the same.
 """
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Self
 
 import numpy as np
+import pandas as pd
 import pybullet
 
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
@@ -38,12 +42,8 @@ class BulletArm:
     ) -> None:
         """Load the arm.
 
-        Args:
-            tree: kinematics and gravity.
-            inertias: of the links, those of real bodies.
-            coulomb: (n,) N m of friction.
-            dt: s per physics step.
-            payload: what `take_payload` will take; the arm starts without.
+        `coulomb` (n,) N m of friction; `dt`: s per physics step; `payload`: what `take_payload` will take;
+        the arm starts without.
         """
         self._payload = payload
         self._client = pybullet.connect(pybullet.DIRECT)
@@ -121,12 +121,9 @@ def arm_urdf(tree: KinematicTree, inertias: LinkInertias, payload: Payload | Non
 
     Inertias have the frames of their principal axes: Bullet's own diagonalisation is good to six digits only.
     They are set later, for Bullet's reader takes moments that no body can have for zero. Bullet solves a
-    constraint for every joint with limits in every step; whoever moves the arm watches them.
-
-    Args:
-        tree: kinematics.
-        inertias: of the links, whose axes and centres of mass count.
-        payload: adds a body of this payload's place to the last link.
+    constraint for every joint with limits in every step; whoever moves the arm watches them. `inertias`: of
+    the links, whose axes and centres of mass count; `payload`: adds a body of this payload's place to the
+    last link.
     """
     parts = [_link("base", np.zeros(3), np.eye(3))]
     for number in range(len(tree.names)):
@@ -186,3 +183,36 @@ def _roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
 
 def _numbers(values: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+LARGEST = {
+    "joint position (rad)": 1e-7,
+    "hand position (m)": 1e-6,
+    "joint torque (N m)": 1e-3,
+    "electrodes (counts)": 1.0,
+}
+"""What is allowed. They agree to 1e-13 m and 1e-11 N m; a contact may magnify how another processor rounds,
+and a count then falls to the other side."""
+
+
+def differences(
+    run: str, compiled: Mapping[str, np.ndarray], pybullet: Mapping[str, np.ndarray]
+) -> pd.DataFrame:
+    """Largest differences between a run of the compiled engine and the same one in PyBullet.
+
+    `compiled`: signals (T, n) by name, some of `LARGEST`. Returns a row per signal: `run`, `signal`,
+    `largest_difference`, `allowed`.
+
+    Raises:
+        RuntimeError: a difference is larger than allowed, or one engine stopped earlier.
+    """
+    rows = []
+    for signal, one in compiled.items():
+        other, allowed = pybullet[signal], LARGEST[signal]
+        if one.shape != other.shape:
+            raise RuntimeError(f"{run}: the engines stopped at different ticks: {len(one)} and {len(other)}")
+        largest = float(np.abs(one - other).max())
+        if not largest <= allowed:
+            raise RuntimeError(f"{run}: the engines differ in {signal} by {largest:g}, allowed: {allowed:g}")
+        rows.append((run, signal, largest, allowed))
+    return pd.DataFrame(rows, columns=["run", "signal", "largest_difference", "allowed"])

@@ -27,54 +27,47 @@ class ResponseParameters(Parameters):
 
     Where a value rests on the recorded scraping execution of the public data (`clmc`), the calibration report
     shows both beside each other.
-
-    Attributes:
-        width_mm: standard deviation of the pressure that an electrode feels from a point contact; spatial
-            resolution is below 2 mm (Wettels et al. 2008), and contact then moves as few electrodes as
-            recorded.
-        hertz_mm_n: radius of the contact patch under 1 N; it grows with the cube root of the load (Hertz).
-        saturation_1_n: pressure p counts as p / (1 + saturation p): fluid cannot be thinner than nothing, and
-            impedance rises from 5 to 1000 kOhm over 0.1 to 30 N (Wettels et al. 2008), less than the load.
-        counts_per_n: change by pressure; the sensor's counts fall where fluid is thinned. Size: so that
-            contact moves the strongest electrode of a finger as recorded (130 and 430 counts).
-        bulge: share of the lost thickness that comes back over the whole finger, for the fluid's volume
-            stays; chosen so that distant electrodes move by a few counts, the other way.
-        bulge_n: load at which the bulge has reached 1 - 1/e of that.
-        cross_talk: share of a neighbour's signal in an electrode's, at no distance: the fluid conducts.
-        cross_talk_mm: distance over which it falls to 1/e; about the distance between electrodes.
-        gain_spread: standard deviation of the log of an electrode's gain: electrodes are hand-made
-            individuals; chosen.
-        width_spread: the same of its width.
-        bulge_spread: the same of its bulge.
-        offset_counts: standard deviation of an electrode's zero; as recorded after taring, tens of counts.
-        hysteresis: share of the deformation that goes through play operators; with the creep it makes loops
-            4 to 7 % as wide as the reading's range, at 0.01 to 1 Hz. Silicone sensors in compression show 3
-            to 4 % at 0.1 Hz and 9 to 15 % at 1 Hz (Romano et al. 2024); here the lag does the latter.
-        creep: share of the deformation that comes late, per time constant; 12 % in all. Silicone relaxes
-            under constant strain (Case et al. 2015); chosen, since no figure is published for this skin.
-        creep_s: time constants of the creep; the fast one after the recovery time of silicone domes, 0.4 s
-            (Romano et al. 2024); the slow one is chosen, about the length of a run.
-        lag_s: of an electrode behind the pressure; in the recorded unscrewing the electrodes under the load
-            follow the sensor's own fluid pressure by 20 to 70 ms.
-        noise_counts: standard deviation of the white noise before rounding; recorded 0.45 to 0.7 with it.
     """
 
+    # standard deviation of the pressure that an electrode feels from a point contact; spatial resolution is
+    # below 2 mm (Wettels et al. 2008), and contact then moves as few electrodes as recorded
     width_mm: float = Field(gt=0)
+    # radius of the contact patch under 1 N; it grows with the cube root of the load (Hertz)
     hertz_mm_n: float = Field(ge=0)
+    # pressure p counts as p / (1 + saturation p): fluid cannot be thinner than nothing, and impedance rises
+    # from 5 to 1000 kOhm over 0.1 to 30 N (Wettels et al. 2008), less than the load
     saturation_1_n: float = Field(ge=0)
+    # change by pressure; the sensor's counts fall where fluid is thinned. Size: so that contact moves the
+    # strongest electrode of a finger as recorded (130 and 430 counts)
     counts_per_n: float = Field(lt=0)
+    # share of the lost thickness that comes back over the whole finger, for the fluid's volume stays; chosen
+    # so that distant electrodes move by a few counts, the other way
     bulge: float = Field(ge=0)
-    bulge_n: float = Field(gt=0)
+    bulge_n: float = Field(gt=0)  # load at which the bulge has reached 1 - 1/e of that
+    # share of a neighbour's signal in an electrode's, at no distance: the fluid conducts
     cross_talk: float = Field(ge=0)
+    # distance over which it falls to 1/e; about the distance between electrodes
     cross_talk_mm: float = Field(gt=0)
+    # standard deviation of the log of an electrode's gain: electrodes are hand-made individuals; chosen
     gain_spread: float = Field(ge=0)
-    width_spread: float = Field(ge=0)
-    bulge_spread: float = Field(ge=0)
+    width_spread: float = Field(ge=0)  # the same of its width
+    bulge_spread: float = Field(ge=0)  # the same of its bulge
+    # standard deviation of an electrode's zero; as recorded after taring, tens of counts
     offset_counts: float = Field(ge=0)
+    # share of the deformation that goes through play operators; with the creep it makes loops 4 to 7 % as
+    # wide as the reading's range, at 0.01 to 1 Hz. Silicone sensors in compression show 3 to 4 % at 0.1 Hz
+    # and 9 to 15 % at 1 Hz (Romano et al. 2024); here the lag does the latter
     hysteresis: float = Field(ge=0, le=1)
+    # share of the deformation that comes late, per time constant; 12 % in all. Silicone relaxes under
+    # constant strain (Case et al. 2015); chosen, since no figure is published for this skin
     creep: tuple[float, float]
+    # time constants of the creep; the fast one after the recovery time of silicone domes, 0.4 s (Romano et
+    # al. 2024); the slow one is chosen, about the length of a run
     creep_s: tuple[float, float]
+    # of an electrode behind the pressure; in the recorded unscrewing the electrodes under the load follow the
+    # sensor's own fluid pressure by 20 to 70 ms
     lag_s: float = Field(gt=0)
+    # standard deviation of the white noise before rounding; recorded 0.45 to 0.7 with it
     noise_counts: float = Field(ge=0)
 
 
@@ -105,12 +98,7 @@ def draw_response(
 ) -> Response:
     """Sensors with individual electrodes.
 
-    Args:
-        parameters: see there.
-        electrodes_mm: (E, 3) mm.
-        fingers: F.
-        rng: of gains, widths, bulges and offsets.
-        rate_hz: of the samples.
+    `electrodes_mm` (E, 3) mm; `fingers`: F; `rate_hz`: of the samples.
     """
     size = (fingers, len(electrodes_mm))
     gain = parameters.counts_per_n * np.exp(parameters.gain_spread * rng.standard_normal(size))
@@ -141,11 +129,7 @@ def draw_response(
 def played(value: float, thresholds: np.ndarray, share: float, state: np.ndarray) -> float:
     """Prandtl-Ishlinskii hysteresis: a sum of play operators, which follow only when pushed; from rest.
 
-    Args:
-        value: of the sample.
-        thresholds: (K,) of the operators, unit of the value.
-        share: of the value that goes through them.
-        state: (K,) moves on.
+    `thresholds` (K,) of the operators, unit of the value; `state` (K,) moves on.
     """
     total = 0.0
     for k in range(len(thresholds)):
@@ -158,12 +142,8 @@ def played(value: float, thresholds: np.ndarray, share: float, state: np.ndarray
 def crept(value: float, shares: np.ndarray, keeps: np.ndarray, settled: bool, state: np.ndarray) -> float:
     """Creep compliance 1 + sum_m share_m (1 - exp(-t / tau_m)), scaled to 1 at the end.
 
-    Args:
-        value: of the sample.
-        shares: (M,) that come late.
-        keeps: (M,) share of the state that stays over one sample.
-        settled: False: the first sample finds everything at its end.
-        state: (M,) moves on.
+    `shares` (M,) that come late; `keeps` (M,) share of the state that stays over one sample; `settled`:
+    False: the first sample finds everything at its end; `state` (M,) moves on.
     """
     late = 0.0
     total = 0.0

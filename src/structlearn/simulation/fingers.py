@@ -41,27 +41,23 @@ HOME_ACROSS_MM = (0.0, 1.0)
 
 
 class TouchParameters(ResponseParameters):
-    """The two fingers. What electrodes count: `ResponseParameters`.
+    """The two fingers. What electrodes count: `ResponseParameters`."""
 
-    Attributes:
-        grip_n: force of the pinch; chosen so that a 60 g tool pushed with 1 N does not slip at friction 0.5.
-        grip_spread: its standard deviation between trials, relative; chosen as what a force-controlled
-            gripper repeats.
-        slip_mm: standard deviation between trials of where the tool sits, per finger and direction; chosen
-            small: the hand keeps the tool between runs, only slip moves it.
-        shear_mm_n: how far shear moves the contact centre, as if the skin were a layer of 500 N/m; so that
-            contact with the board and scraping move the electrodes about as far as recorded.
-        rolling_mm_rad: how far a turn of the tool moves it; pads that are d off the axis take most of d per
-            radian up by rolling.
-        twist_mm_n_m: how far torque about the pinch axis moves it across the finger; small, since in the
-            recording the drag of the scraped edge moves the electrodes far less than contact does.
-    """
-
+    # force of the pinch; chosen so that a 60 g tool pushed with 1 N does not slip at friction 0.5
     grip_n: float = Field(gt=0)
+    # its standard deviation between trials, relative; chosen as what a force-controlled gripper repeats
     grip_spread: float = Field(ge=0)
+    # standard deviation between trials of where the tool sits, per finger and direction; chosen small: the
+    # hand keeps the tool between runs, only slip moves it
     slip_mm: float = Field(ge=0)
+    # how far shear moves the contact centre, as if the skin were a layer of 500 N/m; so that contact with the
+    # board and scraping move the electrodes about as far as recorded
     shear_mm_n: float = Field(ge=0)
+    # how far a turn of the tool moves it; pads that are d off the axis take most of d per radian up by
+    # rolling
     rolling_mm_rad: float = Field(ge=0)
+    # how far torque about the pinch axis moves it across the finger; small, since in the recording the drag
+    # of the scraped edge moves the electrodes far less than contact does
     twist_mm_n_m: float = Field(ge=0)
 
 
@@ -86,11 +82,8 @@ class FingerPair:
     ) -> None:
         """Take a grasp.
 
-        Args:
-            parameters: see there.
-            sensor_seed: of what tells one electrode from another; the same for all runs of a robot.
-            trial: of grip, seat of the tool and noise.
-            rate_hz: of the readings.
+        `sensor_seed`: of what tells one electrode from another; the same for all runs of a robot; `trial`: of
+        grip, seat of the tool and noise.
 
         Raises:
             ValueError: the rate is not positive.
@@ -113,13 +106,9 @@ class FingerPair:
     def read(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """The next sample.
 
-        Args:
-            force: (3,) N that the tool exerts on the hand, hand frame.
-            torque: (3,) N m about the grasp's centre, the same.
-            turn: (3,) rad, rotation vector of the tool in the grasp, hand frame.
-
-        Returns:
-            (38,) whole counts, left finger first.
+        `force` (3,) N that the tool exerts on the hand, hand frame; `torque` (3,) N m about the grasp's
+        centre, the same; `turn` (3,) rad, rotation vector of the tool in the grasp, hand frame. Returns (38,)
+        whole counts, left finger first.
 
         Raises:
             ValueError: a number is not finite.
@@ -131,13 +120,8 @@ class FingerPair:
     def trace(self, force: np.ndarray, torque: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """The next T samples at once, the same numbers as `read` one by one.
 
-        Args:
-            force: (T, 3) as for `read`; so are `torque` and `turn`.
-            torque: (T, 3).
-            turn: (T, 3).
-
-        Returns:
-            (T, 38) whole counts.
+        `force` (T, 3) as for `read`; so are `torque` and `turn`; `torque` (T, 3); `turn` (T, 3). Returns (T,
+        38) whole counts.
 
         Raises:
             ValueError: a number is not finite.

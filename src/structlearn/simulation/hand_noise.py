@@ -17,15 +17,9 @@ def hand_noise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Noise of a hand that holds and moves a tool; both parts are proportional to `noise_mm`.
 
-    Args:
-        velocity: (T, 3) m/s, of the intended movement.
-        contact: (T,) 0 in the air, 1 with the tool on the board, which holds it along z.
-        noise_mm: std per axis in the air.
-        rate_hz: samples per second.
-        rng: source of randomness; the draws do not depend on `noise_mm`.
-
-    Returns:
-        position: (T, 3) m.   orientation: (T, 3) rotation vectors in rad.
+    `velocity` (T, 3) m/s, of the intended movement; `contact` (T,) 0 in the air, 1 with the tool on the
+    board, which holds it along z; `rate_hz`: samples per second; `rng`: source of randomness; the draws do
+    not depend on `noise_mm`. Returns `position` (T, 3) m; `orientation` (T, 3) rotation vectors in rad.
     """
     speed = np.linalg.norm(velocity, axis=1)
     envelope = speed / np.sqrt(np.mean(speed**2))  # unit power over the trial

@@ -22,36 +22,23 @@ FIELD_OF_VIEW_DEG = 32.0
 
 @dataclass(frozen=True)
 class Solid:
-    """A solid that stands in the scene.
+    """A solid that stands in the scene."""
 
-    Attributes:
-        kind: `box`, `sphere` or `cylinder`.
-        size_m: half extents of a box (3,); radius of a sphere (1,); radius and length of a cylinder (2,).
-        position: (3,) m.
-        orientation: (4,) w, x, y, z.
-        colour: red, green, blue, opacity from 0 to 1.
-    """
-
-    kind: str
+    kind: str  # `box`, `sphere` or `cylinder`
+    # half extents of a box (3,); radius of a sphere (1,); radius and length of a cylinder (2,)
     size_m: Sequence[float] | np.ndarray
-    position: Sequence[float] | np.ndarray
-    orientation: Sequence[float] | np.ndarray = (1.0, 0.0, 0.0, 0.0)
-    colour: Sequence[float] = (0.7, 0.7, 0.72, 1.0)
+    position: Sequence[float] | np.ndarray  # (3,) m
+    orientation: Sequence[float] | np.ndarray = (1.0, 0.0, 0.0, 0.0)  # (4,) w, x, y, z
+    colour: Sequence[float] = (0.7, 0.7, 0.72, 1.0)  # red, green, blue, opacity from 0 to 1
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A curved surface that stands in the scene; it is seen from outside only.
+    """A curved surface that stands in the scene; it is seen from outside only."""
 
-    Attributes:
-        points: (A, B, 3) m, on a grid; seen from outside, B is to the left of A.
-        normals: (A, B, 3) unit, outwards.
-        colour: red, green, blue, opacity from 0 to 1.
-    """
-
-    points: np.ndarray
-    normals: np.ndarray
-    colour: Sequence[float]
+    points: np.ndarray  # (A, B, 3) m, on a grid; seen from outside, B is to the left of A
+    normals: np.ndarray  # (A, B, 3) unit, outwards
+    colour: Sequence[float]  # red, green, blue, opacity from 0 to 1
 
 
 @dataclass(frozen=True)
@@ -73,15 +60,8 @@ def still(
 ) -> np.ndarray:
     """Draw a scene.
 
-    Args:
-        view: from where.
-        solids: that stand in it.
-        urdf: of a robot, a path or a file of pybullet_data; none where it is empty.
-        angles: (J,) of its movable joints in rad, in the order of the URDF.
-        sheets: curved surfaces that stand in it.
-
-    Returns:
-        (H, W, 3) bytes.
+    `urdf`: of a robot, a path or a file of pybullet_data; none where it is empty; `angles` (J,) of its
+    movable joints in rad, in the order of the URDF. Returns (H, W, 3) bytes.
     """
     client = BulletClient(pybullet.DIRECT)
     try:

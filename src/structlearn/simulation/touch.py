@@ -42,16 +42,12 @@ NEWTON_STEPS = 8
 
 
 class FingerParameters(ResponseParameters):
-    """A finger that touches; `width_mm` is that of an object, not of a tool's edge.
+    """A finger that touches; `width_mm` is that of an object, not of a tool's edge."""
 
-    Attributes:
-        width_mm: standard deviation of the pressure under a point contact; wider than for a scraped edge,
-            since a handle is round. With it p = -mean(s) rises with the load everywhere on the skin.
-        stiffness_n_mm: load in N at 1 mm of indentation, K in F = K d^1.5.
-    """
-
+    # standard deviation of the pressure under a point contact; wider than for a scraped edge, since a handle
+    # is round. With it p = -mean(s) rises with the load everywhere on the skin
     width_mm: float = Field(gt=0)
-    stiffness_n_mm: float = Field(gt=0)
+    stiffness_n_mm: float = Field(gt=0)  # load in N at 1 mm of indentation, K in F = K d^1.5
 
 
 class TouchFingerParameters(Parameters):
@@ -68,36 +64,22 @@ class TouchFingerParameters(Parameters):
 
 @dataclass(frozen=True)
 class Handle:
-    """A round bar with round ends; one of no length is a knob.
+    """A round bar with round ends; one of no length is a knob."""
 
-    Attributes:
-        centre: (3,) m, base frame.
-        axis: (3,) unit, base frame.
-        half_length: m.
-        radius: m.
-    """
-
-    centre: np.ndarray
-    axis: np.ndarray
-    half_length: float
-    radius: float
+    centre: np.ndarray  # (3,) m, base frame
+    axis: np.ndarray  # (3,) unit, base frame
+    half_length: float  # m
+    radius: float  # m
 
 
 @dataclass(frozen=True)
 class Finger:
-    """A skin, what its electrodes count, and how it gives way.
+    """A skin, what its electrodes count, and how it gives way."""
 
-    Attributes:
-        skin: with E electrodes.
-        response: of one finger.
-        stiffness: N/m^1.5.
-        noise_counts: standard deviation of the white noise before rounding.
-    """
-
-    skin: Skin
-    response: Response
-    stiffness: float
-    noise_counts: float
+    skin: Skin  # with E electrodes
+    response: Response  # of one finger
+    stiffness: float  # N/m^1.5
+    noise_counts: float  # standard deviation of the white noise before rounding
 
     def indentation(self, load: np.ndarray) -> np.ndarray:
         """By how much a load (...) in N dents the skin, (...) m."""
@@ -105,17 +87,11 @@ class Finger:
 
 
 class Contact(NamedTuple):
-    """What B fingers feel of the handle.
+    """What B fingers feel of the handle."""
 
-    Attributes:
-        point: (B, 3) m on the skin, frame of the finger: where the handle is closest.
-        load: (B,) N, zero in the air.
-        gap: (B,) m between skin and handle, negative when dented.
-    """
-
-    point: np.ndarray
-    load: np.ndarray
-    gap: np.ndarray
+    point: np.ndarray  # (B, 3) m on the skin, frame of the finger: where the handle is closest
+    load: np.ndarray  # (B,) N, zero in the air
+    gap: np.ndarray  # (B,) m between skin and handle, negative when dented
 
 
 class Memory(NamedTuple):
@@ -129,11 +105,7 @@ class Memory(NamedTuple):
 def make_finger(parameters: FingerParameters, skin: Skin, sensor_seed: int, rate_hz: float) -> Finger:
     """A finger with individual electrodes.
 
-    Args:
-        parameters: see there.
-        skin: of the finger.
-        sensor_seed: of what tells one electrode from another.
-        rate_hz: of its samples.
+    `rate_hz`: of its samples.
     """
     rng = np.random.default_rng(sensor_seed)
     response = draw_response(parameters, 1e3 * skin.electrodes, 1, rng, rate_hz)
@@ -160,13 +132,8 @@ def touching(position: np.ndarray, orientation: np.ndarray, handle: Handle, fing
     """Where and how hard fingers touch the handle.
 
     The squared distance of core and segment is convex in the place on the segment, its derivative piecewise
-    linear and rising: Newton's method ends at the root.
-
-    Args:
-        position: (B, 3) m, base frame.
-        orientation: (B, 4) finger to base.
-        handle: that they touch.
-        finger: the same for all.
+    linear and rising: Newton's method ends at the root. `position` (B, 3) m, base frame; `orientation` (B, 4)
+    finger to base.
     """
     skin = finger.skin
     on_bar = _closest(
@@ -189,14 +156,8 @@ def rested(fingers: int, finger: Finger) -> Memory:
 def touch(load: np.ndarray, point: np.ndarray, finger: Finger, memory: Memory) -> tuple[np.ndarray, Memory]:
     """The next T samples of B fingers before noise.
 
-    Args:
-        load: (T, B) N.
-        point: (T, B, 3) m on the skin, frame of the finger.
-        finger: the same for all.
-        memory: of the B fingers; it is not changed.
-
-    Returns:
-        (T, B, E) counts, and the memory after them.
+    `load` (T, B) N; `point` (T, B, 3) m on the skin, frame of the finger; `memory`: of the B fingers; it is
+    not changed. Returns (T, B, E) counts, and the memory after them.
     """
     after = Memory(*(values.copy() for values in memory))
     return _touch(load, 1e3 * point, finger.response, PLAY_N, after), after

@@ -89,34 +89,19 @@ class ToucherParameters(Parameters):
 
 @dataclass(frozen=True)
 class TouchRun:
-    """A demonstration as it was, T ticks of the robot and S samples of the electrodes.
+    """A demonstration as it was, T ticks of the robot and S samples of the electrodes."""
 
-    Attributes:
-        name: of the demonstration.
-        motion: what was demonstrated.
-        position: (T, 3) m, finger in the base frame.
-        orientation: (T, 4) finger to base.
-        counts: (S, E) whole counts.
-        contact_point: (S, 3) m, where the handle is closest to the skin, frame of the finger.
-        load: (S,) N.
-    """
-
-    name: str
-    motion: Motion
-    position: np.ndarray
-    orientation: np.ndarray
-    counts: np.ndarray
-    contact_point: np.ndarray
-    load: np.ndarray
+    name: str  # of the demonstration
+    motion: Motion  # what was demonstrated
+    position: np.ndarray  # (T, 3) m, finger in the base frame
+    orientation: np.ndarray  # (T, 4) finger to base
+    counts: np.ndarray  # (S, E) whole counts
+    contact_point: np.ndarray  # (S, 3) m, where the handle is closest to the skin, frame of the finger
+    load: np.ndarray  # (S,) N
 
 
 def demonstrate(person: ToucherParameters, parameters: FingerParameters) -> Iterator[TouchRun]:
-    """All demonstrations, rotations first, one area after the other.
-
-    Args:
-        person: who demonstrates.
-        parameters: of the finger.
-    """
+    """All demonstrations, rotations first, one area after the other."""
     finger = make_finger(parameters, SKINS[person.skin], person.sensor_seed, person.rate_hz / SAMPLED_EVERY)
     counts: dict[Motion, int] = {"rotation": person.rotations, "translation": person.translations}
     for motion, repeats in counts.items():
@@ -176,19 +161,11 @@ def held_on_handle(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Poses of a finger that rests on a handle with places of its skin, its x axis across the handle.
 
-    Held askew, it touches a little beside them: by the product of both angles.
-
-    Args:
-        along: (B,) m, surface coordinates of the places; see `Skin.surface`.
-        across: (B,) m.
-        load: (B,) N.
-        handle: with its axis horizontal; the finger lies on it from above.
-        finger: that touches.
-        tilt: pitch about the handle and yaw about the vertical in rad, () or (B,) each, by which it is held
-            askew.
-
-    Returns:
-        Position (B, 3) m and orientation (B, 4), base frame.
+    Held askew, it touches a little beside them: by the product of both angles. `along` (B,) m, surface
+    coordinates of the places; see `Skin.surface`; `across` (B,) m; `load` (B,) N; `handle`: with its axis
+    horizontal; the finger lies on it from above; `tilt`: pitch about the handle and yaw about the vertical in
+    rad, () or (B,) each, by which it is held askew. Returns position (B, 3) m and orientation (B, 4), base
+    frame.
     """
     skin = finger.skin
     point = skin.surface(along, across)

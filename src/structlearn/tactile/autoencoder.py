@@ -26,25 +26,17 @@ SQUARED_DISTANCE_FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class StackedAutoencoders:
-    """M autoencoders with batch normalisation (II.4.1.3).
+    """M autoencoders with batch normalisation (II.4.1.3)."""
 
-    Attributes:
-        encoder: (M, E, B) signals -> (M, 3, B) latent states.
-        decoder: the way back.
-    """
-
-    encoder: StackedLayers
-    decoder: StackedLayers
+    encoder: StackedLayers  # (M, E, B) signals -> (M, 3, B) latent states
+    decoder: StackedLayers  # the way back
 
     @classmethod
     def initial(cls, models: int, electrodes: int, hidden: Sequence[int], generator: torch.Generator) -> Self:
         """Autoencoders to be trained.
 
-        Args:
-            models: number of autoencoders M.
-            electrodes: number of signals E.
-            hidden: nodes of the encoder's hidden layers; the decoder mirrors them.
-            generator: source of the weights.
+        `models`: number of autoencoders M; `electrodes`: number of signals E; `hidden`: nodes of the
+        encoder's hidden layers; the decoder mirrors them.
         """
         return cls(
             StackedLayers.initial(models, (electrodes, *hidden, LATENT), generator, normalised=True),
@@ -58,17 +50,11 @@ class StackedAutoencoders:
 
 @dataclass(frozen=True)
 class LatentLosses:
-    """The three losses of a batch, meant over its samples, per model (M,).
+    """The three losses of a batch, meant over its samples, per model (M,)."""
 
-    Attributes:
-        reconstruction: L_AER (eq. II.5), meant over electrodes too.
-        distances: L_MDS (eq. II.3).
-        pressure: L_CDP (eq. II.4).
-    """
-
-    reconstruction: Tensor
-    distances: Tensor
-    pressure: Tensor
+    reconstruction: Tensor  # L_AER (eq. II.5), meant over electrodes too
+    distances: Tensor  # L_MDS (eq. II.3)
+    pressure: Tensor  # L_CDP (eq. II.4)
 
 
 def latent_losses(
@@ -76,11 +62,8 @@ def latent_losses(
 ) -> LatentLosses:
     """Losses of a batch of pairs, for training.
 
-    Args:
-        autoencoders: the stack.
-        signals: (M, E, 2 B) the pairs' first samples, then their second ones.
-        pressure: (M, 2 B) their contact pressures.
-        geodesic: (M, B) distance on the skin between the two of a pair.
+    `signals` (M, E, 2 B) the pairs' first samples, then their second ones; `pressure` (M, 2 B) their contact
+    pressures; `geodesic` (M, B) distance on the skin between the two of a pair.
     """
     latent = autoencoders.encoder.forward(signals, training=True)
     decoded = autoencoders.decoder.forward(latent, training=True)

@@ -5,6 +5,9 @@ point (sphere), in general an axis-parallel box. Nothing downstream asks which s
 
 Frame of a finger: origin where the round tip begins, x towards the tip, z into the finger; objects touch from
 -z. Two surface coordinates name a point of a skin: arc lengths along the finger (x) and across it.
+
+The loss of a latent map knows distances only, so the map may lie in any direction until it is laid on the
+skin.
 """
 
 from collections.abc import Mapping
@@ -53,27 +56,16 @@ DEPTH = 1.92e-3
 
 @dataclass(frozen=True)
 class Skin:
-    """A touched surface with E electrodes under it, in the frame of the finger.
+    """A touched surface with E electrodes under it, in the frame of the finger."""
 
-    Attributes:
-        name: of the skin.
-        electrodes: (E, 3) m.
-        normals: (E, 3) unit, outwards.
-        core_low: (3,) m, lower corner of the core.
-        core_high: (3,) m, upper corner of the core.
-        radius: m from the core to the surface.
-        along: (2,) m, range of the surface coordinate along the finger.
-        across: (2,) m, range of the surface coordinate across it.
-    """
-
-    name: str
-    electrodes: np.ndarray
-    normals: np.ndarray
-    core_low: np.ndarray
-    core_high: np.ndarray
-    radius: float
-    along: tuple[float, float]
-    across: tuple[float, float]
+    name: str  # of the skin
+    electrodes: np.ndarray  # (E, 3) m
+    normals: np.ndarray  # (E, 3) unit, outwards
+    core_low: np.ndarray  # (3,) m, lower corner of the core
+    core_high: np.ndarray  # (3,) m, upper corner of the core
+    radius: float  # m from the core to the surface
+    along: tuple[float, float]  # (2,) m, range of the surface coordinate along the finger
+    across: tuple[float, float]  # (2,) m, range of the surface coordinate across it
 
     def core(self, points: np.ndarray) -> np.ndarray:
         """Nearest points of the core. Shape (..., 3) -> (..., 3), m."""
@@ -82,11 +74,8 @@ class Skin:
     def project(self, points: np.ndarray) -> np.ndarray:
         """Nearest points of the surface, seen from the core.
 
-        Args:
-            points: (..., 3) m, not on the core itself.
-
-        Returns:
-            (..., 3) m; a point on the core, from which no direction leads out, gives NaN.
+        `points` (..., 3) m, not on the core itself. Returns (..., 3) m; a point on the core, from which no
+        direction leads out, gives NaN.
         """
         core = self.core(points)
         outwards = points - core
@@ -100,12 +89,8 @@ class Skin:
     def surface(self, along: np.ndarray | float, across: np.ndarray | float) -> np.ndarray:
         """Points of the surface at two surface coordinates.
 
-        Args:
-            along: (...) m, arc length along the finger from its origin.
-            across: (...) m, arc length across it at the flat of the skin.
-
-        Returns:
-            (..., 3) m.
+        `along` (...) m, arc length along the finger from its origin; `across` (...) m, arc length across it
+        at the flat of the skin. Returns (..., 3) m.
         """
         along, across = np.broadcast_arrays(np.asarray(along, dtype=float), across)
         core = np.stack([along, across, np.zeros_like(along)], axis=-1)
@@ -203,15 +188,8 @@ def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarr
     """Length of the shortest path on a skin between points of it.
 
     This is what a servoed contact could have travelled. A path of points is pulled taut: every point moves to
-    the middle of its neighbours and back to the skin.
-
-    Args:
-        first: (B, 3) m, on the skin.
-        second: (B, 3) m, on the skin.
-        skin: convex, as all skins here are.
-
-    Returns:
-        (B,) m.
+    the middle of its neighbours and back to the skin. `first` (B, 3) m, on the skin; `second` (B, 3) m, on
+    the skin. Returns (B,) m.
     """
     part = np.linspace(0.0, 1.0, SEGMENTS + 1)[:, None, None]
     path = skin.project((1 - part) * first + part * second)  # (SEGMENTS + 1, B, 3)
@@ -223,3 +201,27 @@ def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarr
 def path_length(path: np.ndarray) -> np.ndarray:
     """Length (...) of paths (N, ..., 3) along their first axis."""
     return np.linalg.norm(np.diff(path, axis=0), axis=-1).sum(axis=0)
+
+
+@dataclass(frozen=True)
+class MapLaying:
+    """A turn, maybe with a mirror image, and a shift in the plane; distances stay."""
+
+    centre: np.ndarray  # (2,) of the map
+    turn: np.ndarray  # (2, 2) orthogonal
+    place: np.ndarray  # (2,) where the centre comes to lie
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 2) of the map, laid down."""
+        return (points - self.centre) @ self.turn + self.place
+
+
+def map_laying(points: np.ndarray, places: np.ndarray) -> MapLaying:
+    """The laying with the least squared distances (orthogonal Procrustes).
+
+    `points` (N, 2) of the map, in the unit of the places; `places` (N, 2) where they should lie, e.g. surface
+    coordinates.
+    """
+    centre, place = points.mean(axis=0), places.mean(axis=0)
+    left, _, right = np.linalg.svd((points - centre).T @ (places - place))
+    return MapLaying(centre, left @ right, place)

@@ -23,17 +23,11 @@ ACTION = 6
 
 @dataclass(frozen=True)
 class AffineDynamics:
-    """zd = A z + B a + c at each sample.
+    """zd = A z + B a + c at each sample."""
 
-    Attributes:
-        state: A, (M, 3, 3, B).
-        action: B, (M, 3, K, B).
-        constant: c, (M, 3, B).
-    """
-
-    state: Tensor
-    action: Tensor
-    constant: Tensor
+    state: Tensor  # A, (M, 3, 3, B)
+    action: Tensor  # B, (M, 3, K, B)
+    constant: Tensor  # c, (M, 3, B)
 
     def rate(self, latent: Tensor, action: Tensor) -> Tensor:
         """Rates zd (M, 3, B) of latent states (M, 3, B) and actions (M, K, B)."""
@@ -42,13 +36,9 @@ class AffineDynamics:
 
 @dataclass(frozen=True)
 class LocallyLinearDynamics:
-    """M locally linear models.
+    """M locally linear models."""
 
-    Attributes:
-        network: gives the entries of A, B and c.
-    """
-
-    network: StackedLayers
+    network: StackedLayers  # gives the entries of A, B and c
 
     @classmethod
     def initial(
@@ -81,13 +71,9 @@ class LocallyLinearDynamics:
 
 @dataclass(frozen=True)
 class NonLinearDynamics:
-    """M non-linear models with one hidden layer of tanh, whose Jacobians are closed-form.
+    """M non-linear models with one hidden layer of tanh, whose Jacobians are closed-form."""
 
-    Attributes:
-        network: of [z, a].
-    """
-
-    network: StackedLayers
+    network: StackedLayers  # of [z, a]
 
     @classmethod
     def initial(cls, models: int, hidden: int, generator: torch.Generator, actions: int = ACTION) -> Self:
@@ -111,14 +97,8 @@ class NonLinearDynamics:
     def jacobians(self, latent: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
         """Jacobians of zd with respect to the latent state and to the action (eq. II.15).
 
-        J = W_2 diag(1 - h^2) W_1 is linear in 1 - h^2, so all its entries are one matrix product.
-
-        Args:
-            latent: (M, 3, B).
-            action: (M, K, B).
-
-        Returns:
-            J_z: (M, 3, 3, B).   J_a: (M, 3, K, B).
+        J = W_2 diag(1 - h^2) W_1 is linear in 1 - h^2, so all its entries are one matrix product. `latent`
+        (M, 3, B); `action` (M, K, B). Returns `J_z` (M, 3, 3, B); `J_a` (M, 3, K, B).
         """
         first, second = self.network.weights
         slope = 1.0 - self.network.activations(torch.cat([latent, action], dim=1))[-1].square()
@@ -133,14 +113,8 @@ ForwardDynamics = LocallyLinearDynamics | NonLinearDynamics
 def chained(dynamics: ForwardDynamics, latent: Tensor, actions: Tensor, time_step: Tensor) -> Tensor:
     """Latent states predicted one from the other (II.3.4).
 
-    Args:
-        dynamics: the models.
-        latent: (M, 3, B) at the start.
-        actions: (C, M, K, B) successive actions.
-        time_step: (B,) s or (M, 1, B) s, per step.
-
-    Returns:
-        (C, M, 3, B) after each action.
+    `latent` (M, 3, B) at the start; `actions` (C, M, K, B) successive actions; `time_step` (B,) s or (M, 1,
+    B) s, per step. Returns (C, M, 3, B) after each action.
     """
     predicted = []
     for action in actions:

@@ -33,23 +33,16 @@ SHORTEST_EDGE = 1e-9
 
 @dataclass(frozen=True)
 class Geodesics:
-    """Distances within P random bins of N' samples.
+    """Distances within P random bins of N' samples."""
 
-    Attributes:
-        rows: (P, N') rows of the dataset.
-        distance: (P, N', N') float32 m, symmetric, zero on the diagonal.
-    """
-
-    rows: np.ndarray
-    distance: np.ndarray
+    rows: np.ndarray  # (P, N') rows of the dataset
+    distance: np.ndarray  # (P, N', N') float32 m, symmetric, zero on the diagonal
 
 
 def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
     """Distances between contact points, bin by bin over the cores.
 
-    Args:
-        points: (N, 3) m.
-        parameters: see there; fewer points than a bin make one smaller bin.
+    `points` (N, 3) m; fewer points than a bin make one smaller bin.
 
     Raises:
         InputError: a point is NaN or infinite.
@@ -71,14 +64,9 @@ def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
 def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.ndarray:
     """Lengths of the shortest paths over edges between neighbours.
 
-    Args:
-        points: (N, 3) m.
-        neighbours: M nearest of every point; an edge joins two points of which either is the other's.
-        bridge: m; patches of points without an edge between them are joined by their shortest edge if it is
-            no longer than this.
-
-    Returns:
-        (N, N) float32 m.
+    `points` (N, 3) m; `neighbours`: M nearest of every point; an edge joins two points of which either is the
+    other's; `bridge`: m; patches of points without an edge between them are joined by their shortest edge if
+    it is no longer than this. Returns (N, N) float32 m.
 
     Raises:
         MissingInputError: patches lie farther apart.

@@ -28,19 +28,12 @@ from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
 
 @dataclass(frozen=True)
 class LatentStep:
-    """Where an action is asked for, and how the touch got there.
+    """Where an action is asked for, and how the touch got there."""
 
-    Attributes:
-        latent: (M, 3, B) z_t.
-        previous_latent: (M, 3, B) z_t-1.
-        previous_action: (M, K, B) a_t-1.
-        time_step: (B,) or (M, 1, B) s, of the step before and the step to come.
-    """
-
-    latent: Tensor
-    previous_latent: Tensor
-    previous_action: Tensor
-    time_step: Tensor
+    latent: Tensor  # (M, 3, B) z_t
+    previous_latent: Tensor  # (M, 3, B) z_t-1
+    previous_action: Tensor  # (M, K, B) a_t-1
+    time_step: Tensor  # (B,) or (M, 1, B) s, of the step before and the step to come
 
 
 def inferred_action(
@@ -48,12 +41,8 @@ def inferred_action(
 ) -> Tensor:
     """Action (M, K, B) of one of the inverse models (eq. II.21).
 
-    Args:
-        inverse: `LOCALLY_LINEAR`, `NEGATIVE_GRADIENT` or `JACOBIAN`.
-        dynamics: locally linear models for the first, non-linear models for the others.
-        step: where.
-        target: (M, 3, B) z_T.
-        penalty: beta > 0; NG has none.
+    `inverse`: `LOCALLY_LINEAR`, `NEGATIVE_GRADIENT` or `JACOBIAN`; `dynamics`: locally linear models for the
+    first, non-linear models for the others; `target` (M, 3, B) z_T; `penalty`: beta > 0; NG has none.
     """
     if inverse == NEGATIVE_GRADIENT:
         assert isinstance(dynamics, NonLinearDynamics)
@@ -73,15 +62,8 @@ def optimal_action(
 ) -> Tensor:
     """Appendix A: a = B^T (B B^T + penalty / dt^2 1)^-1 ((z_T - z) / dt - A z - c) (eq. II.13, II.20).
 
-    Args:
-        dynamics: at the latent states.
-        latent: (M, 3, B) z.
-        target: (M, 3, B) z_T.
-        time_step: (B,) or (M, 1, B) s.
-        penalty: beta > 0, of the squared action beside the squared distance to the target.
-
-    Returns:
-        (M, K, B) actions.
+    `latent` (M, 3, B) z; `target` (M, 3, B) z_T; `time_step` (B,) or (M, 1, B) s; `penalty`: beta > 0, of the
+    squared action beside the squared distance to the target. Returns (M, K, B) actions.
     """
     wanted = (target - latent) / time_step - applied(dynamics.state, latent) - dynamics.constant
     gram = (dynamics.action[:, :, None] * dynamics.action[:, None]).sum(dim=3)  # (M, 3, 3, B)
@@ -109,14 +91,7 @@ def negative_gradient(
 ) -> Tensor:
     """-d |f(z, a) - z_T|^2 / da at a = 0 (eq. II.14); its scale is the caller's matter.
 
-    Args:
-        dynamics: non-linear models.
-        latent: (M, 3, B) z.
-        target: (M, 3, B) z_T.
-        time_step: (B,) or (M, 1, B) s.
-
-    Returns:
-        (M, K, B).
+    `latent` (M, 3, B) z; `target` (M, 3, B) z_T; `time_step` (B,) or (M, 1, B) s. Returns (M, K, B).
     """
     rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
     _, by_action = dynamics.jacobians(latent, rest)

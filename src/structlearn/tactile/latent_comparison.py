@@ -2,6 +2,10 @@
 
 The seeds are spread over a few stacks, one process each, always the same seeds together: what comes out does
 not depend on the number of cores.
+
+Latent spaces are also learned alone, without dynamics, from one set of touches after another. Every set is
+seen in its own units: signals and pressure standardised, distances over their root mean square. So a network
+that learned from one set can be asked about another one, whose counts have other scales.
 """
 
 from collections.abc import Sequence
@@ -25,7 +29,7 @@ from structlearn.tactile.latent_evaluation import (
     latent_map,
 )
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_parameters import LatentParameters
+from structlearn.tactile.latent_parameters import LatentParameters, LatentSpaceParameters
 from structlearn.tactile.latent_training import (
     CHAIN_STEPS,
     Pairs,
@@ -42,35 +46,27 @@ from structlearn.tactile.touch_dataset import (
     TRAIN,
     Chains,
     TouchDataset,
+    TouchSamples,
+    TouchUnits,
     chains,
+    touch_units,
 )
-from structlearn.tactile.units import TouchUnits, touch_units
 
 
 @dataclass(frozen=True)
 class LatentComparison:
-    """What came out.
+    """What came out."""
 
-    Attributes:
-        models: all of them, of all seeds.
-        units: that they see touch in.
-        latent: `latent_evaluation.latent_errors`.
-        forward: `latent_evaluation.forward_errors` on the test split.
-        decoded: `latent_evaluation.decoded_errors` on the test split.
-        directions: `latent_evaluation.direction_errors` on the test split.
-        curve: key figures of the three while they trained, on the test split: `step`, `structure`, `seed`,
-            `quantity`, `value`.
-        latent_map: `latent_evaluation.latent_map` of the first seed.
-    """
-
-    models: LatentModels
-    units: TouchUnits
-    latent: pd.DataFrame
-    forward: pd.DataFrame
-    decoded: pd.DataFrame
-    directions: pd.DataFrame
+    models: LatentModels  # all of them, of all seeds
+    units: TouchUnits  # that they see touch in
+    latent: pd.DataFrame  # `latent_evaluation.latent_errors`
+    forward: pd.DataFrame  # `latent_evaluation.forward_errors` on the test split
+    decoded: pd.DataFrame  # `latent_evaluation.decoded_errors` on the test split
+    directions: pd.DataFrame  # `latent_evaluation.direction_errors` on the test split
+    # key figures of the three while they trained, on the test split: `step`, `structure`, `seed`, `quantity`,
+    # `value`
     curve: pd.DataFrame
-    latent_map: pd.DataFrame
+    latent_map: pd.DataFrame  # `latent_evaluation.latent_map` of the first seed
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """The tables by name."""
@@ -80,10 +76,7 @@ class LatentComparison:
 def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
     """Train all models and evaluate them.
 
-    Args:
-        dataset: samples of touch.
-        geodesics: bins of them and their distances.
-        parameters: see there.
+    `dataset`: samples of touch.
 
     Raises:
         InputError: a split or a bin has too few samples, no contact is long enough for a chain to train on or
@@ -181,3 +174,82 @@ def _split_data(data: TrainingData, rows: np.ndarray, pairs: Pairs, units: Touch
 def _chain_data(data: TrainingData, found: Chains, units: TouchUnits) -> ChainData:
     rows, time_step = torch.from_numpy(found.rows), as_tensor(found.time_step)
     return ChainData(data.signals, rows, as_tensor(found.actions / units.action_scale), time_step)
+
+
+def own_units(samples: TouchDataset, geodesics: Geodesics) -> TouchUnits:
+    """Units of a set by its training samples; that of length is the root mean square distance on the skin.
+
+    Raises:
+        InputError: there is no training sample, or an electrode, the pressure or the velocity never changes.
+    """
+    length = float(np.sqrt(np.mean(np.square(geodesics.distance, dtype=float))))
+    return touch_units(samples, chains(samples, CHAIN_STEPS, split=TRAIN), length)
+
+
+def learn_spaces(
+    samples: TouchDataset, geodesics: Geodesics, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
+
+    Returns the stack; its dynamics are as they were drawn.
+
+    Raises:
+        InputError: a bin has fewer than two training samples.
+    """
+    rng = np.random.default_rng(parameters.training.seed)
+    pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
+    return learn_from(samples, pairs, NO_CHAINS, units, parameters)
+
+
+def learn_from(
+    samples: TouchSamples, pairs: Pairs, taught: Chains, units: TouchUnits, parameters: LatentSpaceParameters
+) -> LatentModels:
+    """Train models of all seeds, with and without structure, on pairs whose distances are known.
+
+    `pairs`: of training samples; `taught`: chains of training samples; without any, dynamics stay as they
+    were drawn.
+    """
+    training = parameters.training
+    data = training_data(samples, pairs, taught, units)
+    models = LatentModels.initial(
+        range(parameters.seeds),
+        samples.signals.shape[1],
+        parameters.networks,
+        seeded(training.seed),
+        actions=taught.actions.shape[-1],
+    )
+    with one_thread():
+        for _ in train(models, data, training):
+            pass  # only the end counts
+    return models.detached()
+
+
+def seen_in(
+    units: TouchUnits, samples: TouchDataset, geodesics: Geodesics, split: int, pairs: int
+) -> SplitData:
+    """Samples and random pairs of one split, to test latent spaces on (`latent_evaluation.latent_errors`).
+
+    `split`: which samples.
+
+    Raises:
+        InputError: a bin has fewer than two samples of the split.
+    """
+    found = draw_pairs(samples, geodesics, split, pairs, np.random.default_rng(split))
+    return asked_of(units, samples, found, split)
+
+
+def asked_of(units: TouchUnits, samples: TouchSamples, found: Pairs, split: int) -> SplitData:
+    """Samples and given pairs of one split, in the networks' units."""
+    rows = samples.split == split
+    signals = units.signals(samples.signals)
+    return SplitData(
+        signals=as_tensor(signals[rows]),
+        pressure=as_tensor(units.pressure(samples.pressure[rows])),
+        first=as_tensor(signals[found.first]),
+        second=as_tensor(signals[found.second]),
+        geodesic=as_tensor(found.distance / units.length),
+    )
+
+
+NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
+"""Dynamics are not trained."""

@@ -17,8 +17,7 @@ from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.latent_training import encoded
-from structlearn.tactile.touch_dataset import TouchDataset
-from structlearn.tactile.units import LINEAR, TouchUnits
+from structlearn.tactile.touch_dataset import LINEAR, TouchDataset, TouchUnits
 
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 """Parts of an action whose directions are compared."""
@@ -32,51 +31,31 @@ SHORTEST = 1e-9
 
 @dataclass(frozen=True)
 class SplitData:
-    """Samples and pairs of one split, in the networks' units.
+    """Samples and pairs of one split, in the networks' units."""
 
-    Attributes:
-        signals: (N, E).
-        pressure: (N,).
-        first: (K, E) signals of the pairs' first samples.
-        second: (K, E) signals of their second ones.
-        geodesic: (K,).
-    """
-
-    signals: Tensor
-    pressure: Tensor
-    first: Tensor
-    second: Tensor
-    geodesic: Tensor
+    signals: Tensor  # (N, E)
+    pressure: Tensor  # (N,)
+    first: Tensor  # (K, E) signals of the pairs' first samples
+    second: Tensor  # (K, E) signals of their second ones
+    geodesic: Tensor  # (K,)
 
 
 @dataclass(frozen=True)
 class ChainData:
-    """Chains to test the dynamics on, in the networks' units.
+    """Chains to test the dynamics on, in the networks' units."""
 
-    Attributes:
-        signals: (N, E) of all samples.
-        rows: (L, C + 1) of the samples.
-        actions: (L, C, 6).
-        time_step: (L,) s.
-    """
-
-    signals: Tensor
-    rows: Tensor
-    actions: Tensor
-    time_step: Tensor
+    signals: Tensor  # (N, E) of all samples
+    rows: Tensor  # (L, C + 1) of the samples
+    actions: Tensor  # (L, C, 6)
+    time_step: Tensor  # (L,) s
 
 
 @torch.no_grad()
 def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.DataFrame:
     """Normalised mean squared errors of the autoencoders.
 
-    Args:
-        models: a stack.
-        splits: by name.
-
-    Returns:
-        `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (their
-        largest), `distances` (map against geodesic), `pressure`.
+    Returns `structure`, `seed`, `split`, `reconstruction` (mean over electrodes), `worst_electrode` (their
+    largest), `distances` (map against geodesic), `pressure`.
     """
     spaces = models.autoencoders
     rows = []
@@ -108,10 +87,9 @@ def latent_errors(models: LatentModels, splits: Mapping[str, SplitData]) -> pd.D
 def forward_errors(models: LatentModels, data: ChainData) -> pd.DataFrame:
     """Normalised mean squared error of chained predictions, meant over latent dimensions (figure II.4).
 
-    Returns:
-        `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its parts:
-        `plane`, of the first two dimensions, and `third`, of the third, which with structure are the map and
-        the pressure. Rows with the forward model `UNCHANGED` hold that of the prediction that nothing moves.
+    Returns `structure`, `seed`, `forward`, `trained_with`, `steps` (length of the chain), `nmse`, and its
+    parts: `plane`, of the first two dimensions, and `third`, of the third, which with structure are the map
+    and the pressure. Rows with the forward model `UNCHANGED` hold that of the prediction that nothing moves.
     """
     latents, predictions = _predictions(models, data)
     rows = []
@@ -128,16 +106,8 @@ def decoded_errors(models: LatentModels, data: ChainData, units: TouchUnits) -> 
     """Errors of the touch that predictions are decoded to: one yardstick for all latent spaces.
 
     Without structure a latent state is any three numbers that the readings can be decoded from, and its NMSE
-    is of these; what is decoded can be held against what was measured.
-
-    Args:
-        models: a stack.
-        data: chains.
-        units: that the networks see touch in.
-
-    Returns:
-        `structure`, `seed`, `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these) and of
-        `pressure` p = -mean(s).
+    is of these; what is decoded can be held against what was measured. Returns `structure`, `seed`,
+    `forward`, `trained_with`, `steps`; NMSE of `electrodes` (mean over these) and of `pressure` p = -mean(s).
     """
     _, predictions = _predictions(models, data)
     scale, mean = (torch.from_numpy(values).float() for values in (units.signal_scale, units.signal_mean))
@@ -162,15 +132,9 @@ def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> p
 
     Asked for the action from the second to the third sample of each chain. An action has to lead to
     `forward`, what the forward model predicts for the true action, or to `encoder`, the latent state that
-    followed; both are compared with the true action, and in `agreement` with each other.
-
-    Args:
-        models: a stack.
-        data: chains of at least two actions.
-        penalty: beta of the inverse models.
-
-    Returns:
-        `structure`, `seed`, `inverse`, `trained_with`, `comparison`, `part`, `distance` (0 to 2).
+    followed; both are compared with the true action, and in `agreement` with each other. `data`: chains of at
+    least two actions; `penalty`: beta of the inverse models. Returns `structure`, `seed`, `inverse`,
+    `trained_with`, `comparison`, `part`, `distance` (0 to 2).
     """
     latents, actions, time_step = _along_chains(models, data, samples=3)
     step = LatentStep(latents[1], latents[0], actions[0], time_step)
@@ -202,13 +166,8 @@ def direction_errors(models: LatentModels, data: ChainData, penalty: float) -> p
 def latent_map(models: LatentModels, signals: Tensor, dataset: TouchDataset) -> pd.DataFrame:
     """Where the samples lie in the latent space of the first seed that has structure (figure II.3).
 
-    Args:
-        models: a stack.
-        signals: (N, E) of all samples, in the networks' units.
-        dataset: the samples.
-
-    Returns:
-        `x`, `y`, `z` in the networks' units; `electrode` (1 to E) with the largest negative change, `split`.
+    `signals` (N, E) of all samples, in the networks' units; `dataset`: the samples. Returns `x`, `y`, `z` in
+    the networks' units; `electrode` (1 to E) with the largest negative change, `split`.
     """
     first = models.autoencoders.encoder.part(slice(0, 1))
     latent = first.forward(signals.T[None])[0].numpy()

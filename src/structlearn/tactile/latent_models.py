@@ -2,15 +2,20 @@
 
 A stack holds all of them for some seeds. Its autoencoders run over structures, and within each over the
 seeds. Each forward model has one stack: over the ways to train it, and within each over the autoencoders.
+Their file holds the units that they see touch in as well.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Self
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from structlearn.ground.artefacts import read_tensors, write_tensors
+from structlearn.ground.errors import InputError
 from structlearn.networks.stacked_layers import StackedLayers
 from structlearn.tactile.autoencoder import StackedAutoencoders
 from structlearn.tactile.forward_dynamics import (
@@ -26,6 +31,7 @@ from structlearn.tactile.latent_parameters import (
     TRAINED_WITH,
     NetworkParameters,
 )
+from structlearn.tactile.touch_dataset import TouchUnits
 
 NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
 """Names of a stack's networks in files."""
@@ -33,19 +39,12 @@ NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
 
 @dataclass(frozen=True)
 class LatentModels:
-    """A stack of latent spaces and their dynamics.
+    """A stack of latent spaces and their dynamics."""
 
-    Attributes:
-        seeds: numbers of the seeds S; there are M = 2 S autoencoders.
-        autoencoders: (M) of them.
-        locally_linear: (2 M) models.
-        nonlinear: (3 M) models.
-    """
-
-    seeds: tuple[int, ...]
-    autoencoders: StackedAutoencoders
-    locally_linear: LocallyLinearDynamics
-    nonlinear: NonLinearDynamics
+    seeds: tuple[int, ...]  # numbers of the seeds S; there are M = 2 S autoencoders
+    autoencoders: StackedAutoencoders  # (M) of them
+    locally_linear: LocallyLinearDynamics  # (2 M) models
+    nonlinear: NonLinearDynamics  # (3 M) models
 
     @classmethod
     def initial(
@@ -141,3 +140,33 @@ class LatentModels:
     def dynamics_parameters(self) -> list[Tensor]:
         """What the second optimiser trains."""
         return self.locally_linear.network.parameters() + self.nonlinear.network.parameters()
+
+
+SEEDS = "seeds"
+UNITS = "units."
+
+
+def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> None:
+    """Publish a stack of models and their units."""
+    arrays = {name: values.numpy() for name, values in models.to_arrays().items()}
+    arrays |= {f"{UNITS}{name}": np.asarray(values) for name, values in vars(units).items()}
+    arrays[SEEDS] = np.array(models.seeds)
+    write_tensors(
+        arrays, path, "latent spaces of touch and their dynamics; structlearn.tactile.latent_models"
+    )
+
+
+def read_models(path: str | Path) -> tuple[LatentModels, TouchUnits]:
+    """Read a stack of models and their units.
+
+    Raises:
+        InputError: the file is missing, damaged or holds something else.
+    """
+    arrays = read_tensors(path)
+    try:
+        units = TouchUnits(**{field.name: arrays.pop(UNITS + field.name) for field in fields(TouchUnits)})
+        seeds = arrays.pop(SEEDS).tolist()
+        tensors = {name: torch.from_numpy(values) for name, values in arrays.items()}
+        return LatentModels.from_arrays(seeds, tensors), units
+    except KeyError as error:
+        raise InputError(f"{path}: holds no latent spaces of touch (missing {error})") from error

@@ -24,8 +24,7 @@ from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
-from structlearn.tactile.touch_dataset import Chains, TouchSamples
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits
 
 CHAIN_STEPS = 3
 """Actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)."""
@@ -42,17 +41,11 @@ SHORTEST_ACTION = 1e-6
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of samples with their distance on the skin.
+    """Pairs of samples with their distance on the skin."""
 
-    Attributes:
-        first: (K,) rows of the dataset.
-        second: (K,) rows of the dataset.
-        distance: (K,) m.
-    """
-
-    first: np.ndarray
-    second: np.ndarray
-    distance: np.ndarray
+    first: np.ndarray  # (K,) rows of the dataset
+    second: np.ndarray  # (K,) rows of the dataset
+    distance: np.ndarray  # (K,) m
 
 
 def draw_pairs(
@@ -60,12 +53,7 @@ def draw_pairs(
 ) -> Pairs:
     """Random pairs of one split; both of a pair are in the same bin, as their distance must be known.
 
-    Args:
-        dataset: the samples.
-        geodesics: bins of them and their distances.
-        split: which samples.
-        count: of pairs, spread evenly over the bins.
-        rng: source of the draws.
+    `dataset`: the samples; `split`: which samples.
 
     Raises:
         InputError: a bin has fewer than two samples of the split.
@@ -85,25 +73,15 @@ def draw_pairs(
 
 @dataclass(frozen=True)
 class TrainingData:
-    """What a stack trains on, in the networks' units.
+    """What a stack trains on, in the networks' units."""
 
-    Attributes:
-        signals: (N, E) of all samples.
-        pressure: (N,) of all samples.
-        pairs: (K, 2) rows.
-        geodesic: (K,) distance of each pair.
-        chains: (L, CHAIN_STEPS + 1) rows.
-        actions: (L, CHAIN_STEPS, 6).
-        time_step: (L,) s.
-    """
-
-    signals: Tensor
-    pressure: Tensor
-    pairs: Tensor
-    geodesic: Tensor
-    chains: Tensor
-    actions: Tensor
-    time_step: Tensor
+    signals: Tensor  # (N, E) of all samples
+    pressure: Tensor  # (N,) of all samples
+    pairs: Tensor  # (K, 2) rows
+    geodesic: Tensor  # (K,) distance of each pair
+    chains: Tensor  # (L, CHAIN_STEPS + 1) rows
+    actions: Tensor  # (L, CHAIN_STEPS, 6)
+    time_step: Tensor  # (L,) s
 
 
 def training_data(dataset: TouchSamples, pairs: Pairs, chains: Chains, units: TouchUnits) -> TrainingData:
@@ -159,13 +137,8 @@ def best_start(
     """Of several stacks the first, with the autoencoders that do best after a short training.
 
     A map may start folded and stay so, for the loss of distances has local minima. It shows within some
-    hundred steps, in the loss on training pairs, which alone decides here.
-
-    Args:
-        draws: stacks of the same seeds with weights of their own.
-        data: what they train on.
-        parameters: of the training.
-        steps: of the short training.
+    hundred steps, in the loss on training pairs, which alone decides here. `draws`: stacks of the same seeds
+    with weights of their own.
     """
     short = parameters.model_copy(update={"steps": steps, "evaluate_every": steps})
     alone = replace(data, chains=data.chains[:0])
@@ -189,11 +162,7 @@ def autoencoder_loss(
 ) -> Tensor:
     """Loss of the autoencoders (eq. II.23), summed over models: their gradients do not mix.
 
-    Args:
-        models: the stack.
-        data: what it trains on.
-        drawn: (S, B) numbers of pairs, per seed.
-        parameters: of the training.
+    `drawn` (S, B) numbers of pairs, per seed.
     """
     return _autoencoder_losses(models, data, drawn, parameters).sum()
 
@@ -219,11 +188,7 @@ def dynamics_loss(
 ) -> Tensor:
     """Loss of the dynamics (eq. II.24), summed over models: their gradients do not mix.
 
-    Args:
-        models: the stack; nothing flows back into its encoders.
-        data: what it trains on.
-        drawn: (S, B) numbers of chains, per seed.
-        parameters: of the training.
+    `models`: the stack; nothing flows back into its encoders; `drawn` (S, B) numbers of chains, per seed.
     """
     latents = encoded(models, data.signals, data.chains[drawn])
     actions = models.for_all(data.actions[drawn].movedim(1, -1)).movedim(1, 0)  # (C, M, 6, B)
@@ -249,13 +214,7 @@ def dynamics_loss(
 def encoded(models: LatentModels, signals: Tensor, rows: Tensor) -> Tensor:
     """Latent states of chains by the encoders as they are, without gradient.
 
-    Args:
-        models: the stack.
-        signals: (N, E).
-        rows: (S, B, C + 1) per seed.
-
-    Returns:
-        (C + 1, M, 3, B).
+    `signals` (N, E); `rows` (S, B, C + 1) per seed. Returns (C + 1, M, 3, B).
     """
     flat = rows.transpose(1, 2)
     with torch.no_grad():

@@ -32,35 +32,24 @@ from structlearn.tactile.inverse_dynamics import LatentStep, receding_horizon_ac
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo, as_states
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import TouchUnits
 
 
 @dataclass(frozen=True)
 class Caution:
-    """How far the forward model is trusted.
+    """How far the forward model is trusted."""
 
-    Attributes:
-        by_likelihood: whether actions are measured by how likely they are; else all alike, as in the text.
-        spread: h, half the distance over which slopes are taken, in s; 0: derivatives at rest.
-        correction: kappa; 0: the model is never corrected.
-    """
-
-    by_likelihood: bool
-    spread: float
-    correction: float
+    by_likelihood: bool  # whether actions are measured by how likely they are; else all alike, as in the text
+    spread: float  # h, half the distance over which slopes are taken, in s; 0: derivatives at rest
+    correction: float  # kappa; 0: the model is never corrected
 
 
 @dataclass(frozen=True)
 class RestingMemory:
-    """What a finger remembers of its own steps.
+    """What a finger remembers of its own steps."""
 
-    Attributes:
-        before: the last step.
-        error: E, (S, 3, K, T), by which the model's slopes are wrong.
-    """
-
-    before: ServoMemory
-    error: Tensor
+    before: ServoMemory  # the last step
+    error: Tensor  # E, (S, 3, K, T), by which the model's slopes are wrong
 
 
 class RestingServo(TactileServo):
@@ -132,15 +121,8 @@ class RestingServo(TactileServo):
 def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, rate: float) -> Tensor:
     """What the last step says that slopes are wrong by.
 
-    Args:
-        error: (M, 3, K, B) E before.
-        slope: (M, 3, K, B) S of the model, per likely action.
-        step: the last one.
-        likely: (K, 1) scales of likely actions.
-        rate: kappa.
-
-    Returns:
-        (M, 3, K, B) E.
+    `error` (M, 3, K, B) E before; `slope` (M, 3, K, B) S of the model, per likely action; `likely` (K, 1)
+    scales of likely actions; `rate`: kappa. Returns (M, 3, K, B) E.
     """
     action = step.previous_action / likely
     seen = (step.latent - step.previous_latent) / step.time_step
@@ -151,14 +133,8 @@ def corrected(error: Tensor, slope: Tensor, step: LatentStep, likely: Tensor, ra
 def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spread: float) -> Tensor:
     """By how much an action changes the rate of the latent state.
 
-    Args:
-        dynamics: the models.
-        latent: (M, 3, B).
-        likely: (K, 1) scales of likely actions.
-        spread: half the distance over which slopes are taken, in these scales; 0: derivatives at rest.
-
-    Returns:
-        (M, 3, K, B).
+    `latent` (M, 3, B); `likely` (K, 1) scales of likely actions; `spread`: half the distance over which
+    slopes are taken, in these scales; 0: derivatives at rest. Returns (M, 3, K, B).
     """
     rest = latent.new_zeros(latent.shape[0], dynamics.actions, latent.shape[-1])
     if isinstance(dynamics, LocallyLinearDynamics):
@@ -177,13 +153,7 @@ def action_slope(dynamics: ForwardDynamics, latent: Tensor, likely: Tensor, spre
 def steepest_action(slope: Tensor, missing: Tensor, ridge: Tensor) -> Tensor:
     """Along the gradient at rest, as far as |missing - slope a|^2 + ridge |a|^2 falls.
 
-    Args:
-        slope: (M, 3, K, B).
-        missing: (M, 3, B) wanted rate.
-        ridge: (1,) or (M, 1, B) >= 0.
-
-    Returns:
-        (M, K, B).
+    `slope` (M, 3, K, B); `missing` (M, 3, B) wanted rate; `ridge` (1,) or (M, 1, B) >= 0. Returns (M, K, B).
     """
     downhill = applied(slope.transpose(1, 2), missing)
     squared = downhill.square().sum(dim=1, keepdim=True)

@@ -33,28 +33,21 @@ from structlearn.tactile.latent_parameters import (
     STRUCTURES,
     InverseModel,
 )
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import TouchUnits
 
 
 class ServoParameters(Parameters):
-    """Which inverse model acts, and how far it may go.
+    """Which inverse model acts, and how far it may go."""
 
-    Attributes:
-        inverse: LL, NG or NJ (II.3.5).
-        trained_with_inverse: take the forward model that was trained with the loss of this inverse model.
-        action_penalty: beta (eq. II.12), in the networks' units.
-        gradient_gain: alpha of NG (eq. II.14), in the networks' units.
-        largest_action: bound of |a|, in root mean squares of the demonstrated actions; longer ones are
-            shortened and keep their direction.
-        horizon: steps ahead for LL and NJ; 1 is the dissertation.
-    """
-
-    inverse: InverseModel = "NJ"
+    inverse: InverseModel = "NJ"  # LL, NG or NJ (II.3.5)
+    # take the forward model that was trained with the loss of this inverse model
     trained_with_inverse: bool = True
-    action_penalty: float = Field(default=0.01, gt=0)
-    gradient_gain: float = Field(default=10.0, gt=0)
+    action_penalty: float = Field(default=0.01, gt=0)  # beta (eq. II.12), in the networks' units
+    gradient_gain: float = Field(default=10.0, gt=0)  # alpha of NG (eq. II.14), in the networks' units
+    # bound of |a|, in root mean squares of the demonstrated actions; longer ones are shortened and keep their
+    # direction
     largest_action: float = Field(default=3.0, gt=0)
-    horizon: PositiveInt = 1
+    horizon: PositiveInt = 1  # steps ahead for LL and NJ; 1 is the dissertation
 
 
 @dataclass(frozen=True)
@@ -63,14 +56,10 @@ class ServoMemory:
 
     Actions may come oftener than steps are long, W per step. A step before still lasts dt, as those that the
     model learned from: z_t-1 is the latent state dt ago, a_t-1 the mean action since.
-
-    Attributes:
-        latent: (W, S, T, 3) when the last actions were chosen, oldest first.
-        action: (W, S, T, K) that were chosen then.
     """
 
-    latent: np.ndarray
-    action: np.ndarray
+    latent: np.ndarray  # (W, S, T, 3) when the last actions were chosen, oldest first
+    action: np.ndarray  # (W, S, T, K) that were chosen then
 
 
 class TactileServo:
@@ -135,13 +124,8 @@ class TactileServo:
     ) -> tuple[np.ndarray, ServoMemory]:
         """The next action.
 
-        Args:
-            latent: (S, T, 3) z_t.
-            target: (S, T, 3) z_T.
-            memory: of the step before, W actions long.
-
-        Returns:
-            Actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
+        `latent` (S, T, 3) z_t; `target` (S, T, 3) z_T; `memory`: of the step before, W actions long. Returns:
+        Actions (S, T, K), m/s and rad/s in the frame of the finger, and the memory for the next step.
         """
         return self._done(self._unbounded(self._step(latent, memory), as_states(target)), latent, memory)
 

@@ -1,4 +1,10 @@
-"""What demonstrations of touch say about a skin: samples, and chains of actions between them (II.4.1)."""
+"""What demonstrations of touch say about a skin: samples, and chains of actions between them (II.4.1).
+
+Networks see touch in units in which one loss, penalty or weight compares with another. The dissertation
+trains on raw counts and evens the losses out by weights (II.4.1.3). Here signals and pressure are
+standardised, map distances are divided by a length, and actions by one scale per kind of velocity: within
+linear and within angular velocity, directions stay what they are.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,34 +57,20 @@ class TouchDataset:
 
     A contact is what lies between touching and lifting. Its rows are successive samples of a uniform clock.
     Splits are by contact, so that no sample of a split has its neighbour in another.
-
-    Attributes:
-        signals: (N, E) counts less their offset, after the low-pass; float32, as all numbers here.
-        pressure: (N,) counts, p = -mean of the signals.
-        contact_point: (N, 3) m, estimated from the signals, on the skin, frame of the finger.
-        velocity: (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass.
-        orientation: (N, 4) of the finger in the base frame, unit quaternions.
-        contact: (N,) number of the contact, rising.
-        pressed: (N,) whether the pressure suffices for the dynamics to be learned from the sample.
-        trial: (N,) number of the demonstration.
-        time: (N,) s since its start.
-        motion: (N,) `ROTATION`, `TRANSLATION` or `OTHER`.
-        split: (N,) `TRAIN`, `VALIDATION` or `TEST`.
-        rate_hz: () samples per second.
     """
 
-    signals: np.ndarray
-    pressure: np.ndarray
-    contact_point: np.ndarray
-    velocity: np.ndarray
-    orientation: np.ndarray
-    contact: np.ndarray
-    pressed: np.ndarray
-    trial: np.ndarray
-    time: np.ndarray
-    motion: np.ndarray
-    split: np.ndarray
-    rate_hz: np.ndarray
+    signals: np.ndarray  # (N, E) counts less their offset, after the low-pass; float32, as all numbers here
+    pressure: np.ndarray  # (N,) counts, p = -mean of the signals
+    contact_point: np.ndarray  # (N, 3) m, estimated from the signals, on the skin, frame of the finger
+    velocity: np.ndarray  # (N, 6) of the finger in the base frame, m/s and rad/s, after the low-pass
+    orientation: np.ndarray  # (N, 4) of the finger in the base frame, unit quaternions
+    contact: np.ndarray  # (N,) number of the contact, rising
+    pressed: np.ndarray  # (N,) whether the pressure suffices for the dynamics to be learned from the sample
+    trial: np.ndarray  # (N,) number of the demonstration
+    time: np.ndarray  # (N,) s since its start
+    motion: np.ndarray  # (N,) `ROTATION`, `TRANSLATION` or `OTHER`
+    split: np.ndarray  # (N,) `TRAIN`, `VALIDATION` or `TEST`
+    rate_hz: np.ndarray  # () samples per second
 
     def __len__(self) -> int:
         """Number of samples N."""
@@ -87,18 +79,13 @@ class TouchDataset:
 
 @dataclass(frozen=True)
 class Chains:
-    """K chains of C successive actions; a pair of the text, (s_t-1, a_t-1, s_t, a_t, s_t+1), is one of C = 2.
+    """K chains of C successive actions; a pair of the text (s_t-1, a_t-1, s_t, a_t, s_t+1) is of C = 2."""
 
-    Attributes:
-        rows: (K, C + 1) rows of the dataset; action c leads from row c to row c + 1.
-        actions: (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start;
-            a skin that is only pressed has fewer components.
-        time_step: (K,) s per step.
-    """
-
-    rows: np.ndarray
+    rows: np.ndarray  # (K, C + 1) rows of the dataset; action c leads from row c to row c + 1
+    # (K, C, 6) mean velocity over the step, m/s and rad/s, frame of the finger at its start; a skin that is
+    # only pressed has fewer components
     actions: np.ndarray
-    time_step: np.ndarray
+    time_step: np.ndarray  # (K,) s per step
 
     def __len__(self) -> int:
         """Number of chains K."""
@@ -165,3 +152,62 @@ def _chains(dataset: TouchDataset, length: int, stride: int, split: int | None) 
         [quaternion.rotate(to_finger, mean[..., :3]), quaternion.rotate(to_finger, mean[..., 3:])], axis=-1
     )
     return Chains(rows, actions.astype(np.float32), np.full(len(rows), stride / float(dataset.rate_hz)))
+
+
+LINEAR = 3
+"""The first so many components of an action are linear velocity, the others angular."""
+
+
+@dataclass(frozen=True)
+class TouchUnits:
+    """Offsets and scales; a quantity in the networks' units is (quantity - offset) / scale."""
+
+    signal_mean: np.ndarray  # (E,) counts
+    signal_scale: np.ndarray  # (E,) counts
+    pressure_mean: np.ndarray  # () counts
+    pressure_scale: np.ndarray  # () counts
+    length: np.ndarray  # () m on the skin per unit of the map
+    action_scale: np.ndarray  # (K,) m/s up to three times, rad/s for the others; actions have no offset
+    # (K,) root mean squares of the demonstrated actions, m/s and rad/s by component
+    likely_action: np.ndarray
+
+    def signals(self, counts: np.ndarray) -> np.ndarray:
+        """Standardised signals (..., E) of counts less their offset."""
+        return (counts - self.signal_mean) / self.signal_scale
+
+    def pressure(self, counts: np.ndarray) -> np.ndarray:
+        """Standardised pressure (...) of counts."""
+        return (counts - self.pressure_mean) / self.pressure_scale
+
+
+def touch_units(dataset: TouchSamples, chains: Chains, length_m: float) -> TouchUnits:
+    """Units from the training samples.
+
+    `dataset`: samples of touch; `chains`: of the training split; their actions give the scales and the likely
+    actions; `length_m`: m on the skin per unit of the map.
+
+    Raises:
+        InputError: there is no training sample or chain, or an electrode, the pressure or the velocity
+            never changes.
+    """
+    rows = dataset.split == TRAIN
+    if not rows.any() or not len(chains):
+        raise InputError("touch: no sample or no chain to train on")
+    signals, pressure = dataset.signals[rows].astype(float), dataset.pressure[rows].astype(float)
+    squared = np.square(chains.actions, dtype=float).mean(axis=(0, 1))
+    linear, angular = squared[:LINEAR], squared[LINEAR:]
+    kinds = np.sqrt([kind.mean() for kind in (linear, angular) if len(kind)])
+    scale = signals.std(axis=0)
+    if not scale.all():
+        raise InputError(f"touch: electrode {int(np.argmin(scale)) + 1} has the same value in all samples")
+    if not pressure.std() > 0 or not kinds.all():
+        raise InputError("touch: the pressure or the velocity is the same in all samples")
+    return TouchUnits(
+        signal_mean=signals.mean(axis=0),
+        signal_scale=scale,
+        pressure_mean=pressure.mean(),
+        pressure_scale=pressure.std(),
+        length=np.array(length_m),
+        action_scale=np.repeat(kinds, [len(kind) for kind in (linear, angular) if len(kind)]),
+        likely_action=np.sqrt(squared),
+    )

@@ -77,12 +77,8 @@ def prepare(
 ) -> TouchDataset:
     """Samples of all contacts of all demonstrations, in their order.
 
-    Splits are drawn by contact, evenly over the motions.
-
-    Args:
-        demonstrations: with poses of the finger and counts, all at `rate_hz`.
-        skin: that was touched with.
-        parameters: see there.
+    Splits are drawn by contact, evenly over the motions. `demonstrations`: with poses of the finger and
+    counts, all at `rate_hz`.
 
     Raises:
         InputError: there is no pose or no touch in a demonstration, its channels are not the skin's, it has
@@ -202,15 +198,9 @@ def _checked(
 def contact_points(signals: np.ndarray, skin: Skin) -> np.ndarray:
     """Points of contact, estimated from the electrodes (Lin et al. 2013, II.3.3).
 
-    Each is the centroid of the electrodes by their squared negative changes, projected to the skin.
-    Only electrodes whose counts fell take part: there the fluid is thinned; where it bulges counts rise.
-
-    Args:
-        signals: (N, E) counts less their offset.
-        skin: with the E electrodes.
-
-    Returns:
-        (N, 3) m, frame of the finger.
+    Each is the centroid of the electrodes by their squared negative changes, projected to the skin. Only
+    electrodes whose counts fell take part: there the fluid is thinned; where it bulges counts rise. `signals`
+    (N, E) counts less their offset; `skin`: with the E electrodes. Returns (N, 3) m, frame of the finger.
 
     Raises:
         InputError: the number of channels is not that of the electrodes, a value is NaN or infinite, or no

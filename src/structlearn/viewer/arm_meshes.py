@@ -5,11 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.urdf import UrdfTree
 
-from structlearn.viewer.rrd import entity, rgba, scene_view
+from structlearn.palette import AXIS_COLOURS
+from structlearn.viewer.rrd import entity, plot, rgba, scene_view, send_series, time_column
 
 PACKAGE = "package://"
 """Before paths of meshes in URDFs for ROS; PyBullet takes them relative to the URDF, and so do we."""
@@ -28,13 +30,8 @@ def send_arm(
 ) -> None:
     """Log an arm's meshes, and its joints over time; those that are not named stay at zero.
 
-    Args:
-        stream: of the recording.
-        name: of the arm, without slashes; several arms in one recording have different names.
-        urdf: its URDF.
-        joints: n names.
-        times: T of them.
-        positions: (T, n) of the joints, rad or m.
+    `name`: of the arm, without slashes; several arms in one recording have different names; `times`: T of
+    them; `positions` (T, n) of the joints, rad or m.
     """
     arm = _read(Path(urdf), name)
     meshes = arm.stream(include_joint_transforms=False).filter(
@@ -55,17 +52,8 @@ def send_sticks(
 ) -> float:
     """As `send_arm`, for a URDF without meshes: a stick from every joint to the next ones, a ball at each.
 
-    Args:
-        stream: of the recording.
-        name: of the arm.
-        urdf: its URDF.
-        joints: n names.
-        times: T of them.
-        positions: (T, n) of the joints, rad or m.
-        colours: of the sticks, and of the balls.
-
-    Returns:
-        Length of all sticks in m, which the arm cannot reach beyond.
+    `times`: T of them; `positions` (T, n) of the joints, rad or m. Returns length of all sticks in m, which
+    the arm cannot reach beyond.
     """
     arm = _read(Path(urdf), name)
     length = 0.0
@@ -130,3 +118,38 @@ def _read(urdf: Path, name: str) -> UrdfTree:
         copy = Path(folder) / urdf.name
         copy.write_text(text.replace(PACKAGE, f"{urdf.parent.resolve()}/"))
         return UrdfTree.from_file_path(copy, **options)
+
+
+def send_followed(
+    stream: rr.RecordingStream,
+    learned: pd.DataFrame,
+    time: np.ndarray,
+    carried_kg: np.ndarray,
+    colours: tuple[str, str, str],
+) -> None:
+    """Log the lines.
+
+    `learned`: as `online_learning.follow_payload` gives it, its `time_s` on the recording's time line; `time`
+    (T,) s; `carried_kg` (T,) what is really carried; `colours`: of what is carried, of what is learned, and
+    of the empty arm's model.
+    """
+    reference, found, empty = colours
+    times = [time_column(learned["time_s"].to_numpy(float))]
+    path = entity("mass", "carried")
+    send_series(stream, path, [time_column(time)], carried_kg[:, None], ["carried"], [reference], width=3.0)
+    mass = learned["mass_kg"].to_numpy(float)[:, None]
+    send_series(stream, entity("mass", "learned"), times, mass, ["learned"], [found])
+    moments = learned[[f"moment_{axis}_kg_m" for axis in "xyz"]].to_numpy(float)
+    send_series(stream, "moment", times, moments, ["x", "y", "z"], AXIS_COLOURS)
+    for name, label, colour in (("fixed", "empty arm", empty), ("learned", "learned online", found)):
+        error = np.log10(learned[f"nmse_{name}"].to_numpy(float))[:, None]
+        send_series(stream, entity("error", name), times, error, [label], [colour])
+
+
+def followed_plots() -> Sequence[rrb.TimeSeriesView]:
+    """Views of what `send_followed` logs."""
+    return (
+        plot("mass in the hand (kg)", ["/mass/**"], legend=False),
+        plot("its first moment (kg m)", ["/moment"], legend=False),
+        plot("log10 of the NMSE of each batch before it is learned", ["/error/**"], legend=False),
+    )

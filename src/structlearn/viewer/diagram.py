@@ -22,19 +22,12 @@ TICKS = 6
 
 @dataclass(frozen=True)
 class Diagram:
-    """A flat picture of a range of values; drawn with x to the right and y upwards.
+    """A flat picture of a range of values; drawn with x to the right and y upwards."""
 
-    Attributes:
-        x_range: smallest and largest x.
-        y_range: smallest and largest y.
-        width: of the picture, in units of the drawing.
-        height: likewise.
-    """
-
-    x_range: tuple[float, float]
-    y_range: tuple[float, float]
-    width: float
-    height: float
+    x_range: tuple[float, float]  # smallest and largest x
+    y_range: tuple[float, float]  # smallest and largest y
+    width: float  # of the picture, in units of the drawing
+    height: float  # likewise
 
     def points(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
         """Places in the drawing, (..., 2), of values x and y (...)."""
@@ -68,12 +61,8 @@ def send_axes(
 ) -> None:
     """Log the grid of a diagram with its numbers.
 
-    Args:
-        stream: of the recording.
-        path: of the axes' entity.
-        diagram: to which they belong.
-        x_name: below the axis; what y is belongs into the view's heading.
-        x_ticks: by default as `tick_step` says.
+    `x_name`: below the axis; what y is belongs into the view's heading; `x_ticks`: by default as `tick_step`
+    says.
     """
     (left, right), (bottom, top) = diagram.x_range, diagram.y_range
     xs = _ticks(left, right) if x_ticks is None else np.asarray(x_ticks, float)

@@ -89,16 +89,10 @@ def write_primitives(
 ) -> None:
     """Write a learned sequence as a recording.
 
-    Args:
-        path: of the .rrd file.
-        demonstrations: that it was learned from, as context; of more than `CONTEXT` an even choice is drawn.
-        primitives: in their order.
-        paths: unrolled sequences by name, as `sequence.sequence_table` has them; the first one is that of the
-            plotted forcing terms.
-        title: heading, different for every recording.
-        note: what is shown, in Markdown; that demonstrations are recorded or simulated is added.
-        scenery: what stands around the paths.
-        colours: of the paths by name; default by primitive, and a colour each for their curves.
+    `demonstrations`: that it was learned from, as context; of more than `CONTEXT` an even choice is drawn;
+    `paths`: unrolled sequences by name, as `sequence.sequence_table` has them; the first one is that of the
+    plotted forcing terms; `note`: what is shown, in Markdown; that demonstrations are recorded or simulated
+    is added; `colours`: of the paths by name; default by primitive, and a colour each for their curves.
     """
     unrolled = {name: _path(table, primitives) for name, table in paths.items()}
     points = np.concatenate(

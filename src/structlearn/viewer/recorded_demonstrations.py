@@ -54,15 +54,9 @@ def write_demonstrations(
     """Write demonstrations as a recording.
 
     The first tab overlays all demonstrations, each with its clock started at 0; the others show one each.
-
-    Args:
-        path: of the .rrd file.
-        demonstrations: complete ones; only the position is needed.
-        segmentation: of these demonstrations; colours the paths by primitive. None: by demonstration.
-        title: heading, different for every recording.
-        note: what is shown, in Markdown; that it is recorded or simulated is added.
-        scenery: what stands around them.
-        colours: of the demonstrations, where there is no segmentation; default those of primitives in turn.
+    `segmentation`: of these demonstrations; colours the paths by primitive. None: by demonstration; `note`:
+    what is shown, in Markdown; that it is recorded or simulated is added; `colours`: of the demonstrations,
+    where there is no segmentation; default those of primitives in turn.
     """
     colours = colours or [primitive_colour(place) for place in range(len(demonstrations))]
     points = np.concatenate([demonstration.position for demonstration in demonstrations])

@@ -138,14 +138,8 @@ def send_series(
 ) -> None:
     """Log D signals as lines of one plot.
 
-    Args:
-        stream: of the recording.
-        path: of the entity.
-        indexes: the time lines, each with T times.
-        values: (T, D).
-        names: D names for the legend.
-        colours: D colours.
-        width: of the lines in points.
+    `indexes`: the time lines, each with T times; `values` (T, D); `names`: D names for the legend; `colours`:
+    D colours.
     """
     style = rr.SeriesLines(names=list(names), colors=rgba(colours[: len(names)]), widths=[width] * len(names))
     stream.log(path, style, static=True)
@@ -185,14 +179,8 @@ def send_moving_frame(
 ) -> None:
     """Log a pose over time as a point, and as axes where an orientation is known.
 
-    Args:
-        stream: of the recording.
-        path: of the entity.
-        indexes: the time lines, each with T times.
-        position: (T, 3) m.
-        orientation: (T, 4) unit quaternions, or None.
-        colour: of the point.
-        axis_length: m.
+    `indexes`: the time lines, each with T times; `position` (T, 3) m; `orientation` (T, 4) unit quaternions,
+    or None; `axis_length`: m.
     """
     pose: dict[str, Any] = {"translation": position}
     if orientation is not None:
@@ -240,12 +228,8 @@ def axis_length(points: np.ndarray) -> float:
 def scene_view(name: str, contents: Sequence[str], points: np.ndarray) -> rrb.Spatial3DView:
     """3-D view that shows all of the points.
 
-    The camera stands off the horizontal direction in which they extend least, a little above them.
-
-    Args:
-        name: heading.
-        contents: query expressions of the entities shown.
-        points: (N, 3) m.
+    The camera stands off the horizontal direction in which they extend least, a little above them. `points`
+    (N, 3) m.
     """
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     horizontal = points[:, :2] - points[:, :2].mean(axis=0)
@@ -312,11 +296,8 @@ def layout(
 ) -> rrb.Blueprint:
     """Blueprint that leaves the window to the views; the panels at the sides are folded away.
 
-    Args:
-        content: the views.
-        timeline: on which the viewer starts, paused at its first time.
-        steps_per_s: how fast time lines of whole numbers are played.
-        at_end: start at its last time instead.
+    `timeline`: on which the viewer starts, paused at its first time; `steps_per_s`: how fast time lines of
+    whole numbers are played; `at_end`: start at its last time instead.
     """
     return rrb.Blueprint(
         content,

@@ -33,10 +33,9 @@ class AutoencodedNetwork(PhaseModulatedNetwork):
 def autoencoder(jobs: Jobs, dimensions: np.ndarray, parameters: TrainingParameters) -> list[Encoder]:
     """Autoencoders (encoder 100 tanh, linear code, decoder 100 tanh), trained as one stack.
 
-    Args:
-        jobs: see there; folds say which samples train, and which choose the step at which training stops.
-        dimensions: (M,) of each job's code.
-        parameters: of the training; nothing is dropped out of an autoencoder.
+    `jobs`: see there; folds say which samples train, and which choose the step at which training stops.
+    `dimensions`: (M,) of each job's code. `parameters`: of the training; nothing is dropped out of an
+    autoencoder.
     """
     import torch
 
@@ -68,10 +67,7 @@ def autoencoder(jobs: Jobs, dimensions: np.ndarray, parameters: TrainingParamete
 class StackedAutoencoders:
     """M autoencoders, each with its own width of the code.
 
-    Args:
-        inputs: number of inputs D.
-        dimensions: (M,) width of each model's code.
-        generator: source of the initial weights.
+    `inputs`: number of inputs D. `dimensions`: (M,) width of each model's code.
     """
 
     def __init__(self, inputs: int, dimensions: np.ndarray, generator: "Generator"):

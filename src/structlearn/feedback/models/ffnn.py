@@ -19,17 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FeedForwardNetwork(CouplingModel):
-    """A trained network with tanh in every hidden layer.
+    """A trained network with tanh in every hidden layer."""
 
-    Attributes:
-        input_mean: (D,) taken off the inputs, which are the deviations and, in `ffnn_phase`, p and u.
-        input_scale: (D,) by which they are divided then.
-        layers: weights and biases of each hidden layer, and of the output.
-    """
-
+    # (D,) taken off the inputs, which are the deviations and, in `ffnn_phase`, p and u
     input_mean: np.ndarray
-    input_scale: np.ndarray
-    layers: Layers
+    input_scale: np.ndarray  # (D,) by which they are divided then
+    layers: Layers  # weights and biases of each hidden layer, and of the output
 
     kernel = layered
     phases = 0

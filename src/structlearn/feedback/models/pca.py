@@ -36,29 +36,20 @@ class PrincipalComponents(PhaseModulatedNetwork):
 
 @dataclass(frozen=True)
 class Encoder:
-    """What compresses the deviations of a job.
+    """What compresses the deviations of a job."""
 
-    Attributes:
-        mean: (D,) taken off the deviations.
-        scale: by which they are divided then.
-        layers: weights and biases, all tanh but the last, which gives the code.
-        code: (S, C) of all samples; a job that keeps fewer than C dimensions has zeros in the last ones.
-        dimensions: how many it keeps.
-    """
-
-    mean: np.ndarray
-    scale: float
-    layers: Layers
+    mean: np.ndarray  # (D,) taken off the deviations
+    scale: float  # by which they are divided then
+    layers: Layers  # weights and biases, all tanh but the last, which gives the code
+    # (S, C) of all samples; a job that keeps fewer than C dimensions has zeros in the last ones
     code: np.ndarray
-    dimensions: int
+    dimensions: int  # how many it keeps
 
 
 def principal_components(jobs: Jobs, variance: float = VARIANCE_KEPT) -> list[Encoder]:
     """Principal components of each job's training samples.
 
-    Args:
-        jobs: see there.
-        variance: share of the training variance that is kept, below 1.
+    `variance`: share of the training variance that is kept, below 1.
     """
     from sklearn.decomposition import PCA
 

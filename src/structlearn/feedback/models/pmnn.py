@@ -53,11 +53,7 @@ def layered(sizes, values, row, deviations, memory):
 def layered_numbers(mean: np.ndarray, scale: np.ndarray, hidden: Layers, extra: int = 0) -> Compiled:
     """Numbers of a network for `layered`, which `ffnn` shares.
 
-    Args:
-        mean: (D + X,) taken off its inputs.
-        scale: (D + X,) by which they are divided then.
-        hidden: weights and biases of each tanh layer.
-        extra: how many inputs X come from the row.
+    `mean`: (D + X,) taken off its inputs. `scale`: (D + X,) by which they are divided then.
     """
     packed = pack([(mean, scale, hidden)])
     shape = packed.sizes[0]
@@ -78,23 +74,14 @@ def layered_fault(mean: np.ndarray, scale: np.ndarray, layers: Layers, outputs: 
 
 @dataclass(frozen=True)
 class PhaseModulatedNetwork(CouplingModel):
-    """A trained network; the standardisation of its input belongs to it.
+    """A trained network; the standardisation of its input belongs to it."""
 
-    Attributes:
-        input_mean: (D,) mean of the training deviations.
-        input_scale: (D,) their std, positive.
-        hidden: (weights (H, previous), biases (H,)) of each hidden layer, none for L = 0.
-        phase_weights: (N, H) W_m, or (N, D) without a hidden layer.
-        phase_biases: (N,) b_m.
-        output_weights: (N,) w_c.
-    """
-
-    input_mean: np.ndarray
-    input_scale: np.ndarray
-    hidden: Layers
-    phase_weights: np.ndarray
-    phase_biases: np.ndarray
-    output_weights: np.ndarray
+    input_mean: np.ndarray  # (D,) mean of the training deviations
+    input_scale: np.ndarray  # (D,) their std, positive
+    hidden: Layers  # (weights (H, previous), biases (H,)) of each hidden layer, none for L = 0
+    phase_weights: np.ndarray  # (N, H) W_m, or (N, D) without a hidden layer
+    phase_biases: np.ndarray  # (N,) b_m
+    output_weights: np.ndarray  # (N,) w_c
 
     kernel = layered
 
@@ -153,10 +140,8 @@ class PhaseModulatedNetwork(CouplingModel):
     def behind(self, mean: np.ndarray, scale: np.ndarray, layers: Layers) -> Self:
         """This network of a code as one of the deviations that are encoded.
 
-        Args:
-            mean: (D,) taken off the deviations.
-            scale: (D,) by which they are divided then.
-            layers: of the encoder, all tanh but the last, which is linear and gives the code.
+        `mean`: (D,) taken off the deviations. `scale`: (D,) by which they are divided then. `layers`: of the
+        encoder, all tanh but the last, which is linear and gives the code.
         """
         *before, (weights, biases) = layers
         inner = [*self.hidden, (self.phase_weights, self.phase_biases)]
@@ -169,8 +154,7 @@ class PhaseModulatedNetwork(CouplingModel):
 def open_loop(weights: np.ndarray) -> PhaseModulatedNetwork:
     """A policy that needs no sensor: c = G(p, u) . weights, as a network without inputs.
 
-    Args:
-        weights: (N,) one per phase feature.
+    `weights`: (N,) one per phase feature.
     """
     weights = np.asarray(weights, dtype=float)
     nothing = np.zeros((len(weights), 0))

@@ -1,8 +1,4 @@
-"""The files of the dynamics stages: logs, models and tables, read as what they are.
-
-Only the late stages (report, view) and the recordings read through here; those that compute name their files
-themselves.
-"""
+"""The files of the dynamics stages: logs, models and tables, read as what they are."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,16 +6,15 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.ground.artefacts import read_table
-from structlearn.recordings.joint_log import JointLog, read_joint_log
+from structlearn.recordings.joint_log import JointLog, read_log_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.motion import Motion, measured_motion
 from structlearn.rigid_body.training_grid import Form
 from structlearn.testbeds.dynamics.names import ROBOT
 
-RAW, DATA = Path("data/raw/dynamics"), Path("data/dynamics")
-
-ROBOT_LOGS, PAYLOAD_LOGS = RAW / ROBOT, RAW / "payload"
-"""A folder per robot, the stand-ins or your own, and per stand-in that picks something up."""
+RAW, LOGS, DATA = Path("data/raw/dynamics"), Path("data/runs/dynamics"), Path("data/dynamics")
+PAYLOAD = "payload"
+"""Logs of robots that pick something up, beside those of `IDEAL` and of `ROBOT`."""
 
 TABLES = {
     "errors": DATA / "models/errors.parquet",
@@ -44,31 +39,25 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
     return {name: read_table(TABLES[name]) for name in names or TABLES}
 
 
-def robots() -> list[int]:
-    """Seeds of the robots whose logs there are."""
-    return sorted(int(folder.name) for folder in ROBOT_LOGS.iterdir())
-
-
-def read_robot_motion(robot: int, cutoff_hz: float) -> tuple[Motion, float]:
-    """A robot's log as models learned from it, and the s between its samples.
-
-    Args:
-        robot: one of `robots`.
-        cutoff_hz: of the low-pass that it goes through.
+def read_logs(kind: str) -> dict[str, JointLog]:
+    """Logs of `IDEAL`, `ROBOT` or `PAYLOAD` by name, which is the seed of a robot.
 
     Raises:
-        InputError: the log is missing or cannot be learned from.
+        InputError: the table is missing or damaged.
     """
-    log = read_joint_log(ROBOT_LOGS / str(robot) / "log.mcap")
-    signals = (log.time, log.positions, log.velocities, log.torques)
-    motion = measured_motion(log.name, *signals, cutoff_hz=cutoff_hz)
-    return motion, float(log.time[-1] - log.time[0]) / (len(motion) - 1)
+    return {log.name: log for log in read_log_table(LOGS / f"{kind}.parquet")}
 
 
-def read_payload_log() -> JointLog:
-    """The log of the first robot that picks something up."""
-    first = min(int(folder.name) for folder in PAYLOAD_LOGS.iterdir())
-    return read_joint_log(PAYLOAD_LOGS / str(first) / "log.mcap")
+def as_motion(log: JointLog, cutoff_hz: float = float("inf")) -> Motion:
+    """A log as models learn from it, behind a low-pass."""
+    return measured_motion(
+        log.name, log.time, log.positions, log.velocities, log.torques, cutoff_hz=cutoff_hz
+    )
+
+
+def step_s(log: JointLog) -> float:
+    """Mean time between samples."""
+    return float(log.time[-1]) / (len(log.time) - 1)
 
 
 def read_robot_models(robot: int, models: Sequence[str], form: Form) -> dict[str, DynamicsModels]:

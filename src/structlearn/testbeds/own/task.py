@@ -18,6 +18,7 @@ from typing import Any, Self
 import yaml
 from pydantic import Field, model_validator
 
+from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.feedback.skill_file import SkillParameters
 from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError
@@ -27,13 +28,12 @@ from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
 from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
-from structlearn.recordings.topics import JointPose, TopicMap
+from structlearn.recordings.topics import JointPose, SceneTopicMap, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.own.files import NAME_RULE, is_name, local_path
 from structlearn.testbeds.own.protocol.arm_parameters import RobotParameters
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
-from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
@@ -43,6 +43,13 @@ PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
 
 OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise", "skill")
 """Keys that a task without demonstrations does not have either."""
+
+
+class ObstacleParameters(ScenePeopleParameters):
+    """Reaches past obstacles. Fields: `stages/own/params.yaml`, `obstacles`."""
+
+    source: str = Field(min_length=1)
+    topics: SceneTopicMap
 
 
 class TaskParameters(Parameters):

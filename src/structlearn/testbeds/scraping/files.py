@@ -14,9 +14,8 @@ from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.source import ClockParameters
+from structlearn.recordings.runs import read_runs
 
 CHECKS = "checks_"
 """Prefix of the tables beside the datasets that say how well these hold together."""
@@ -47,14 +46,8 @@ CLOSED_LOOP, REFINED, CORRECTIONS = "closed_loop", "refined", "corrections"
 
 @dataclass(frozen=True)
 class ScrapingFiles:
-    """What the stages wrote, read.
+    """What the stages wrote below a folder of all data."""
 
-    Attributes:
-        clock: on which runs are read.
-        data: folder of all data.
-    """
-
-    clock: ClockParameters
     data: Path = Path("data")
 
     @property
@@ -67,32 +60,14 @@ class ScrapingFiles:
         path = self.data / f"{TABLES[name]}.parquet"
         return read_table(path) if path.exists() else pd.DataFrame()
 
-    def demonstrations(self) -> list[Demonstration]:
-        """Nominal demonstrations."""
-        return self._runs(self.data / "raw/scraping/nominal")
+    def runs(self, name: str) -> list[Demonstration]:
+        """A set: `nominal` (demonstrations), `unrolls` and `level` (executions on the level board)."""
+        return read_runs(self.data / f"runs/scraping/{name}.parquet")
 
-    def unrolls(self) -> list[Demonstration]:
-        """Executions of the nominal primitives on the level board."""
-        return self._runs(self.data / "raw/scraping/unrolls")
-
-    def level_runs(self) -> list[Demonstration]:
-        """All of them: those that the expected traces are of, and further ones."""
-        further = self.data / "raw/scraping/level"
-        return [*self.unrolls(), *(self._runs(further) if any(further.glob("*.mcap")) else [])]
-
-    def runs(
-        self, kind: str, setting_deg: float, model: str = "", count: int | None = None
-    ) -> list[Demonstration]:
-        """Runs at one tilt in the order of their names; none where there was nothing to run.
-
-        Args:
-            kind: `CLOSED_LOOP`, `REFINED` or `CORRECTIONS`.
-            setting_deg: roll of the board.
-            model: that ran, or "nominal"; not of corrections.
-            count: how many are read, default all.
-        """
-        files = sorted((self.data / "raw/scraping" / kind / model / f"{setting_deg:g}").glob("*.mcap"))
-        return [self._runs(file)[0] for file in files[:count]]
+    def runs_at(self, setting_deg: float, kind: str, model: str = "") -> list[Demonstration]:
+        """Runs of a kind at one tilt, by a model or without; none where the tilt was not run."""
+        path = self.data / "runs/scraping" / kind / model / f"{setting_deg:g}.parquet"
+        return read_runs(path) if path.exists() else []
 
     def primitives(self) -> list[PosePrimitive]:
         """Movement primitives in order of time."""
@@ -114,32 +89,15 @@ class ScrapingFiles:
         """Networks of a trained model by primitive."""
         return read_networks(self.data / f"feedback/scraping/models/{model}.safetensors")
 
-    def _runs(self, path: Path) -> list[Demonstration]:
-        return read_demonstrations(path, **self.clock.model_dump())
 
-
-def read_sets(folder: str | Path, clock: ClockParameters) -> dict[float, list[Demonstration]]:
-    """Runs by setting, from sub-folders that have the setting's number as their name.
-
-    Args:
-        folder: of the sub-folders; none where nothing was recorded.
-        clock: on which the runs are read.
-
-    Returns:
-        By setting in degrees, in rising order.
+def read_settings(folder: str | Path) -> dict[float, list[Demonstration]]:
+    """Runs by setting in degrees, in rising order, from `<setting>.parquet`.
 
     Raises:
-        InputError: there is no such folder, a sub-folder's name is no number or the same number as another's,
-            or its files cannot be read.
+        InputError: there is no such folder, or a file cannot be read.
     """
-    sets = {}
-    for path in sorted(_written(folder).iterdir()):
-        if path.is_dir():
-            setting = _setting(path)
-            if setting in sets:
-                raise InputError(f"{path}: the setting {setting:g} has another folder too")
-            sets[setting] = read_demonstrations(path, **clock.model_dump())
-    return dict(sorted(sets.items()))
+    paths = sorted(_written(folder).glob("*.parquet"), key=lambda path: float(path.stem))
+    return {float(path.stem): read_runs(path) for path in paths}
 
 
 def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
@@ -153,11 +111,7 @@ def read_expected(folder: str | Path) -> dict[str, VectorPrimitive]:
 
 
 def read_datasets(folder: str | Path, settings: Sequence[float] | None = None) -> dict[str, CouplingDataset]:
-    """Supervised data by the primitive's name.
-
-    Args:
-        folder: of the coupling_dataset stage.
-        settings: degrees; those that are kept, default all.
+    """Supervised data by the primitive's name, of some settings in degrees or of all.
 
     Raises:
         InputError: there is no such folder, a file is not readable, or a setting was not recorded.
@@ -181,16 +135,6 @@ def _written(folder: str | Path) -> Path:
     if not Path(folder).is_dir():
         raise InputError(f"{folder}: no such folder; run the stage that writes it")
     return Path(folder)
-
-
-def _setting(path: Path) -> float:
-    try:
-        setting = float(path.name)
-    except ValueError:
-        setting = np.nan
-    if not np.isfinite(setting):
-        raise InputError(f"{path}: a setting's folder has a number as its name")
-    return setting
 
 
 def _dataset(path: Path) -> CouplingDataset:

@@ -1,18 +1,15 @@
 """Where the files of the servoing testbed lie, and what they hold, for its page and its recordings."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import pandas as pd
 
 from structlearn.ground.artefacts import read_table
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.demonstration import Demonstration
 from structlearn.tactile.touch_dataset import TouchDataset, read_dataset
 from structlearn.testbeds.servoing.protocol.model_scores import ModelScores
 from structlearn.testbeds.servoing.protocol.servo_variants import Comparison
 
-RAW, DATA = "data/raw/servoing", "data/servoing"
+RUNS, DATA = "data/runs/servoing.parquet", "data/servoing"
 
 MADE_BY = {
     "touch": (f"{DATA}/touch.safetensors", "touch_dataset"),
@@ -39,11 +36,6 @@ class OtherSkinTables:
     latent: pd.DataFrame
     directions: pd.DataFrame
     trials: pd.DataFrame
-
-
-def demonstrations(rate_hz: float) -> Sequence[Demonstration]:
-    """All demonstrations, in the order in which the samples number them."""
-    return read_demonstrations(RAW, rate_hz=rate_hz)
 
 
 def touch() -> TouchDataset:

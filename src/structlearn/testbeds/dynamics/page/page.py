@@ -20,7 +20,7 @@ from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE,
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/raw/dynamics/stand_in", "dynamics_record_motion"),
+    "log": Source("data/runs/dynamics", "dynamics_import_logs"),
     "models": Source("data/dynamics/models", "dynamics_train"),
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),

@@ -9,8 +9,7 @@ import rerun.blueprint as rrb
 from structlearn.rigid_body.model_names import GROUND_TRUTH
 from structlearn.testbeds.dynamics.names import PAYLOAD, REFERENCE, colour
 from structlearn.testbeds.dynamics.recordings.shown_motions import ShownPayload
-from structlearn.viewer.arm_meshes import arm_contents, arm_view, send_arm
-from structlearn.viewer.followed_payload import followed_plots, send_followed
+from structlearn.viewer.arm_meshes import arm_contents, arm_view, followed_plots, send_arm, send_followed
 from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import layout, recording, rgba, time_column
 

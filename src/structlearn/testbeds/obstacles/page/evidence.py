@@ -28,13 +28,7 @@ PARTS = {"learned from": "train", "held out": "test"}
 
 
 def evidence(results: ObstacleResults, largest_nmse: float, largest_goal_m: float) -> dict[str, Found]:
-    """By the names that the claims use.
-
-    Args:
-        results: what the stages found.
-        largest_nmse: published, of any network per setting.
-        largest_goal_m: published, of any network per setting.
-    """
+    """By the names that the claims use."""
     rai = (HUMAN_INSPIRED, PUBLISHED)
     goals_of_rai = results.rows(TRAINED, HUMAN_INSPIRED, SETTING, PUBLISHED)["goal_distance_m"]
     limited = results.limited

@@ -42,7 +42,7 @@ STUDIES = ("members", "displaced", "clearance")
 """That the page quotes."""
 
 SOURCES = {
-    "recorded": Source(files.RAW, "obstacles_demonstrate"),
+    "recorded": Source(files.RUNS, "obstacles_demonstrate"),
     "people": Source(files.PEOPLE_FILE, "obstacles_dataset"),
     "errors": Source(files.ERRORS_FILE, "obstacles_train"),
     "scores": Source(files.SCORES_FILE, "obstacles_evaluate"),

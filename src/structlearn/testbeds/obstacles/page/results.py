@@ -41,25 +41,16 @@ FEW_HITS = 1
 
 @dataclass(frozen=True)
 class ObstacleResults:
-    """What the stages of the testbed wrote, and what follows from it.
+    """What the stages of the testbed wrote, and what follows from it."""
 
-    Attributes:
-        found: scores and paths of the unrolls, scores of the demonstrations.
-        errors: how well the models fit, see `avoidance_fits.learn`.
-        baselines: the unhindered reaches, by person.
-        scenarios: those of the demonstrations, in their order.
-        demonstrations: by shape, of the setting `example_setting`, of the person that is shown.
-        population: whose models are judged, and who is shown.
-        parameters: of the stages, by their keys in `params.yaml`.
-    """
-
-    found: Evaluation
-    errors: pd.DataFrame
-    baselines: Mapping[int, PositionPrimitive]
-    scenarios: Sequence[Scenario]
+    found: Evaluation  # scores and paths of the unrolls, scores of the demonstrations
+    errors: pd.DataFrame  # how well the models fit, see `avoidance_fits.learn`
+    baselines: Mapping[int, PositionPrimitive]  # the unhindered reaches, by person
+    scenarios: Sequence[Scenario]  # those of the demonstrations, in their order
+    # by shape, of the setting `example_setting`, of the person that is shown
     demonstrations: Mapping[str, Sequence[Demonstration]]
-    population: Population
-    parameters: Mapping[str, Any]
+    population: Population  # whose models are judged, and who is shown
+    parameters: Mapping[str, Any]  # of the stages, by their keys in `params.yaml`
 
     @property
     def simulated(self) -> bool:
@@ -125,10 +116,7 @@ class ObstacleResults:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Hits (P,) of each person with anything to show, and of how many reaches (P,).
 
-        Args:
-            protocol: where.
-            form: `TEXT`, `OURS`, or another kind of model and its rules.
-            learned_from: what the models learned from.
+        `form`: `TEXT`, `OURS`, or another kind of model and its rules.
         """
         kind, rules = form
         hits = self.rows(protocol, kind, learned_from, rules).groupby("person", sort=False)["hit"]

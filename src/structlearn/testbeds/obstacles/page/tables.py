@@ -81,9 +81,8 @@ def tables(results: ObstacleResults, published: Mapping[str, Any]) -> dict[str, 
 def people(results: ObstacleResults) -> pd.DataFrame:
     """How many unseen spheres everyone's models hit.
 
-    Returns:
-        Per `person`: `none` without avoidance, then `<source>_text` and `<source>_ours` for each shape and
-        all, of single networks with the text's rules and of ensembles with limits at the goal.
+    Returns per `person`: `none` without avoidance, then `<source>_text` and `<source>_ours` for each shape
+    and all, of single networks with the text's rules and of ensembles with limits at the goal.
     """
     columns = {"person": results.people, "none": results.hits_by_person(UNSEEN, (NO_MODEL, LIMITED), "")[0]}
     for source in (*SHAPES, ALL):
@@ -140,9 +139,8 @@ def unseen(results: ObstacleResults, printed: Mapping[str, Row]) -> pd.DataFrame
 def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
     """Figure IV.10 in numbers, of models that learned one scenario.
 
-    Returns:
-        Per `over` (which axes) and `model`: number of `scenarios`; `train_mean`, `test_mean` NMSE; how many
-        scenarios have at most `low`, `train_low` and `test_low`.
+    Returns per `over` (which axes) and `model`: number of `scenarios`; `train_mean`, `test_mean` NMSE; how
+    many scenarios have at most `low`, `train_low` and `test_low`.
     """
     rows = []
     for column, over in FITS.items():
@@ -157,11 +155,10 @@ def fit(results: ObstacleResults, low: float) -> pd.DataFrame:
 def limits(results: ObstacleResults) -> pd.DataFrame:
     """Both kinds of post-processing side by side, on trained and unseen obstacles.
 
-    Returns:
-        Per `obstacles`, `model`: number of `unrolls`; `hits`, largest goal distances `goal` at the prescribed
-        time and `late_goal` (m), each with `_text` for the rules of the text and `_limited`; `excursion`: the
-        largest goal distance between these times (m), with limits; `restrained`: share of the samples at
-        which the limits changed the coupling term.
+    Returns per `obstacles`, `model`: number of `unrolls`; `hits`, largest goal distances `goal` at the
+    prescribed time and `late_goal` (m), each with `_text` for the rules of the text and `_limited`;
+    `excursion`: the largest goal distance between these times (m), with limits; `restrained`: share of the
+    samples at which the limits changed the coupling term.
     """
     families = {"per setting": (SETTING,), "per shape": SHAPES, "all shapes": (ALL,)}
     groups = [
@@ -186,9 +183,8 @@ def limits(results: ObstacleResults) -> pd.DataFrame:
 def all_shapes(results: ObstacleResults) -> pd.DataFrame:
     """A model of all shapes beside those of one shape, on the settings of each `obstacle`.
 
-    Returns:
-        Per `obstacle` and `model`: `nmse_x`, `nmse_y`, `nmse_z` held out, means over people, `hits` of all of
-        them, `obstacle_min`, `goal_max`.
+    Returns per `obstacle` and `model`: `nmse_x`, `nmse_y`, `nmse_z` held out, means over people, `hits` of
+    all of them, `obstacle_min`, `goal_max`.
     """
     groups = [(shape, kind, source) for shape in SHAPES for kind in KINDS for source in (shape, ALL)]
     rows = []
@@ -205,10 +201,9 @@ def all_shapes(results: ObstacleResults) -> pd.DataFrame:
 def hits(results: ObstacleResults) -> pd.DataFrame:
     """Hits with limits at the goal, per model and situation on the grid of spheres.
 
-    Returns:
-        Per `model`: `unseen`, `moving_<speed>` per speed, `pair`, `goal_change`, and `closest`: the smallest
-        obstacle distance of all of them; `detour_unseen`, `detour_moving`, `detour_pair`: mean of the largest
-        distances from the reach without avoidance, m.
+    Returns per `model`: `unseen`, `moving_<speed>` per speed, `pair`, `goal_change`, and `closest`: the
+    smallest obstacle distance of all of them; `detour_unseen`, `detour_moving`, `detour_pair`: mean of the
+    largest distances from the reach without avoidance, m.
     """
     rows = []
     for kind, source in results.contenders:

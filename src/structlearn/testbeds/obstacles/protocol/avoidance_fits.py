@@ -12,45 +12,58 @@ from typing import TypeVar
 
 import numpy as np
 import pandas as pd
+from pydantic import PositiveInt
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.avoidance_network import AvoidanceNetworks
 from structlearn.avoidance.human_inspired import HumanInspiredModels
-from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
+from structlearn.avoidance.learned_models import (
+    ALL,
+    SETTING,
+    AvoidanceModels,
+    PhaseModulatedAvoidance,
+    train_phase_modulated,
+)
 from structlearn.avoidance.network_training import (
+    EnsembleParameters,
+    NetworkParameters,
+    SplitParameters,
     fit_errors,
     fit_human_inspired_models,
     fit_networks,
     held_out_rows,
 )
-from structlearn.avoidance.phase_modulated import PhaseModulatedAvoidance, train_phase_modulated
+from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.testbeds.obstacles.protocol.fit_parameters import AvoidanceTrainingParameters
+from structlearn.ground.params import Parameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
+
+
+class AvoidanceTrainingParameters(Parameters):
+    """How the models are trained."""
+
+    split: SplitParameters
+    per_setting: NetworkParameters
+    across_settings: NetworkParameters
+    ensemble: EnsembleParameters
+    phase_modulated: TrainingParameters
+    phase_modulated_hidden: tuple[PositiveInt, ...]
+
 
 Stack = TypeVar("Stack", AvoidanceNetworks, HumanInspiredModels)
 
 
 @dataclass(frozen=True)
 class _Lesson:
-    """What one model is learned from.
+    """What one model is learned from."""
 
-    Attributes:
-        person: who demonstrated.
-        learned_from: `SETTING`, a shape or `ALL`.
-        obstacle: shape of the obstacles; that of none where there are several.
-        setting: its number; 0 for all of them.
-        dataset: all samples.
-        test: (S,) mask of those that test.
-    """
-
-    person: int
-    learned_from: str
-    obstacle: str
-    setting: int
-    dataset: AvoidanceDataset
-    test: np.ndarray
+    person: int  # who demonstrated
+    learned_from: str  # `SETTING`, a shape or `ALL`
+    obstacle: str  # shape of the obstacles; that of none where there are several
+    setting: int  # its number; 0 for all of them
+    dataset: AvoidanceDataset  # all samples
+    test: np.ndarray  # (S,) mask of those that test
 
     @property
     def training(self) -> AvoidanceDataset:
@@ -65,16 +78,11 @@ def learn(
 ) -> tuple[dict[int, AvoidanceModels], pd.DataFrame]:
     """Train every model of everybody.
 
-    Args:
-        datasets: by person, samples of all demonstrations.
-        scenarios: by their numbers in the datasets.
-        parameters: see there.
-        modulated: the person who gets phase-modulated networks; no claim rests on them.
-
-    Returns:
-        The models by person, and the columns of `network_training.fit_errors` per `person`, `model`, what it
-        was `learned_from`, the `obstacle` whose samples the errors are of, its `scenario` (number of the
-        setting; 0 for all of them) and `part`. Models of all shapes have a row for each shape.
+    `datasets`: by person, samples of all demonstrations; `modulated`: the person who gets phase-modulated
+    networks; no claim rests on them. Returns the models by person, and the columns of
+    `network_training.fit_errors` per `person`, `model`, what it was `learned_from`, the `obstacle` whose
+    samples the errors are of, its `scenario` (number of the setting; 0 for all of them) and `part`. Models of
+    all shapes have a row for each shape.
 
     Raises:
         InputError: scenarios and datasets do not belong together; too few samples; a constant target.

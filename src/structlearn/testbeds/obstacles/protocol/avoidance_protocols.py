@@ -17,11 +17,17 @@ from pydantic import Field, PositiveInt, model_validator
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes, to_local
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths, GoalChange, no_coupling, unroll
-from structlearn.avoidance.clouds import CloudBatch, cloud_batch, constant_velocity
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.learned_models import ALL, SETTING, AvoidanceModels
 from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
-from structlearn.avoidance.shapes import CLOUD_COUNT, SHAPES, Shape
+from structlearn.avoidance.shapes import (
+    CLOUD_COUNT,
+    SHAPES,
+    CloudBatch,
+    Shape,
+    cloud_batch,
+    constant_velocity,
+)
 from structlearn.ground.params import Parameters
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.recordings.demonstration import Demonstration
@@ -68,25 +74,16 @@ class AvoidanceEvaluationParameters(Parameters):
 
 @dataclass(frozen=True)
 class Situations:
-    """A batch of reaches past obstacles.
+    """A batch of reaches past obstacles."""
 
-    Attributes:
-        protocol: `TRAINED`, `UNSEEN`, `MOVING`, `PAIR` or `GOAL_CHANGE`.
-        obstacle: shape of the obstacles.
-        numbers: (B,) of the setting, sphere or pair, from 1.
-        obstacles: one or two of each reach.
-        speed: of moving obstacles in m/s, (B,).
-        scenarios: (B,) number of the scenario in the dataset, from 0; None for what was not demonstrated.
-        goal_change: the goal moves.
-    """
-
-    protocol: str
-    obstacle: Shape
-    numbers: np.ndarray
-    obstacles: tuple[CloudBatch, ...]
-    speed: np.ndarray
+    protocol: str  # `TRAINED`, `UNSEEN`, `MOVING`, `PAIR` or `GOAL_CHANGE`
+    obstacle: Shape  # shape of the obstacles
+    numbers: np.ndarray  # (B,) of the setting, sphere or pair, from 1
+    obstacles: tuple[CloudBatch, ...]  # one or two of each reach
+    speed: np.ndarray  # of moving obstacles in m/s, (B,)
+    # (B,) number of the scenario in the dataset, from 0; None for what was not demonstrated
     scenarios: np.ndarray | None = None
-    goal_change: GoalChange | None = None
+    goal_change: GoalChange | None = None  # the goal moves
 
     def where(self, rows: np.ndarray) -> Self:
         """Some reaches past obstacles at rest, by a mask (B,)."""
@@ -101,36 +98,22 @@ class Situations:
 
 @dataclass(frozen=True)
 class Learner:
-    """What one person's demonstrations taught.
+    """What one person's demonstrations taught."""
 
-    Attributes:
-        person: seed.
-        baseline: the unhindered reach.
-        models: of coupling terms.
-        own: (K,) ascending numbers of the scenarios that there are models per setting of.
-    """
-
-    person: int
-    baseline: PositionPrimitive
-    models: AvoidanceModels
-    own: np.ndarray
+    person: int  # seed
+    baseline: PositionPrimitive  # the unhindered reach
+    models: AvoidanceModels  # of coupling terms
+    own: np.ndarray  # (K,) ascending numbers of the scenarios that there are models per setting of
 
 
 @dataclass(frozen=True)
 class Contender:
-    """A coupling model in the reaches that it is meant for.
+    """A coupling model in the reaches that it is meant for."""
 
-    Attributes:
-        model: its kind.
-        learned_from: see `learned_models.AvoidanceModels`.
-        coupling: the model.
-        rows: (B,) mask of the reaches of a batch.
-    """
-
-    model: str
-    learned_from: str
-    coupling: CouplingModel
-    rows: np.ndarray
+    model: str  # its kind
+    learned_from: str  # see `learned_models.AvoidanceModels`
+    coupling: CouplingModel  # the model
+    rows: np.ndarray  # (B,) mask of the reaches of a batch
 
 
 def situations(
@@ -243,18 +226,11 @@ def evaluate(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Unroll all contenders.
 
-    Args:
-        work: whose, and where.
-        parameters: see there.
-        with_paths_of: person whose paths are wanted.
-
-    Returns:
-        Scores: the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules` (post-processing),
-        `model`, `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; trained and unseen obstacles
-        with both kinds of rules.
-        Paths: per sample of the unrolls with the rules `limited` the same keys without the person, `time_s`,
-        positions `x_m`, `y_m`, `z_m` in the base frame and coupling terms `coupling_x`, `coupling_y`,
-        `coupling_z` that acted, local frame, m. There are none of other people.
+    Returns: Scores: the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules`
+    (post-processing), `model`, `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; trained and
+    unseen obstacles with both kinds of rules. Paths: per sample of the unrolls with the rules `limited` the
+    same keys without the person, `time_s`, positions `x_m`, `y_m`, `z_m` in the base frame and coupling terms
+    `coupling_x`, `coupling_y`, `coupling_z` that acted, local frame, m. There are none of other people.
     """
     learner, situation = work
     rules = {LIMITED: parameters.postprocessing}
@@ -316,9 +292,8 @@ def demonstration_scores(
 ) -> pd.DataFrame:
     """How the demonstrations themselves avoid their obstacles and reach the baseline's goal.
 
-    Returns:
-        The columns of `avoidance_scores.demonstration_scores` per `obstacle`, `scenario` (number of the
-        setting) and `demonstration` (from 1).
+    Returns the columns of `avoidance_scores.demonstration_scores` per `obstacle`, `scenario` (number of the
+    setting) and `demonstration` (from 1).
     """
     rows = []
     for scenario, its in zip(scenarios, sets, strict=True):

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from structlearn.avoidance.avoiding_unroll import AvoidancePaths
-from structlearn.avoidance.clouds import CloudBatch
 from structlearn.avoidance.features import closest_distance
+from structlearn.avoidance.shapes import CloudBatch
 from structlearn.ground.errors import InputError
 from structlearn.primitives.vector import sample_count
 
@@ -24,13 +24,8 @@ LATE_FACTOR = 1.5
 def unitless_distance(position: np.ndarray, centre: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
     """Distance to an obstacle in virtual radii from its virtual surface.
 
-    Args:
-        position: (..., 3) m.
-        centre: (..., 3) m.
-        radius: (...) m.
-
-    Returns:
-        (...), at least -1; a hit where it is not positive.
+    `position` (..., 3) m; `centre` (..., 3) m; `radius` (...) m. Returns (...), at least -1; a hit where it
+    is not positive.
     """
     return (np.linalg.norm(np.subtract(position, centre), axis=-1) - radius) / radius
 
@@ -40,13 +35,9 @@ def closest_approaches(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Closest approach of each movement to any of its obstacles, moving ones included.
 
-    Args:
-        time: (T,) s since the start; obstacles that move are where they are then.
-        position: (B, T, 3) m in the local frames.
-        obstacles: of the B scenarios.
-
-    Returns:
-        unitless: (B,) see `unitless_distance`.   clearance: (B,) distance to the closest cloud point in m.
+    `time` (T,) s since the start; obstacles that move are where they are then; `position` (B, T, 3) m in the
+    local frames; `obstacles`: of the B scenarios. Returns `unitless` (B,) see `unitless_distance`;
+    `clearance` (B,) distance to the closest cloud point in m.
     """
     unitless, clearance = [], []
     for obstacle in obstacles:
@@ -60,17 +51,12 @@ def closest_approaches(
 def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndarray) -> pd.DataFrame:
     """One row per scenario of a batch of unrolls.
 
-    Args:
-        paths: unrolled for at least `LATE_FACTOR` durations.
-        obstacles: those they were unrolled with.
-        bare: (B, T, 3) m, where the hand would be without avoidance.
-
-    Returns:
-        Columns `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest to the cloud), all over
-        the prescribed duration, as `detour_m`: the largest distance from where the hand would be without
-        avoidance; `goal_distance_m` at its end, `late_goal_distance_m` at `LATE_FACTOR` durations,
-        `excursion_m`: the largest from the prescribed end on; `restrained`: share of the samples up to the
-        prescribed end whose coupling term was changed for the goal.
+    `paths`: unrolled for at least `LATE_FACTOR` durations; `bare` (B, T, 3) m, where the hand would be
+    without avoidance. Returns columns `obstacle_distance` (closest, unitless), `hit`, `clearance_m` (closest
+    to the cloud), all over the prescribed duration, as `detour_m`: the largest distance from where the hand
+    would be without avoidance; `goal_distance_m` at its end, `late_goal_distance_m` at `LATE_FACTOR`
+    durations, `excursion_m`: the largest from the prescribed end on; `restrained`: share of the samples up to
+    the prescribed end whose coupling term was changed for the goal.
 
     Raises:
         InputError: the paths end too early.
@@ -107,14 +93,9 @@ def demonstration_scores(
 ) -> pd.DataFrame:
     """The same of demonstrations, whose lengths differ.
 
-    Args:
-        times: of each demonstration, (T_i,) s since its start.
-        positions: of each, (T_i, 3) m in the frame of goals and obstacles.
-        goals: (D, 3) or (3,) m.
-        obstacles: of each, batches of one scenario.
-
-    Returns:
-        Columns `obstacle_distance`, `hit`, `clearance_m` and, at its last sample, `goal_distance_m`.
+    `times`: of each demonstration, (T_i,) s since its start; `positions`: of each, (T_i, 3) m in the frame of
+    goals and obstacles; `goals` (D, 3) or (3,) m. Returns columns `obstacle_distance`, `hit`, `clearance_m`
+    and, at its last sample, `goal_distance_m`.
     """
     rows = []
     for time, position, goal, obstacle in zip(
@@ -130,15 +111,9 @@ def summary(
 ) -> dict[str, Any]:
     """One row of the tables: extremes and means over scenarios.
 
-    Args:
-        rows: of `scores` or `demonstration_scores`, at least one.
-        nmse_train: fit of the model, where there is one.
-        nmse_test: the same held out.
-
-    Returns:
-        `goal_max`, `goal_mean` (m), `obstacle_min`, `obstacle_mean` (unitless), `hits`, `clearance_min_m`,
-        with `late_goal_max`, `detour_mean`, `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where
-        given.
+    `rows`: of `scores` or `demonstration_scores`, at least one. Returns `goal_max`, `goal_mean` (m),
+    `obstacle_min`, `obstacle_mean` (unitless), `hits`, `clearance_min_m`, with `late_goal_max`,
+    `detour_mean`, `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where given.
 
     Raises:
         InputError: there are no rows.

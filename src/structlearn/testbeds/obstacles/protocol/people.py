@@ -1,7 +1,7 @@
 """The people of the testbed: what each of them demonstrates, as what is learned from it.
 
-One of them is recorded into bags, and read from there as anyone's recordings would be. The others are
-simulated where they are needed: as many bags of each would say nothing more.
+Runs of one of them are kept, to be shown. The others are simulated where they are needed: as many runs of
+each would say nothing more.
 """
 
 from pathlib import Path
@@ -15,8 +15,8 @@ from structlearn.avoidance.avoidance_dataset import (
     to_table,
 )
 from structlearn.primitives.position import PositionPrimitive
-from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.runs import read_runs
 from structlearn.testbeds.obstacles.files import BASELINE
 from structlearn.testbeds.obstacles.protocol.avoidance_protocols import demonstration_scores
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, demonstrations
@@ -32,16 +32,9 @@ def taught(
 ) -> tuple[PositionPrimitive, pd.DataFrame, pd.DataFrame]:
     """What one person teaches.
 
-    Args:
-        seed: of the person.
-        recorded: folder with the demonstrations of `person`.
-        scene: where obstacles stand.
-        person: who is recorded; others differ by their seed.
-        parameters: see there.
-
-    Returns:
-        The unhindered reach; the samples, see `avoidance_dataset.to_table`; scores of the demonstrations, see
-        `avoidance_protocols.demonstration_scores`; the tables with a column `person`.
+    `recorded`: folder with the runs of `person`; `person`: who is recorded; others differ by their
+    seed. Returns the unhindered reach; the samples, see `avoidance_dataset.to_table`; scores of the
+    demonstrations, see `avoidance_protocols.demonstration_scores`; the tables with a column `person`.
     """
     places = scenarios(scene)
     unhindered, *sets = _demonstrated(seed, [None, *places], Path(recorded), scene, person)
@@ -62,5 +55,6 @@ def _demonstrated(
     """Demonstrations by scenario, None without obstacle: read where they are recorded, else simulated."""
     if seed == person.seed:
         names = [BASELINE if place is None else place.name for place in places]
-        return [read_demonstrations(recorded / name) for name in names]
-    return demonstrations(places, scene, person.model_copy(update={"seed": seed}))
+        return [read_runs(recorded / f"{name}.parquet") for name in names]
+    other = person.model_copy(update={"seed": seed})
+    return [demonstrations(place, scene, other) for place in places]

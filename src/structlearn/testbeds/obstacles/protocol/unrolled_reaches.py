@@ -29,29 +29,17 @@ class SituationKey(NamedTuple):
 
 @dataclass(frozen=True)
 class Reach:
-    """One unroll in one situation.
+    """One unroll in one situation."""
 
-    Attributes:
-        model: whose coupling term acted, or `avoidance_protocols.NO_MODEL`.
-        learned_from: what it learned from, see `learned_models.AvoidanceModels`.
-        time: (T,) s since the start.
-        position: (T, 3) m, base frame.
-        coupling: (T, 3) m, coupling term that acted, local frame of the reach.
-        coupling_in_base: (T, 3) the same in the base frame.
-        obstacle_distance: of the closest approach, in virtual radii from the virtual surface.
-        hit: whether that is not positive.
-        goal_distance_m: at the prescribed time.
-    """
-
-    model: str
-    learned_from: str
-    time: np.ndarray
-    position: np.ndarray
-    coupling: np.ndarray
-    coupling_in_base: np.ndarray
-    obstacle_distance: float
-    hit: bool
-    goal_distance_m: float
+    model: str  # whose coupling term acted, or `avoidance_protocols.NO_MODEL`
+    learned_from: str  # what it learned from, see `learned_models.AvoidanceModels`
+    time: np.ndarray  # (T,) s since the start
+    position: np.ndarray  # (T, 3) m, base frame
+    coupling: np.ndarray  # (T, 3) m, coupling term that acted, local frame of the reach
+    coupling_in_base: np.ndarray  # (T, 3) the same in the base frame
+    obstacle_distance: float  # of the closest approach, in virtual radii from the virtual surface
+    hit: bool  # whether that is not positive
+    goal_distance_m: float  # at the prescribed time
 
 
 Group = Sequence[Reach]
@@ -63,14 +51,9 @@ def reaches_by_situation(
 ) -> dict[SituationKey, list[Reach]]:
     """The unrolls of an evaluation with limits at the goal.
 
-    Args:
-        paths: of `avoidance_protocols.evaluate`, of one person.
-        scores: likewise, those of the same post-processing are taken.
-        baseline: whose local frame the coupling terms are in.
-
-    Returns:
-        By situation the reaches of all models, in the order in which they were evaluated: that without
-        avoidance first.
+    `paths`: of `avoidance_protocols.evaluate`, of one person; `baseline`: whose local frame the coupling
+    terms are in. Returns by situation the reaches of all models, in the order in which they were evaluated:
+    that without avoidance first.
     """
     limited = scores[scores["rules"] == LIMITED].set_index(KEYS)
     scored = limited[["obstacle_distance", "hit", "goal_distance_m"]].to_dict("index")

@@ -3,20 +3,89 @@
 Everything is in the base frame. No robot is shown: the hand is a point, as motion capture sees it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import rerun as rr
+from pydantic import Field
 from rerun.components import FillMode
 
 from structlearn.avoidance.avoidance_dataset import baseline_axes
 from structlearn.avoidance.shapes import Obstacle
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
 from structlearn.primitives.position import PositionPrimitive
+from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, FREE, HIT, SOURCES
-from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, without_avoidance
-from structlearn.testbeds.obstacles.recordings.shown_scenarios import ShownScenario
+from structlearn.testbeds.obstacles.protocol.avoidance_protocols import TRAINED
+from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
+    Group,
+    Reach,
+    SituationKey,
+    without_avoidance,
+)
+from structlearn.testbeds.obstacles.world.scenarios import Scenario
 from structlearn.viewer.rrd import entity, rgba, send_moving_frame, time_column
+
+
+class ObstacleViewParameters(Parameters):
+    """What the recordings of demonstrations and of models show."""
+
+    scenarios: tuple[str, ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True)
+class ShownScenario:
+    """A scenario, how people avoided its obstacle, and how the models do."""
+
+    scenario: Scenario  # with its obstacle in the base frame
+    cloud: np.ndarray  # (P, 3) m, base frame, the points of the obstacle that models see
+    demonstrations: Sequence[Demonstration]  # of people
+    targets: pd.DataFrame  # of what the demonstrations teach, columns `demonstration`, `time_s`, `target_x`
+    reaches: Group  # of the models; that without avoidance is among them
+
+
+def chosen_scenarios(places: Sequence[Scenario], names: Sequence[str]) -> dict[int, Scenario]:
+    """Scenarios by their number in the dataset, in the order of the names.
+
+    Raises:
+        InputError: there is no scenario of a name.
+    """
+    known = {place.name: number for number, place in enumerate(places)}
+    missing = [name for name in names if name not in known]
+    if missing:
+        raise InputError(
+            f"inspect_obstacles.scenarios: there is no '{missing[0]}'; names are '{places[0].name}' to "
+            f"'{places[-1].name}'"
+        )
+    return {known[name]: places[known[name]] for name in names}
+
+
+def shown_scenarios(
+    chosen: Mapping[int, Scenario],
+    demonstrations: Sequence[Sequence[Demonstration]],
+    samples: pd.DataFrame,
+    reaches: Mapping[SituationKey, Group],
+    cloud_count: int,
+) -> list[ShownScenario]:
+    """All that there is of the chosen scenarios.
+
+    `chosen`: of `chosen_scenarios`; `reaches`: of `unrolled_reaches.reaches_by_situation`.
+    """
+    return [
+        ShownScenario(
+            scenario,
+            scenario.obstacle.cloud(cloud_count),
+            people,
+            samples[samples["scenario"] == number],
+            reaches[SituationKey(TRAINED, scenario.shape, scenario.setting)],
+        )
+        for (number, scenario), people in zip(chosen.items(), demonstrations, strict=True)
+    ]
+
 
 BARE = SOURCES[""]
 """Look of the reach without avoidance."""
@@ -80,14 +149,8 @@ def send_sphere(
 ) -> None:
     """Log a sphere that changes its place and its colour.
 
-    Args:
-        stream: of the recording.
-        path: of its entity.
-        cloud: (P, 3) m, relative to its centre.
-        radius: m.
-        indexes: the time lines, each with T times.
-        centres: (T, 3) m.
-        colours: T of them.
+    `cloud` (P, 3) m, relative to its centre; `radius`: m; `indexes`: the time lines, each with T times;
+    `centres` (T, 3) m; `colours`: T of them.
     """
     solid = rr.Ellipsoids3D(half_sizes=[[radius] * 3], fill_mode=FillMode.Solid)
     stream.log(f"{path}/solid", solid, static=True)
@@ -152,8 +215,7 @@ def arrow_vectors(coupling: np.ndarray) -> np.ndarray:
 def send_scenario(stream: rr.RecordingStream, one: ShownScenario) -> np.ndarray:
     """Log the obstacle, demonstrated paths, and the reach without avoidance.
 
-    Returns:
-        All points that a view of the scenario has to show, (N, 3) m.
+    Returns all points that a view of the scenario has to show, (N, 3) m.
     """
     name, bare = one.scenario.name, without_avoidance(one.reaches)
     demonstrated = [person.position for person in one.demonstrations]

@@ -7,7 +7,7 @@ distance in the metric of squared jerk (covariant descent, Ratliff et al. 2009).
 lift, end points, clearance, perceived place of the obstacle, side and motor noise.
 """
 
-from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Annotated, Self
 
@@ -19,7 +19,6 @@ from structlearn.avoidance.shapes import SHAPES, Obstacle
 from structlearn.ground import minimum_jerk
 from structlearn.ground.params import Parameters
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.recording import Recording, Stream
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParameters, check_clear, reach_frame
 
 PLAN_POINTS = 51
@@ -42,12 +41,6 @@ TIGHT = 0.9
 
 NOISE_CORRELATION_S = 0.12
 """Of motor noise: std of the Gaussian that smooths it; corrections within a reach take 0.1 to 0.3 s."""
-
-EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
-BETWEEN_STARTS_NS = 10_000_000_000
-UPRIGHT = (1.0, 0.0, 0.0, 0.0)
-"""Orientation of all poses: markers on the hand give a position only."""
-
 
 Seconds = Annotated[float, Field(ge=0, le=10)]
 Spread = Annotated[float, Field(ge=0, le=0.1)]
@@ -82,39 +75,36 @@ class AvoiderParameters(Parameters):
         return self
 
 
-def demonstrate(
-    scenarios: Sequence[Scenario | None], scene: SceneParameters, person: AvoiderParameters
-) -> list[list[Recording]]:
-    """Demonstrations in several scenarios, as motion capture records them.
+def demonstrations(
+    scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
+) -> list[Demonstration]:
+    """Reaches "01", "02", ... in one scenario, or without obstacle where it is None.
 
     Each depends on the seed, its scenario and its number only, not on what else is asked for.
-
-    Args:
-        scenarios: where; None is the baseline without obstacle.
-        scene: start and goal.
-        person: who, and how often.
-
-    Returns:
-        Per scenario, in order, recordings "01", "02", ... with a pose stream.
 
     Raises:
         InputError: an obstacle contains start or goal, or the reach has no direction.
     """
-    return [_recordings(scenario, scene, person) for scenario in scenarios]
-
-
-def demonstrations(
-    scenarios: Sequence[Scenario | None], scene: SceneParameters, person: AvoiderParameters
-) -> list[list[Demonstration]]:
-    """The same as everything downstream sees them, of people who are not recorded into files."""
-    origin = {"origin": "simulated", "seed": str(person.seed)}
+    provenance = {
+        "origin": "simulated",
+        "generator": "structlearn.testbeds.obstacles.world.reaching_person",
+        "version": structlearn.__version__,
+        "seed": str(person.seed),
+        "setting": "no obstacle" if scenario is None else scenario.name,
+        "orientation": "not recorded",
+    }
     return [
-        [
-            Demonstration(f"{number:02d}", time, position, provenance=origin)
-            for number, (time, position) in enumerate(reaches(scenario, scene, person), start=1)
-        ]
-        for scenario in scenarios
+        Demonstration(f"{number:02d}", time, position, provenance=provenance)
+        for number, (time, position) in enumerate(reaches(scenario, scene, person), start=1)
     ]
+
+
+def captured(
+    scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
+) -> list[Demonstration]:
+    """The same of the person who is recorded, with stamps in whole ns as motion capture writes them."""
+    made = demonstrations(scenario, scene, person)
+    return [replace(one, time=np.round(one.time * 1e9) * 1e-9) for one in made]
 
 
 def reaches(
@@ -122,16 +112,11 @@ def reaches(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """What the hand does in one scenario.
 
-    Args:
-        scenario: None is the baseline without obstacle.
-        scene: start and goal.
-        person: who, and how often.
-
-    Returns:
-        Per demonstration times (T,) s from 0 and measured positions (T, 3) m in the base frame.
+    `scenario`: None is the baseline without obstacle. Returns per demonstration times (T,) s from 0 and
+    measured positions (T, 3) m in the base frame.
 
     Raises:
-        InputError: as `demonstrate`.
+        InputError: as `demonstrations`.
     """
     count = person.baseline_count if scenario is None else person.count
     draws = [np.random.default_rng(seed) for seed in _seeds(scenario, person, count)]
@@ -227,12 +212,8 @@ def _detour(
 def jerk_metric(count: int) -> np.ndarray:
     """How a path with rest at both ends gives way to a push with the least squared jerk.
 
-    Args:
-        count: points of the path.
-
-    Returns:
-        (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
-        rows and columns of the `FIXED_POINTS` at either end are 0.
+    Returns (count, count) inverse of the quadratic form of squared third differences; its largest entry is 1,
+    rows and columns of the `FIXED_POINTS` at either end are 0.
     """
     third = np.diff(np.eye(count), n=3, axis=0)[:, FIXED_POINTS:-FIXED_POINTS]
     metric = np.zeros((count, count))
@@ -259,24 +240,3 @@ def _moved(
     motor *= np.sqrt(2.0 * np.sqrt(np.pi) * width)  # unit std again
     noise = person.motor_noise_m * speed / speed.max() * motor
     return time, path(moving) + noise + person.marker_noise_m * rng.standard_normal((len(time), 3))
-
-
-def _recordings(
-    scenario: Scenario | None, scene: SceneParameters, person: AvoiderParameters
-) -> list[Recording]:
-    place = "no obstacle" if scenario is None else scenario.name
-    recordings = []
-    for number, (time, position) in enumerate(reaches(scenario, scene, person)):
-        stamps = EPOCH_NS + number * BETWEEN_STARTS_NS + np.round(time * 1e9).astype(np.int64)
-        pose = np.hstack([position, np.broadcast_to(UPRIGHT, (len(time), 4))])
-        provenance = {
-            "origin": "simulated",
-            "generator": "structlearn.testbeds.obstacles.world.reaching_person",
-            "version": structlearn.__version__,
-            "seed": str(person.seed),
-            "setting": place,
-            "orientation": "not recorded",
-        }
-        stream = Stream("/hand/pose", "pose", stamps, pose)
-        recordings.append(Recording(f"{number + 1:02d}", (stream,), None, provenance))
-    return recordings

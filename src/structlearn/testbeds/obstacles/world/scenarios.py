@@ -74,15 +74,10 @@ class SceneParameters(Parameters):
 
 @dataclass(frozen=True)
 class Scenario:
-    """An obstacle in one of its settings.
+    """An obstacle in one of its settings."""
 
-    Attributes:
-        setting: number of the position, from 1.
-        obstacle: in the base frame.
-    """
-
-    setting: int
-    obstacle: Obstacle
+    setting: int  # number of the position, from 1
+    obstacle: Obstacle  # in the base frame
 
     @property
     def shape(self) -> Shape:
@@ -98,12 +93,7 @@ class Scenario:
 def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> list[Scenario]:
     """All settings with all shapes, shape by shape.
 
-    Args:
-        parameters: reach, number of settings, seed.
-        shapes: which.
-
-    Returns:
-        `len(shapes)` times `settings` scenarios; their order numbers them.
+    Returns `len(shapes)` times `settings` scenarios; their order numbers them.
 
     Raises:
         InputError: start and goal are too close to each other.
@@ -119,14 +109,8 @@ def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> 
 def own_scenarios(scenarios: Sequence[Scenario], people: Sequence[int]) -> dict[int, np.ndarray]:
     """Who learns models per setting of which scenarios: settings go round, with all their shapes.
 
-    Models of every setting of everybody would take longer to train than all others together.
-
-    Args:
-        scenarios: by their numbers in the datasets.
-        people: seeds.
-
-    Returns:
-        By person the numbers of the scenarios, ascending.
+    Models of every setting of everybody would take longer to train than all others together. Returns: By
+    person the numbers of the scenarios, ascending.
     """
     turn = np.array([(scenario.setting - 1) % len(people) for scenario in scenarios])
     return {person: np.flatnonzero(turn == place) for place, person in enumerate(people)}
@@ -136,13 +120,7 @@ def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """Local frame of a reach, as its primitive will have it: x along the reach (IV.6.1).
 
     A reach along gravity has no z axis closest to up; then y is anchored instead (`frames.frame_kind`).
-
-    Args:
-        start: (3,) m.
-        goal: (3,) m.
-
-    Returns:
-        (3, 3) local to base.
+    `start` (3,) m; `goal` (3,) m. Returns (3, 3) local to base.
 
     Raises:
         InputError: start and goal are nearer than a primitive needs to have a direction.
@@ -165,13 +143,7 @@ def unseen_centres(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """Centres of the unseen spheres: a 7 x 3 x 3 grid close round the reach (IV.8.7).
 
     The author's grid has the axes of his world, along which his reach ran; ours has those of the reach.
-
-    Args:
-        start: (3,) m.
-        goal: (3,) m.
-
-    Returns:
-        (63, 3) m; z changes fastest, the place along the reach slowest.
+    `start` (3,) m; `goal` (3,) m. Returns (63, 3) m; z changes fastest, the place along the reach slowest.
 
     Raises:
         InputError: as `reach_frame`.

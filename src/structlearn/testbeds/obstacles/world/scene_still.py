@@ -31,28 +31,17 @@ OBSTACLE, HAND, DEMONSTRATED, BARE, TABLE = (
 
 @dataclass(frozen=True)
 class Lane:
-    """A reach past an obstacle.
+    """A reach past an obstacle."""
 
-    Attributes:
-        obstacle: base frame.
-        demonstrated: (T, 3) m, base frame.
-        bare: (T, 3) m, the reach without avoidance.
-    """
-
-    obstacle: Obstacle
-    demonstrated: np.ndarray
-    bare: np.ndarray
+    obstacle: Obstacle  # base frame
+    demonstrated: np.ndarray  # (T, 3) m, base frame
+    bare: np.ndarray  # (T, 3) m, the reach without avoidance
 
 
 def reaches_still(lanes: Sequence[Lane], baseline: PositionPrimitive) -> np.ndarray:
     """Draw reaches beside each other, the hand of each above its obstacle.
 
-    Args:
-        lanes: the reaches.
-        baseline: whose local frame says what is beside.
-
-    Returns:
-        (H, W, 3) bytes.
+    `baseline`: whose local frame says what is beside. Returns (H, W, 3) bytes.
     """
     along, across, _ = baseline_axes(baseline).T
     middle = 0.5 * (baseline.start + baseline.goal)

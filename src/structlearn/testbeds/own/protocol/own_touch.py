@@ -13,16 +13,15 @@ from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.recordings.touch_log import TouchLog
-from structlearn.tactile.flat_maps import map_laying
+from structlearn.tactile.electrodes import map_laying
 from structlearn.tactile.geodesics import Geodesics, geodesics
+from structlearn.tactile.latent_comparison import asked_of, learn_from
 from structlearn.tactile.latent_evaluation import latent_errors
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_spaces import asked_of, learn_from
+from structlearn.tactile.latent_parameters import SensorDescription
 from structlearn.tactile.latent_training import Pairs, draw_pairs
 from structlearn.tactile.pressed_skin import PLANE, PressedSkin, held_out, plate_pairs, pressed_skin, walks
-from structlearn.tactile.sensor_description import SensorDescription
-from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains
-from structlearn.tactile.units import TouchUnits, touch_units
+from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, TouchUnits, touch_units
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
 
 STRUCTURED, PLAIN, COMPONENTS = "structured", "reconstruction only", "3 principal components"

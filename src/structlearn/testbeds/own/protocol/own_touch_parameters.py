@@ -6,8 +6,7 @@ from pydantic import Field
 
 from structlearn.ground.params import Parameters
 from structlearn.recordings.topics import TopicMap
-from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
-from structlearn.tactile.sensor_description import SensorDescription
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters, SensorDescription
 
 
 class TouchParameters(Parameters):

@@ -15,9 +15,9 @@ from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
 from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.human_inspired import fit_human_inspired
+from structlearn.avoidance.learned_models import train_phase_modulated
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
 from structlearn.avoidance.network_training import COLUMNS, stacked, train_member
-from structlearn.avoidance.phase_modulated import train_phase_modulated
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import mean_interval, nmse
 from structlearn.ground.parallel import parallel_map

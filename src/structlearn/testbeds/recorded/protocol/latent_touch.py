@@ -18,9 +18,9 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.tactile.electrodes import Skin
+from structlearn.tactile.latent_comparison import learn_spaces, own_units, seen_in
 from structlearn.tactile.latent_evaluation import latent_errors
 from structlearn.tactile.latent_parameters import LatentSpaceParameters
-from structlearn.tactile.latent_spaces import learn_spaces, own_units, seen_in
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import (

@@ -5,8 +5,7 @@ from pathlib import Path
 from pydantic import Field
 
 from structlearn.ground.params import Parameters, read_parameters
-from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
-from structlearn.tactile.sensor_description import SensorDescription
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters, SensorDescription
 
 
 class LatentTouchParameters(Parameters):

@@ -17,9 +17,10 @@ from structlearn.ground.errors import MissingInputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import as_tensor
 from structlearn.recordings.eflesh import ProbeRun
-from structlearn.tactile.flat_maps import map_laying
+from structlearn.tactile.electrodes import map_laying
+from structlearn.tactile.latent_comparison import learn_from
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_spaces import learn_from
+from structlearn.tactile.latent_parameters import SensorDescription
 from structlearn.tactile.pressed_skin import (
     PLANE,
     PressedSkin,
@@ -28,9 +29,7 @@ from structlearn.tactile.pressed_skin import (
     pressed_skin,
     walks,
 )
-from structlearn.tactile.sensor_description import SensorDescription
-from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains
-from structlearn.tactile.units import TouchUnits, touch_units
+from structlearn.tactile.touch_dataset import TEST, TRAIN, Chains, TouchUnits, touch_units
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 
 STRUCTURED, PLAIN, COMPONENTS, PROCESS = (

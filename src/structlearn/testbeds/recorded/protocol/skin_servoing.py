@@ -7,10 +7,9 @@ import pandas as pd
 
 from structlearn.recordings.eflesh import ProbeRun
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
-from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, pressed_skin
+from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, pressed_skin, servo_on_table
 from structlearn.tactile.resting_servo import Caution, RestingServo
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tactile.table_servoing import servo_on_table
 from structlearn.tactile.touch_dataset import TEST
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin_map import NEVER_VARIES, PLAIN, STRUCTURED, LearnedSkin

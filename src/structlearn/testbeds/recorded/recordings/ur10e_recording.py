@@ -11,8 +11,14 @@ import rerun.blueprint as rrb
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.recordings.joint_log import DriveLog
 from structlearn.tasks.motion_parameters import LoadParameters
-from structlearn.viewer.arm_meshes import arm_contents, arm_view, link_frame, send_sticks
-from structlearn.viewer.followed_payload import followed_plots, send_followed
+from structlearn.viewer.arm_meshes import (
+    arm_contents,
+    arm_view,
+    followed_plots,
+    link_frame,
+    send_followed,
+    send_sticks,
+)
 from structlearn.viewer.notes import legend, notes_view, send_notes
 from structlearn.viewer.rrd import layout, recording, rgba, time_column
 

@@ -22,19 +22,12 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class ExecutionResults:
-    """Executions of models in all settings; runs of equal name met equal conditions.
+    """Executions of models in all settings; runs of equal name met equal conditions."""
 
-    Attributes:
-        scores: of `executed_sets.scores`.
-        examples: all executions in the setting `example_deg`, by model.
-        example_deg: setting that is shown in detail.
-        axis: (3,) roll axis.
-    """
-
-    scores: pd.DataFrame
-    examples: Mapping[str, Sequence[Demonstration]]
-    example_deg: float
-    axis: np.ndarray
+    scores: pd.DataFrame  # of `executed_sets.scores`
+    examples: Mapping[str, Sequence[Demonstration]]  # all executions in the setting `example_deg`, by model
+    example_deg: float  # setting that is shown in detail
+    axis: np.ndarray  # (3,) roll axis
 
     @cached_property
     def settings_deg(self) -> list[float]:

@@ -267,14 +267,7 @@ def cost_figure(
     note: Callable[[float], str],
     people: People | None = None,
 ) -> list[Figure]:
-    """Figure IV.20: accumulated cost per setting and model, mean and std over the executions.
-
-    Args:
-        executed: the executions.
-        names: of all primitives, in order.
-        note: what is written below a setting.
-        people: whose mean costs are drawn as dots.
-    """
+    """Figure IV.20: accumulated cost per setting and model, mean and std over the executions."""
     figures = []
     width = 0.8 / len(executed.models)
     costs = executed.costs.set_index(["primitive", "model"])

@@ -43,19 +43,12 @@ STEP_KEYS = {"validation": "", "generalization": "_best_step"}
 
 @dataclass(frozen=True)
 class BoardResults(ExecutionResults):
-    """Executions without feedback and with each model; `example_deg` is the largest setting.
+    """Executions without feedback and with each model; `example_deg` is the largest setting."""
 
-    Attributes:
-        traces: of `executed_sets.traces`.
-        path_errors: of `corrected_paths.path_errors`.
-        corrected: corrected demonstrations in the setting `example_deg`.
-        force_n: that the robot was asked to hold.
-    """
-
-    traces: pd.DataFrame
-    path_errors: pd.DataFrame
-    corrected: Sequence[Demonstration]
-    force_n: float
+    traces: pd.DataFrame  # of `executed_sets.traces`
+    path_errors: pd.DataFrame  # of `corrected_paths.path_errors`
+    corrected: Sequence[Demonstration]  # corrected demonstrations in the setting `example_deg`
+    force_n: float  # that the robot was asked to hold
 
     @cached_property
     def nominal(self) -> pd.DataFrame:
@@ -118,10 +111,9 @@ class BoardResults(ExecutionResults):
     def path_comparison(self, seen_deg: Sequence[float]) -> pd.DataFrame:
         """Errors of the unrolled path, pointwise beside unrolled, in settings learned from and others.
 
-        Returns:
-            One row per `primitive` and `seen`: `count` of demonstrations, mean and std of both models, the
-            mean paired difference `lower_deg` (pointwise minus unrolled) with its `half_width`, and the
-            `verdict` on the unrolled model.
+        Returns one row per `primitive` and `seen`: `count` of demonstrations, mean and std of both models,
+        the mean paired difference `lower_deg` (pointwise minus unrolled) with its `half_width`, and the
+        `verdict` on the unrolled model.
         """
         keys = ["primitive", "setting_deg", "demonstration"]
         wide = self.path_errors.pivot_table("error_deg", keys, "model").reset_index()
@@ -159,33 +151,19 @@ class BoardResults(ExecutionResults):
 
 @dataclass(frozen=True)
 class FeedbackResults:
-    """What the feedback stages wrote.
+    """What the feedback stages wrote."""
 
-    Attributes:
-        primitives: names of all primitives in order of time.
-        unrolls: nominal executions in the default setting.
-        unroll_cuts: of these.
-        expected: expected traces by primitive.
-        datasets: by primitive, of all settings.
-        checks: of `supervision.coupling_dataset`, by primitive.
-        networks: the pointwise models by primitive.
-        comparison: of `model_comparison.compare_representations`, with `primitive`.
-        orderings: of `model_comparison.paired_orderings`, with `primitive`.
-        seen_deg: settings that are learned from.
-        board: what was executed with the models.
-    """
-
-    primitives: Sequence[str]
-    unrolls: Sequence[Demonstration]
-    unroll_cuts: Cuts
-    expected: Mapping[str, VectorPrimitive]
-    datasets: Mapping[str, CouplingDataset]
-    checks: Mapping[str, pd.DataFrame]
-    networks: Mapping[str, CouplingModel]
-    comparison: pd.DataFrame
-    orderings: pd.DataFrame
-    seen_deg: Sequence[float]
-    board: BoardResults
+    primitives: Sequence[str]  # names of all primitives in order of time
+    unrolls: Sequence[Demonstration]  # nominal executions in the default setting
+    unroll_cuts: Cuts  # of these
+    expected: Mapping[str, VectorPrimitive]  # expected traces by primitive
+    datasets: Mapping[str, CouplingDataset]  # by primitive, of all settings
+    checks: Mapping[str, pd.DataFrame]  # of `supervision.coupling_dataset`, by primitive
+    networks: Mapping[str, CouplingModel]  # the pointwise models by primitive
+    comparison: pd.DataFrame  # of `model_comparison.compare_representations`, with `primitive`
+    orderings: pd.DataFrame  # of `model_comparison.paired_orderings`, with `primitive`
+    seen_deg: Sequence[float]  # settings that are learned from
+    board: BoardResults  # what was executed with the models
 
     @cached_property
     def adapted(self) -> list[str]:
@@ -268,9 +246,8 @@ class FeedbackResults:
     def dominant(self, primitive: str) -> tuple[np.ndarray, float, float] | None:
         """Figure IV.16 bottom; None of a network that has no phase kernels.
 
-        Returns:
-            (N, H) whether a node is among those that weigh most for a phase kernel, and how many of them
-            neighbouring kernels and any two kernels share on average.
+        Returns (N, H) whether a node is among those that weigh most for a phase kernel, and how many of them
+        neighbouring kernels and any two kernels share on average.
         """
         weights = self.networks[primitive].arrays().get("phase_weights")
         if weights is None:
@@ -314,8 +291,7 @@ def sharing_over_phase(dominant: np.ndarray) -> float:
     Negative where nodes come and go with the phase. In permuted order, or with permuted weights, it is 0 on
     average, and 0 where the nodes are the same at every phase.
 
-    Args:
-        dominant: (N, H) of `dominant_features`.
+    `dominant`: (N, H) of `dominant_features`.
     """
     first, second = np.triu_indices(len(dominant), 1)
     shared = (dominant.astype(int) @ dominant.T.astype(int))[first, second]
@@ -344,8 +320,7 @@ def informative_channel(dataset: CouplingDataset) -> tuple[int, float]:
 def unroll_traces(results: FeedbackResults, primitive: str) -> tuple[np.ndarray, np.ndarray]:
     """Traces of one primitive in the executions, and what was learned from them, over normalised time.
 
-    Returns:
-        (R, T, E) counts of the runs and (T, E) of the expected trace.
+    Returns (R, T, E) counts of the runs and (T, E) of the expected trace.
     """
     runs = []
     for run in results.unrolls:
@@ -360,12 +335,8 @@ def unroll_traces(results: FeedbackResults, primitive: str) -> tuple[np.ndarray,
 def dominant_features(phase_weights: np.ndarray, count: int = 10) -> np.ndarray:
     """Which hidden nodes weigh most for each phase kernel (figure IV.16 bottom).
 
-    Args:
-        phase_weights: (N, H) from hidden nodes into kernels.
-        count: nodes per kernel.
-
-    Returns:
-        (N, H) True for the nodes with the largest |weight| into a kernel.
+    `phase_weights`: (N, H) from hidden nodes into kernels. Returns (N, H) True for the nodes with the largest
+    |weight| into a kernel.
     """
     order = np.argsort(-np.abs(phase_weights), axis=1, kind="stable")
     dominant = np.zeros(phase_weights.shape, dtype=bool)

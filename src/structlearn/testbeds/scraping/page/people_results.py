@@ -49,15 +49,10 @@ SUMMARISED = {
 
 @dataclass(frozen=True)
 class People:
-    """One number per person, by key.
+    """One number per person, by key."""
 
-    Attributes:
-        numbers: (P,) by key; raises KeyError where there is none of this key.
-        primitives: names of all primitives in order of time.
-    """
-
-    numbers: Callable[[str], np.ndarray]
-    primitives: Sequence[str]
+    numbers: Callable[[str], np.ndarray]  # (P,) by key; raises KeyError where there is none of this key
+    primitives: Sequence[str]  # names of all primitives in order of time
 
     @classmethod
     def of_study(cls, study: Study, primitives: Sequence[str]) -> "People":
@@ -107,9 +102,7 @@ def least_clear(found: Iterable[Evidence]) -> Evidence:
 def share_left(ratios: Sequence[np.ndarray], comparisons: int = 1) -> Evidence:
     """Geometric mean over people of the ratio of costs, of several the one that is least clearly below 1.
 
-    Args:
-        ratios: (P,) each.
-        comparisons: of the claim, `claims.confidence`.
+    `ratios`: (P,) each. `comparisons`: of the claim, `claims.confidence`.
     """
     saved = least_clear(mean(-np.log(one), comparisons) for one in ratios)
     value, low, high = (float(np.exp(-one)) for one in (saved.value, saved.high, saved.low))
@@ -141,10 +134,7 @@ def feedback_evidence(
 ) -> dict[str, Found]:
     """Of the page on feedback models.
 
-    Args:
-        people: see there.
-        adapted: primitives with feedback.
-        settings_deg: rolls of the board on which models were executed; none where nothing was.
+    `settings_deg`: rolls of the board on which models were executed; none where nothing was.
     """
     found = _models(people, adapted)
     return found | _executions(people, adapted, settings_deg) if settings_deg else found
@@ -224,10 +214,7 @@ def known(make: Callable[..., dict], people: People | None, *arguments: object) 
 def beside(claims: Sequence[Claim], shown: Mapping[str, Found], seed: int) -> list[Claim]:
     """The claims, with what the person of the report shows in their notes.
 
-    Args:
-        claims: of `read_claims`.
-        shown: numbers of that person, by evidence.
-        seed: the person's.
+    `claims`: of `read_claims`. `shown`: numbers of that person, by evidence. `seed`: the person's.
     """
     return [
         claim.model_copy(update={"note": f"{claim.note} Person {seed}: {_of_one(claim, shown)}.".strip()})

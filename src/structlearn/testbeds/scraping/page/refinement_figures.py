@@ -97,19 +97,12 @@ def search_figure(results: RefinementResults, names: list[str]) -> list[Figure]:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One moment of an execution, seen along the roll axis.
+    """One moment of an execution, seen along the roll axis."""
 
-    Attributes:
-        hand_deg: roll of the hand.
-        tool_deg: roll of the tool.
-        off_deg: angle between tool and board.
-        grasp: (2,) mm from where the edge meets the board, x to the right and z up.
-    """
-
-    hand_deg: float
-    tool_deg: float
-    off_deg: float
-    grasp: np.ndarray
+    hand_deg: float  # roll of the hand
+    tool_deg: float  # roll of the tool
+    off_deg: float  # angle between tool and board
+    grasp: np.ndarray  # (2,) mm from where the edge meets the board, x to the right and z up
 
 
 def snapshots(run: Demonstration, board_deg: float, axis: np.ndarray) -> list[Snapshot]:
@@ -118,10 +111,7 @@ def snapshots(run: Demonstration, board_deg: float, axis: np.ndarray) -> list[Sn
     The angles are as recorded. Hand and tool are moved up by what board and grasp give under the force, so
     that the edge lies on the board and not in it, and where they hover down to `HEIGHT_DRAWN`.
 
-    Args:
-        run: the execution.
-        board_deg: roll of the board.
-        axis: (3,) roll axis.
+    `axis`: (3,) roll axis.
     """
     hand, off = hand_roll_deg(run, axis), tool_roll_deg(run, axis)
     normal = turned(np.array([0.0, 1.0]), board_deg)

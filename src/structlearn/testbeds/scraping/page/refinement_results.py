@@ -25,16 +25,10 @@ PUBLISHED_ITERATIONS = 2
 
 @dataclass(frozen=True)
 class RefinementResults(ExecutionResults):
-    """Executions without feedback, before and after refinement; `example_deg` is the tilt refined on.
+    """Executions without feedback, before and after refinement; `example_deg` is the tilt refined on."""
 
-    Attributes:
-        history: of `rollouts.history_rows`, with `primitive`.
-        search: of `sample_efficiency.compare`, with `primitive`; empty where not made.
-        parameters: of the refinement.
-    """
-
-    history: pd.DataFrame
-    search: pd.DataFrame
+    history: pd.DataFrame  # of `rollouts.history_rows`, with `primitive`
+    search: pd.DataFrame  # of `sample_efficiency.compare`, with `primitive`; empty where not made
     parameters: BoardRefinementParameters
 
     @cached_property
@@ -230,9 +224,6 @@ class RefinementResults(ExecutionResults):
         `later_gain`; `rl_kept_iteration_prim<number>`: see `kept`. `rl_rollouts` are all,
         `rl_failed_rollouts` those that failed. `search_cost_<method>_prim<number>` is the mean cost of what
         the searches ended with.
-
-        Args:
-            number: of a primitive, from 1.
         """
         values: dict[str, float] = {}
         for name in self.refined if self.evaluated else ():

@@ -32,10 +32,8 @@ def refinement_evidence(
 ) -> dict[str, Found]:
     """Of the page on refinement by trial; nothing where no people were studied.
 
-    Args:
-        results: of the person shown, which say what was executed; their numbers decide nothing.
-        studies: by name.
-        number: of a primitive, from 1.
+    `results`: of the person shown, which say what was executed; their numbers decide nothing. `studies`: by
+    name.
     """
     found: dict[str, Found] = {}
     for form, people in _by_form(studies, number(results.refined[0])).items():
@@ -93,9 +91,7 @@ def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
     Means are geometric; `seen_cost_ratio_mean` is that of `seen_cost_ratio_after_over_before_max`. Numbers of
     the text's form end with `_text`. Nothing where no people were studied.
 
-    Args:
-        studies: by name.
-        numbers: of the refined primitives, from 1.
+    `studies`: by name.
     """
     values: Metrics = {}
     for form, people in _by_form(studies, numbers[0]).items():
@@ -112,9 +108,8 @@ def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
 def study_tables(studies: Studies, numbers: Mapping[str, int]) -> dict[str, Table]:
     """A row per variant of the two studies of parameters, mean and interval over the exploration's seeds.
 
-    Args:
-        studies: by name; tables of those that were not run are left out.
-        numbers: of the refined primitives, from 1, by name.
+    `studies`: by name; tables of those that were not run are left out. `numbers`: of the refined primitives,
+    from 1, by name.
     """
     costs = {f"rl_cost_ratio_prim{number}": f"{name}: cost" for name, number in numbers.items()}
     costs |= {"seen_cost_ratio_after_over_before_max": "seen: cost"}

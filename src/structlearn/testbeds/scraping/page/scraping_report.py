@@ -50,7 +50,7 @@ PARAMETERS = {
 """By page, keys of `params.yaml` that its results were made with."""
 
 SOURCES = {
-    "demonstrations": Source("data/raw/scraping/nominal", "scraping_record_nominal"),
+    "demonstrations": Source("data/runs/scraping/nominal.parquet", "scraping_import_nominal"),
     "segments": Source("data/segments/scraping", "scraping_segment"),
     "sweep": Source("data/segments/scraping_sweep", "scraping_sweep"),
     "primitives": Source("data/primitives/scraping", "scraping_fit_primitives"),
@@ -58,8 +58,8 @@ SOURCES = {
     "dataset": Source("data/feedback/scraping/dataset", "scraping_coupling_dataset"),
     "models": Source("data/feedback/scraping/models", "scraping_train_feedback"),
     "comparison": Source("data/feedback/scraping/comparison", "scraping_compare_models"),
-    "closed_loop": Source("data/raw/scraping/closed_loop", "scraping_evaluate_feedback"),
-    "corrections": Source("data/raw/scraping/corrections", "scraping_record_corrections"),
+    "closed_loop": Source("data/runs/scraping/closed_loop", "scraping_evaluate_feedback"),
+    "corrections": Source("data/runs/scraping/corrections", "scraping_import_corrections"),
     "evaluation": Source("data/feedback/scraping/evaluation", "scraping_evaluate_feedback"),
     "refinement": Source("data/feedback/scraping/refinement", "scraping_refine"),
     "refined": Source("data/feedback/scraping/refined", "scraping_evaluate_refinement"),
@@ -104,12 +104,8 @@ def scraping_report(
 ) -> ScrapingReport:
     """The report.
 
-    Args:
-        segmentation: of the first page.
-        feedback: of the second.
-        refinement: of the third.
-        studies: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
-        parameters: all of `PARAMETERS` by key.
+    `studies`: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
+    `parameters`: all of `PARAMETERS` by key.
     """
     report, printed = ScrapingReport(), published()
     primitives = [primitive.name for primitive in segmentation.primitives]
@@ -253,7 +249,7 @@ def read_results(
     """What the stages wrote."""
     primitives = found.primitives()
     segmentation = SegmentationResults(
-        demonstrations=found.demonstrations(),
+        demonstrations=found.runs("nominal"),
         segmentation=read_segmentation(found.segments),
         noise=found.table("noise"),
         downsampling=found.table("downsampling"),
@@ -273,7 +269,7 @@ def read_feedback(
     found: files.ScrapingFiles, primitives: list[str], parameters: Mapping[str, Any]
 ) -> FeedbackResults:
     """What the feedback stages wrote."""
-    unrolls, datasets = found.unrolls(), found.datasets()
+    unrolls, datasets = found.runs("unrolls"), found.datasets()
     return FeedbackResults(
         primitives=primitives,
         unrolls=unrolls,
@@ -296,8 +292,8 @@ def _board(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> BoardRe
         scores=found.table("scores"),
         traces=found.table("traces"),
         path_errors=found.table("path_errors"),
-        examples={model: found.runs(files.CLOSED_LOOP, largest, model) for model in (NOMINAL, POINTWISE)},
-        corrected=found.runs(files.CORRECTIONS, largest),
+        examples={model: found.runs_at(largest, files.CLOSED_LOOP, model) for model in (NOMINAL, POINTWISE)},
+        corrected=found.runs_at(largest, files.CORRECTIONS),
         example_deg=largest,
         axis=parameters["coupling_dataset"].unit_axis,
         force_n=parameters["testbed"].control.force_n,
@@ -307,7 +303,7 @@ def _board(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> BoardRe
 def read_refinement(found: files.ScrapingFiles, parameters: Mapping[str, Any]) -> RefinementResults:
     """What the stages of the refinement wrote."""
     tilt = parameters["refine"].setting_deg
-    examples = {model: found.runs(files.REFINED, tilt, model) for model in (NOMINAL, BEFORE, AFTER)}
+    examples = {model: found.runs_at(tilt, files.REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
     return RefinementResults(
         scores=found.table("refined_scores"),
         examples={model: runs for model, runs in examples.items() if runs},

@@ -22,31 +22,17 @@ LEFT_OUT_METRICS = ("mean_mm", "mean_deg")
 
 @dataclass(frozen=True)
 class SegmentationResults:
-    """What the stages wrote, and what follows from it.
+    """What the stages wrote, and what follows from it."""
 
-    Attributes:
-        demonstrations: the complete ones, those that could not be cut among them.
-        segmentation: their cuts.
-        noise: of `cut_sweep.noise_sweep`.
-        downsampling: of `cut_errors.downsampling_effect`.
-        downsampling_people: of `cut_sweep.downsampling_sweep`.
-        primitives: learned from all demonstrations that were cut.
-        reproduction: of `fitting.cross_validation`.
-        nominal: table of the sequence as demonstrated.
-        generalised: table of the sequence in a new situation.
-        segment_parameters: of the segmentation.
-        fit_parameters: of the primitives.
-    """
-
-    demonstrations: Sequence[Demonstration]
-    segmentation: Segmentation
-    noise: pd.DataFrame
-    downsampling: pd.DataFrame
-    downsampling_people: pd.DataFrame
-    primitives: Sequence[PosePrimitive]
-    reproduction: pd.DataFrame
-    nominal: pd.DataFrame
-    generalised: pd.DataFrame
+    demonstrations: Sequence[Demonstration]  # the complete ones, those that could not be cut among them
+    segmentation: Segmentation  # their cuts
+    noise: pd.DataFrame  # of `cut_sweep.noise_sweep`
+    downsampling: pd.DataFrame  # of `cut_errors.downsampling_effect`
+    downsampling_people: pd.DataFrame  # of `cut_sweep.downsampling_sweep`
+    primitives: Sequence[PosePrimitive]  # learned from all demonstrations that were cut
+    reproduction: pd.DataFrame  # of `fitting.cross_validation`
+    nominal: pd.DataFrame  # table of the sequence as demonstrated
+    generalised: pd.DataFrame  # table of the sequence in a new situation
     segment_parameters: SegmentParameters
     fit_parameters: FitParameters
 

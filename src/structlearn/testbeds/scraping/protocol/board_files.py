@@ -23,21 +23,11 @@ def read_board(
 ) -> tuple[Board, dict[str, CouplingDataset]]:
     """The board of the first primitive with feedback, and the demonstrations.
 
-    Args:
-        data: folder of all data.
-        settings_deg: rolls that demonstrations are read of; their coupling terms bound those of the feedback.
-        setting_deg: roll of this board.
-        supervision: how executions become supervised data.
-        testbed: see there.
-        clock: on which executions are read and judged.
-
-    Returns:
-        The board and the demonstrations by primitive.
-
-    Raises:
-        InputError: a file is missing or not readable, or a setting was not recorded.
+    `settings_deg`: rolls that demonstrations are read of; their coupling terms bound those of the feedback.
+    Returns the board and the demonstrations by primitive. Raises InputError: a file is missing or not
+    readable, or a setting was not recorded.
     """
-    files = ScrapingFiles(clock, Path(data))
+    files = ScrapingFiles(Path(data))
     datasets = files.datasets(settings_deg)
     largest = largest_coupling([one.target for one in datasets.values()])
     board = Board(
@@ -46,7 +36,7 @@ def read_board(
         preceding={},
         name=supervision.primitives[0],
         setting_deg=setting_deg,
-        nominal=nominal_orientation(files.unrolls()),
+        nominal=nominal_orientation(files.runs("unrolls")),
         supervision=supervision,
         testbed=testbed,
         limits=Limits(largest_coupling={supervision.axis: largest}),

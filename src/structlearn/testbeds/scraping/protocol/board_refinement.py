@@ -39,21 +39,13 @@ class BoardRefinementParameters(RefinementParameters, NetworkParameters):
 
 @dataclass(frozen=True)
 class Refined:
-    """Feedback models before and after, and every rollout in between; tables have a column `primitive`.
+    """Feedback models before and after, and every rollout in between; tables have a column `primitive`."""
 
-    Attributes:
-        before: networks by primitive, learned from demonstrations alone.
-        after: networks by primitive.
-        history: of `rollouts.history_rows`.
-        samples: of `rollouts.sample_rows`.
-        policies: `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
-    """
-
-    before: Mapping[str, CouplingModel]
-    after: Mapping[str, CouplingModel]
-    history: pd.DataFrame
-    samples: pd.DataFrame
-    policies: pd.DataFrame
+    before: Mapping[str, CouplingModel]  # networks by primitive, learned from demonstrations alone
+    after: Mapping[str, CouplingModel]  # networks by primitive
+    history: pd.DataFrame  # of `rollouts.history_rows`
+    samples: pd.DataFrame  # of `rollouts.sample_rows`
+    policies: pd.DataFrame  # `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
 
 
 def refine_on_board(
@@ -66,14 +58,10 @@ def refine_on_board(
 
     While a primitive is refined, those before it run with their refined models.
 
-    Args:
-        board: tilted as it is refined on; its name and preceding networks are replaced.
-        datasets: demonstrations of the settings to learn from, by primitive.
-        parameters: see there.
-        report: called with the primitive's name after every iteration.
-
-    Raises:
-        InputError: a primitive to be refined has no demonstrations, or too many rollouts fail.
+    `board`: tilted as it is refined on; its name and preceding networks are replaced. `datasets`:
+    demonstrations of the settings to learn from, by primitive. `report`: called with the primitive's name
+    after every iteration. Raises InputError: a primitive to be refined has no demonstrations, or too many
+    rollouts fail.
     """
     unknown = sorted(set(parameters.exploration) - set(datasets))
     if unknown:

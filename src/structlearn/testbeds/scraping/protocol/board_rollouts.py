@@ -44,32 +44,19 @@ class Board:
     """One primitive of the scraping task on a board of one tilt (`refinement.Environment`).
 
     The robot executes the primitives up to this one and stops; those before it run with their own networks.
-
-    Attributes:
-        primitives: of the whole task.
-        expected: expected traces by the primitive's name.
-        preceding: networks of the primitives before this one.
-        name: of the primitive that is refined.
-        setting_deg: roll of the board.
-        nominal: (T, 4) of `cost.nominal_orientation`.
-        supervision: how executions become supervised data.
-        testbed: see there.
-        limits: of the feedback.
-        clock: on which executions are judged.
-        telling: whether rollouts say what was felt and done; a search needs costs alone.
     """
 
-    primitives: Sequence[PosePrimitive]
-    expected: Mapping[str, VectorPrimitive]
-    preceding: Mapping[str, CouplingModel]
-    name: str
-    setting_deg: float
-    nominal: np.ndarray
-    supervision: SupervisionParameters
+    primitives: Sequence[PosePrimitive]  # of the whole task
+    expected: Mapping[str, VectorPrimitive]  # expected traces by the primitive's name
+    preceding: Mapping[str, CouplingModel]  # networks of the primitives before this one
+    name: str  # of the primitive that is refined
+    setting_deg: float  # roll of the board
+    nominal: np.ndarray  # (T, 4) of `cost.nominal_orientation`
+    supervision: SupervisionParameters  # how executions become supervised data
     testbed: TestbedParameters
     limits: Limits
-    clock: ClockParameters
-    telling: bool = True
+    clock: ClockParameters  # on which executions are judged
+    telling: bool = True  # whether rollouts say what was felt and done; a search needs costs alone
 
     @property
     def rate_hz(self) -> float:
@@ -118,8 +105,7 @@ def _failed(fault: str) -> Rollout:
 def _judged(board: Board, network: CouplingModel, seed: tuple[int, ...]) -> Rollout:
     """One execution with its cost per tick and what it says as supervised data.
 
-    Raises:
-        InputError: the run has diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
+    Raises InputError: the run has diverged: a signal is not finite, or the tool is off by `DIVERGED_RAD`.
     """
     recording = board.execution(network, seed)
     demonstration = synchronise(recording, board.clock.rate_hz, board.clock.max_gap_s)

@@ -49,17 +49,11 @@ def noise_sweep(
 
     The same people move in the same way at every level: only the noise grows.
 
-    Args:
-        parameters: levels and number of seeds.
-        simulation: of the demonstrator; its noise and seed are replaced.
-        segmentation: of the cuts; demonstrations that cannot be cut are left out and counted.
-
-    Returns:
-        Errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one
-        row with method `left_out`; without a reference that is all of them.
-
-    Raises:
-        InputError: the segmentation is not for the simulated task.
+    `parameters`: levels and number of seeds. `simulation`: of the demonstrator; its noise and seed are
+    replaced. `segmentation`: of the cuts; demonstrations that cannot be cut are left out and counted. Returns
+    errors as of `cut_errors`, with `noise_mm` and `seed`; a demonstration that could not be cut has one row
+    with method `left_out`; without a reference that is all of them. Raises InputError: the segmentation is
+    not for the simulated task.
     """
     task = len(simulation.durations_s)
     if len(segmentation.primitives) != task:
@@ -78,13 +72,9 @@ def downsampling_sweep(
 ) -> pd.DataFrame:
     """`cut_errors.downsampling_effect` for every person of the sweep, with the demonstrator's own noise.
 
-    Args:
-        parameters: factors and number of seeds.
-        simulation: of the demonstrator; its seed is replaced.
-        segmentation: of the cuts; its `downsampling` is replaced.
-
-    Returns:
-        One row per person and factor, with `seed`; none of a person whose reference cannot be cut.
+    `parameters`: factors and number of seeds. `simulation`: of the demonstrator; its seed is replaced.
+    `segmentation`: of the cuts; its `downsampling` is replaced. Returns one row per person and factor, with
+    `seed`; none of a person whose reference cannot be cut.
     """
     tolerant = segmentation.model_copy(update={"skip_failures": True})
     work = partial(

@@ -30,19 +30,12 @@ class EvaluationParameters(Parameters):
 
 @dataclass(frozen=True)
 class ExecutedSet:
-    """Executions with one model, or without.
+    """Executions with one model, or without."""
 
-    Attributes:
-        model: its name, or `NOMINAL`.
-        networks: its networks by primitive; none without feedback.
-        runs: by setting in degrees.
-        cuts: of these runs by setting.
-    """
-
-    model: str
-    networks: Mapping[str, CouplingModel]
-    runs: Mapping[float, Sequence[Demonstration]]
-    cuts: Mapping[float, Cuts]
+    model: str  # its name, or `NOMINAL`
+    networks: Mapping[str, CouplingModel]  # its networks by primitive; none without feedback
+    runs: Mapping[float, Sequence[Demonstration]]  # by setting in degrees
+    cuts: Mapping[float, Cuts]  # of these runs by setting
 
 
 def scores(
@@ -50,10 +43,7 @@ def scores(
 ) -> pd.DataFrame:
     """Rows of `execution_scores` with `model` and `setting_deg`, of the primitives with feedback.
 
-    Args:
-        sets: all executions.
-        nominal_orientation: (T, 4) of `cost.nominal_orientation`.
-        parameters: which primitives have feedback, and its axis.
+    `nominal_orientation`: (T, 4) of `cost.nominal_orientation`.
     """
     tables = []
     for executed in sets:

@@ -27,11 +27,8 @@ def execution_scores(
 ) -> pd.DataFrame:
     """Scores of executions in one setting.
 
-    Args:
-        runs: executions of one kind in one setting.
-        cuts: of these runs, for the primitives that are scored.
-        nominal: (T, 4) of `cost.nominal_orientation`.
-        axis: (3,) roll axis.
+    `cuts`: of these runs, for the primitives that are scored. `nominal`: (T, 4) of
+    `cost.nominal_orientation`. `axis`: (3,) roll axis.
 
     Returns:
         One row per run and primitive: `run`, `primitive`; `cost_rad`, accumulated over ticks; `mean_deg`, its
@@ -69,15 +66,10 @@ def execution_scores(
 def cost_ratios(scores: pd.DataFrame, model: str, baseline: str = "nominal") -> pd.DataFrame:
     """Accumulated cost with feedback relative to the nominal runs, by setting.
 
-    Args:
-        scores: rows of `execution_scores` with `model` and `setting_deg`; runs of equal name are pairs, they
-            met equal conditions.
-        model: with feedback.
-        baseline: without.
-
-    Returns:
-        One row per setting: `setting_deg`, `ratio` of the mean costs over all scored primitives, and the mean
-        paired difference `lower_rad` (baseline minus model) with the half width of its 95 % interval.
+    `scores`: rows of `execution_scores` with `model` and `setting_deg`; runs of equal name are pairs, they
+    met equal conditions. Returns one row per setting: `setting_deg`, `ratio` of the mean costs over all
+    scored primitives, and the mean paired difference `lower_rad` (baseline minus model) with the half width
+    of its 95 % interval.
     """
     totals = scores.groupby(["model", "setting_deg", "run"])["cost_rad"].sum()
     rows = []
@@ -97,15 +89,9 @@ def feedback_traces(
 ) -> pd.DataFrame:
     """Sensor deviations of one primitive in executions, and the coupling term that a model makes of them.
 
-    Args:
-        runs: executions by setting.
-        cuts: the primitive's segments by setting.
-        expected: its expected traces.
-        network: the model; None where there was no feedback.
-        parameters: sensors, and rate of the samples.
-
-    Returns:
-        One row per sample: `setting_deg`, `run`, `time_s`, `coupling` (0 without a model), `channel_00`.
+    `runs`: executions by setting. `cuts`: the primitive's segments by setting. `network`: the model; None
+    where there was no feedback. Returns one row per sample: `setting_deg`, `run`, `time_s`, `coupling`
+    (0 without a model), `channel_00`.
     """
     tables = []
     for setting, group in runs.items():

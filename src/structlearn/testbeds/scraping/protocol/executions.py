@@ -39,21 +39,14 @@ class CorrectedRunsParameters(Parameters):
 
 @dataclass(frozen=True)
 class Run:
-    """One execution to be made.
-
-    Attributes:
-        name: of the recording.
-        setting_deg: roll of the board.
-        seed: entropy of the run beside the testbed's seed; runs with equal seeds meet equal conditions.
-        corrected: whether a person corrects roll while the robot gives way.
-        feedback: whether the skill's networks act.
-    """
+    """One execution to be made."""
 
     name: str
-    setting_deg: float
+    setting_deg: float  # roll of the board
+    # entropy of the run beside the testbed's seed; runs with equal seeds meet equal conditions
     seed: tuple[int, ...]
-    corrected: bool = False
-    feedback: bool = False
+    corrected: bool = False  # whether a person corrects roll while the robot gives way
+    feedback: bool = False  # whether the skill's networks act
 
 
 NOMINAL, CORRECTED, EVALUATED = 1, 2, 3
@@ -86,13 +79,8 @@ def evaluation_runs(settings_deg: Sequence[float], count: int, feedback: bool) -
 def executions(skill: ReactiveSkill, runs: Sequence[Run], testbed: TestbedParameters) -> list[Recording]:
     """Executions by the robot from the skill's mean start.
 
-    Args:
-        skill: primitives, and where runs ask for it expected traces and networks.
-        runs: what to do.
-        testbed: see there.
-
-    Returns:
-        One recording per run, in order, with `true_segments` (P, 2) of the commanded primitives.
+    `skill`: primitives, and where runs ask for it expected traces and networks. Returns one recording per
+    run, in order, with `true_segments` (P, 2) of the commanded primitives.
     """
     work = list(zip(runs, range(len(runs)), strict=True))
     return parallel_map(partial(_execute, skill=skill, testbed=testbed), work, "executions")

@@ -31,12 +31,8 @@ class TimingParameters(Parameters):
 def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Metrics:
     """Time ticks of the controller with feedback.
 
-    Args:
-        skill: with networks.
-        parameters: rate and number of ticks.
-
-    Returns:
-        `controller_tick_us_median`, `controller_tick_us_p99` and `controller_tick_us_max`.
+    `parameters`: rate and number of ticks. Returns `controller_tick_us_median`, `controller_tick_us_p99` and
+    `controller_tick_us_max`.
     """
     microseconds = 1e6 * tick_latency(Controller(skill, parameters.controller_hz), parameters.ticks).seconds
     return {
@@ -49,13 +45,8 @@ def controller_latency(skill: ReactiveSkill, parameters: TimingParameters) -> Me
 def run_cost(skill: ReactiveSkill, testbed: TestbedParameters, parameters: TimingParameters) -> Metrics:
     """Time whole simulated runs with feedback, the start of the world included.
 
-    Args:
-        skill: with networks.
-        testbed: see there.
-        parameters: number of runs.
-
-    Returns:
-        `simulated_run_cpu_s`, median CPU seconds scaled to `STANDARD_RUN_S` of movement.
+    `parameters`: number of runs. Returns `simulated_run_cpu_s`, median CPU seconds scaled to `STANDARD_RUN_S`
+    of movement.
     """
     costs = []
     for index, run in enumerate(evaluation_runs([10.0], WARM_UP_RUNS + parameters.runs, feedback=True)):

@@ -17,14 +17,9 @@ from structlearn.recordings.demonstration import Demonstration
 def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
     """Orientation of the tool on the board in the default setting, mean over runs.
 
-    Args:
-        runs: nominal executions in the default setting, of equal commanded durations.
-
-    Returns:
-        (T, 4) unit quaternions, sign-continuous; T of the shortest run.
-
-    Raises:
-        InputError: a run has no tool-to-board orientation.
+    `runs`: nominal executions in the default setting, of equal commanded durations. Returns (T, 4) unit
+    quaternions, sign-continuous; T of the shortest run. Raises InputError: a run has no tool-to-board
+    orientation.
     """
     length = min(len(run.time) for run in runs)
     paths = np.stack([_tool_to_board(run)[:length] for run in runs], axis=1)  # (T, R, 4)
@@ -36,15 +31,9 @@ def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
 def orientation_cost(run: Demonstration, nominal: np.ndarray) -> np.ndarray:
     """Cost at every tick.
 
-    Args:
-        run: the current execution, on the clock of the nominal runs and of the same durations.
-        nominal: (T, 4) of `nominal_orientation`.
-
-    Returns:
-        (T',) rad, T' the shorter of both.
-
-    Raises:
-        InputError: the run has no tool-to-board orientation.
+    `run`: the current execution, on the clock of the nominal runs and of the same durations. `nominal`:
+    (T, 4) of `nominal_orientation`. Returns (T',) rad, T' the shorter of both. Raises InputError: the run has
+    no tool-to-board orientation.
     """
     current = _tool_to_board(run)
     length = min(len(current), len(nominal))
@@ -54,10 +43,7 @@ def orientation_cost(run: Demonstration, nominal: np.ndarray) -> np.ndarray:
 def accumulated(cost: np.ndarray, segment: tuple[float, float], rate_hz: float) -> float:
     """Sum of the cost over the ticks of one primitive (fig. IV.20), rad.
 
-    Args:
-        cost: (T,) rad.
-        segment: start and end of the primitive in s.
-        rate_hz: ticks per second.
+    `cost`: (T,) rad. `segment`: start and end of the primitive in s.
     """
     first, last = (round(end * rate_hz) for end in segment)
     return float(cost[first : last + 1].sum())

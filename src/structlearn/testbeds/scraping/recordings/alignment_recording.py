@@ -78,13 +78,6 @@ def write_alignment(
 
     One view per primitive that has an axis: above the reference, below the other demonstration, between them
     the corresponding samples, brighter with their weight. The time line goes through the demonstrations.
-
-    Args:
-        path: of the .rrd file.
-        demonstrations: complete ones.
-        segmentation: of these demonstrations.
-        parameters: it was made with.
-        title: heading, different for every recording.
     """
     by_name = {demonstration.name: demonstration for demonstration in demonstrations}
     pairs = segmentation.pairs

@@ -80,11 +80,8 @@ def write_executions(
 
     Each setting has a tab: above every run in 3-D and its electrodes, below the signals of all runs.
 
-    Args:
-        path: of the .rrd file.
-        settings: executions by roll of the board in degrees; those of one setting are of different kinds. The
-            first tab is that of the first setting.
-        title: heading, different for every recording.
+    `settings`: executions by roll of the board in degrees; those of one setting are of different kinds. The
+    first tab is that of the first setting.
     """
     with recording(path, title) as stream:
         tabs = _send_settings(stream, settings, FEEDBACK_NOTE)
@@ -103,12 +100,9 @@ def write_refinement(
     Each setting has a tab with the executions without feedback, before and after refinement, and each refined
     primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
 
-    Args:
-        path: of the .rrd file.
-        settings: of `shown_runs.read_refined_runs`.
-        history: one row per rollout, of `policy_search.rollouts.history_rows` with `primitive`.
-        samples: what was felt and done, of `policy_search.rollouts.sample_rows` with `primitive`.
-        title: heading, different for every recording.
+    `settings`: of `shown_runs.read_refined_runs`. `history`: one row per rollout, of
+    `policy_search.rollouts.history_rows` with `primitive`. `samples`: what was felt and done, of
+    `policy_search.rollouts.sample_rows` with `primitive`.
     """
     origin = origin_label([one.run for group in settings.values() for one in group])
     with recording(path, title) as stream:
@@ -120,13 +114,7 @@ def write_refinement(
 def write_robot(path: str | Path, one: Execution, title: str = "Robot") -> None:
     """Write an execution by the robot as a recording.
 
-    Args:
-        path: of the .rrd file.
-        one: the execution.
-        title: heading, different for every recording.
-
-    Raises:
-        ValueError: the run has no joint positions, or not as many as the arm has joints.
+    Raises ValueError: the run has no joint positions, or not as many as the arm has joints.
     """
     angles = one.run.joint_positions
     if angles is None or angles.shape[1] != len(JOINTS):

@@ -56,13 +56,8 @@ def send_scene(
 ) -> None:
     """Log board, path, moving hand with its electrodes, and the tool as it turns between the fingers.
 
-    Args:
-        stream: of the recording.
-        path: below which the entities are.
-        one: the execution.
-        scale: of `full_scale`.
-        shadow: only hand and tool, pale and in the run's colour, without electrodes, which would hide those
-            of another hand.
+    `scale`: of `full_scale`. `shadow`: only hand and tool, pale and in the run's colour, without electrodes,
+    which would hide those of another hand.
     """
     times, colour = [time_column(one.run.time[one.kept])], one.look.colour
     position, orientation = one.run.position[one.kept], one.run.signal("orientation")[one.kept]
@@ -154,9 +149,6 @@ def send_electrode_map(
     """Log the electrodes of both fingers as flat pictures, seen from the back of each finger.
 
     Drawn in mm: the fingers lie beside each other with their tips to the right, the scraping direction up.
-
-    Returns:
-        Their view.
     """
     offsets = np.array([[0.0, 0.0], [MAP_WIDTH + MAP_GAP, 0.0]])  # of the fingers
     flat = 1e3 * electrodes()[:, :, [2, 1]] * [1.0, -1.0] + offsets[:, None]

@@ -55,17 +55,11 @@ PALE = 0.4
 
 @dataclass(frozen=True)
 class Search:
-    """Rollouts of the search for one primitive.
-
-    Attributes:
-        primitive: its name.
-        history: one row per rollout, see `policy_search.rollouts.history_rows`.
-        samples: what was felt and done, see `policy_search.rollouts.sample_rows`.
-    """
+    """Rollouts of the search for one primitive."""
 
     primitive: str
-    history: pd.DataFrame
-    samples: pd.DataFrame
+    history: pd.DataFrame  # one row per rollout, see `policy_search.rollouts.history_rows`
+    samples: pd.DataFrame  # what was felt and done, see `policy_search.rollouts.sample_rows`
 
     @property
     def iterations(self) -> list[int]:
@@ -96,9 +90,8 @@ class Search:
 def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
     """One search per primitive, in the order in which they were refined.
 
-    Args:
-        history: rows of `policy_search.rollouts.history_rows` with `primitive`.
-        samples: rows of `policy_search.rollouts.sample_rows` with `primitive`.
+    `history`: rows of `policy_search.rollouts.history_rows` with `primitive`. `samples`: rows of
+    `policy_search.rollouts.sample_rows` with `primitive`.
     """
     return [
         Search(name, own, samples[samples["primitive"] == name])
@@ -109,13 +102,7 @@ def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
 def send_search(stream: rr.RecordingStream, search: Search, origin: str) -> rrb.Horizontal:
     """Log the search for a primitive, on the time lines of iterations and of seconds.
 
-    Args:
-        stream: of the recording.
-        search: for one primitive.
-        origin: of `rrd.origin_label`.
-
-    Returns:
-        Its tab.
+    `origin`: of `rrd.origin_label`.
     """
     costs = search.history["cost_rad"].dropna().to_numpy()
     ends = (search.iterations[0] - 0.6, search.iterations[-1] + 0.6)

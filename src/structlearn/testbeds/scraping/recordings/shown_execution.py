@@ -31,24 +31,17 @@ HEADINGS = {
 
 @dataclass(frozen=True)
 class Execution:
-    """One run on the board, and what the feedback saw and did in it.
+    """One run on the board, and what the feedback saw and did in it."""
 
-    Attributes:
-        look: name and colour of what kind of run it is.
-        run: with orientation, joint positions, wrench, tool-to-board orientation and segments.
-        board_deg: roll of the board.
-        primitives: names, in order of `run.true_segments`.
-        traces: what was felt and done in the primitives with feedback, columns `primitive`, `time_s` since
-            its start, `coupling` (rad, about the roll axis) and `channel_00` ... (counts, what the electrodes
-            read minus what they read in nominal runs).
-        cost: (C,) rad, of the first C <= T samples of the run (eq. IV.34); None where it is not shown.
-    """
-
-    look: Look
-    run: Demonstration
-    board_deg: float
-    primitives: Sequence[str]
+    look: Look  # name and colour of what kind of run it is
+    run: Demonstration  # with orientation, joint positions, wrench, tool-to-board orientation and segments
+    board_deg: float  # roll of the board
+    primitives: Sequence[str]  # names, in order of `run.true_segments`
+    # what was felt and done in the primitives with feedback, columns `primitive`, `time_s` since its start,
+    # `coupling` (rad, about the roll axis) and `channel_00` ... (counts, what the electrodes read minus what
+    # they read in nominal runs).
     traces: pd.DataFrame
+    # (C,) rad, of the first C <= T samples of the run (eq. IV.34); None where it is not shown.
     cost: np.ndarray | None = None
 
     @property
@@ -115,11 +108,7 @@ class Execution:
 def send_signals(
     stream: rr.RecordingStream, parent: str, executions: Sequence[Execution]
 ) -> list[rrb.TimeSeriesView]:
-    """Log the signals of executions in one setting below a parent, and the roll that the hand should reach.
-
-    Returns:
-        A plot per signal.
-    """
+    """Log the signals of executions in one setting below a parent, and the roll that the hand is to reach."""
     for one in executions:
         for kind, (times, values) in one.signals.items():
             send_curve(

@@ -22,17 +22,14 @@ FEEDBACK_RUNS = {
     POINTWISE: (CLOSED_LOOP, POINTWISE),  # trained as in the dissertation
 }
 REFINED_RUNS = {model: (REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
-"""Where the runs lie that a recording puts beside each other, for `ScrapingFiles.runs`."""
+"""Where the runs lie that a recording puts beside each other, for `ScrapingFiles.runs_at`."""
 
 
 def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
     """The first nominal, corrected and closed-loop run of every setting that has all three.
 
-    Returns:
-        By roll of the board in degrees, the largest first; empty where nothing was executed.
-
-    Raises:
-        InputError: a file is not readable.
+    Returns by roll of the board in degrees, the largest first; empty where nothing was executed. Raises
+    InputError: a file is not readable.
     """
     traces = files.table("traces")
     if traces.empty:
@@ -51,7 +48,7 @@ def read_refined_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
     traces = files.table("refined_traces")
     if traces.empty:
         return {}
-    return _read(files, REFINED_RUNS, _first_runs(traces), nominal_orientation(files.unrolls()))
+    return _read(files, REFINED_RUNS, _first_runs(traces), nominal_orientation(files.runs("unrolls")))
 
 
 def _first_runs(traces: pd.DataFrame) -> pd.DataFrame:
@@ -71,7 +68,7 @@ def _read(
         found = {
             kind: run
             for kind, (folder, model) in places.items()
-            for run in files.runs(folder, setting, model, count=1)
+            for run in files.runs_at(setting, folder, model)[:1]
             if all(getattr(run, name) is not None for name in NEEDED)
         }
         if len(found) == len(places):

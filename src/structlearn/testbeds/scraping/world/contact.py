@@ -25,25 +25,15 @@ the roll torque of a tilted board would be a fifth too large."""
 
 
 class Board(NamedTuple):
-    """The board of one run.
+    """The board of one run."""
 
-    Attributes:
-        point: (3,) m, a point of it.
-        normal: (3,) unit vector.
-        stiffness: N/m under the whole edge.
-        damping: s/m, factor of the force on the approach velocity.
-        friction: coefficient.
-        sticking: N/m, tangential stiffness of the whole edge.
-        sticking_damping: N s/m of that.
-    """
-
-    point: np.ndarray
-    normal: np.ndarray
-    stiffness: float
-    damping: float
-    friction: float
-    sticking: float
-    sticking_damping: float
+    point: np.ndarray  # (3,) m, a point of it
+    normal: np.ndarray  # (3,) unit vector
+    stiffness: float  # N/m under the whole edge
+    damping: float  # s/m, factor of the force on the approach velocity
+    friction: float  # coefficient
+    sticking: float  # N/m, tangential stiffness of the whole edge
+    sticking_damping: float  # N s/m of that
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -28,96 +28,65 @@ from structlearn.simulation.hand_noise import hand_noise
 
 
 class CorrectorParameters(Parameters):
-    """The person; units in the names.
+    """The person; units in the names."""
 
-    Attributes:
-        reaction_s: from the start of the second primitive to the first submovement; in the recorded
-            corrected demonstrations (public data `clmc`, scraping setting 2, mean of 15) the hand begins to
-            turn at 0.45 s. A simple visual reaction takes 0.2 s, deciding about 0.1 s more.
-        reaction_spread_s: its std between trials; reaction times vary by a fifth to a quarter.
-        visual_delay_s: of the error in later submovements (visual corrections take 0.10-0.20 s: Saunders &
-            Knill 2003).
-        refractory_s: shortest time between two submovements (psychological refractory period, Vince 1948).
-        refractory_spread_s: std of what is added to it, one-sided.
-        threshold_deg: error that is let be; at 0.8 degrees one end of the 11 mm edge is 0.15 mm off.
-        bias_deg: std between trials of what looks flat; recorded: 0.45 degrees at the end of the primitive.
-        gain: mean share of the error that a submovement aims at; the first falls short as a rule (Meyer et
-            al. 1988).
-        gain_spread: its std between submovements: with the noise below one in six overshoots.
-        noise: std of a submovement's amplitude, relative (van Beers, Haggard & Wolpert 2004: 5-10 %).
-        movement_s: mean duration of a submovement; the recorded correction takes 0.8 s (knobs that are
-            turned alone take 0.3-0.6 s: Novak, Miller & Houk 2002).
-        movement_spread_s: its std.
-        stiffness_n_m_rad: of the wrist that holds the hand (Formica et al. 2012: 0.7-1.7 N m/rad passive).
-        damping_n_m_s_rad: its damping, about 0.1 s times the stiffness.
-        noise_mm: sway, motor noise and tremor of the hand; a tenth of a free hand's, for it rests on a robot
-            that gives way slowly: in the recorded execution of the same setting the hand's orientation stays
-            within 0.02 degrees (std over 2 s) once it is corrected.
-    """
-
+    # from the start of the second primitive to the first submovement; in the recorded corrected
+    # demonstrations (public data `clmc`, scraping setting 2, mean of 15) the hand begins to turn at 0.45 s. A
+    # simple visual reaction takes 0.2 s, deciding about 0.1 s more.
     reaction_s: float = Field(ge=0)
+    # its std between trials; reaction times vary by a fifth to a quarter
     reaction_spread_s: float = Field(ge=0)
+    # of the error in later submovements (visual corrections take 0.10-0.20 s: Saunders & Knill 2003)
     visual_delay_s: float = Field(ge=0)
+    # shortest time between two submovements (psychological refractory period, Vince 1948)
     refractory_s: float = Field(ge=0.05)
-    refractory_spread_s: float = Field(ge=0)
+    refractory_spread_s: float = Field(ge=0)  # std of what is added to it, one-sided
+    # error that is let be; at 0.8 degrees one end of the 11 mm edge is 0.15 mm off
     threshold_deg: float = Field(ge=0)
+    # std between trials of what looks flat; recorded: 0.45 degrees at the end of the primitive
     bias_deg: float = Field(ge=0)
+    # mean share of the error that a submovement aims at; the first falls short as a rule (Meyer et al. 1988).
     gain: float = Field(gt=0)
+    # its std between submovements: with the noise below one in six overshoots
     gain_spread: float = Field(ge=0)
+    # std of a submovement's amplitude, relative (van Beers, Haggard & Wolpert 2004: 5-10 %)
     noise: float = Field(ge=0)
+    # mean duration of a submovement; the recorded correction takes 0.8 s (knobs that are turned alone take
+    # 0.3-0.6 s: Novak, Miller & Houk 2002)
     movement_s: float = Field(gt=0)
-    movement_spread_s: float = Field(ge=0)
+    movement_spread_s: float = Field(ge=0)  # its std
+    # of the wrist that holds the hand (Formica et al. 2012: 0.7-1.7 N m/rad passive).
     stiffness_n_m_rad: float = Field(gt=0)
-    damping_n_m_s_rad: float = Field(ge=0)
+    damping_n_m_s_rad: float = Field(ge=0)  # its damping, about 0.1 s times the stiffness
+    # sway, motor noise and tremor of the hand; a tenth of a free hand's, for it rests on a robot that gives
+    # way slowly: in the recorded execution of the same setting the hand's orientation stays within 0.02
+    # degrees (std over 2 s) once it is corrected
     noise_mm: float = Field(ge=0)
 
 
 class Corrector(NamedTuple):
-    """One trial of the person; arrays change in place.
+    """One trial of the person; arrays change in place."""
 
-    Attributes:
-        dt: s per tick.
-        reaction: s.
-        delay: ticks of vision.
-        refractory: s.
-        refractory_spread: s.
-        threshold: rad.
-        gain: see `CorrectorParameters`, like the spreads that follow.
-        gain_spread: of the gain.
-        noise: of a submovement.
-        movement: s.
-        movement_spread: s.
-        stiffness: N m/rad.
-        damping: N m s/rad.
-        bias: rad, what looks flat in this trial.
-        trembling: (T,) rad about the scraping direction.
-        draws: (N,) standard normal numbers for the decisions.
-        remaining: (T,) rad, what is left for the person, as seen at every tick so far.
-        submovements: (M, 3) onset in s, duration in s, amplitude in rad.
-        counts: (3,) tick of the first call or -1, submovements and draws so far.
-        decision: (1,) s, time of the next decision.
-    """
-
-    dt: float
-    reaction: float
-    delay: int
-    refractory: float
-    refractory_spread: float
-    threshold: float
-    gain: float
-    gain_spread: float
-    noise: float
-    movement: float
-    movement_spread: float
-    stiffness: float
-    damping: float
-    bias: float
-    trembling: np.ndarray
-    draws: np.ndarray
-    remaining: np.ndarray
-    submovements: np.ndarray
-    counts: np.ndarray
-    decision: np.ndarray
+    dt: float  # s per tick
+    reaction: float  # s
+    delay: int  # ticks of vision
+    refractory: float  # s
+    refractory_spread: float  # s
+    threshold: float  # rad
+    gain: float  # see `CorrectorParameters`, like the spreads that follow
+    gain_spread: float  # of the gain
+    noise: float  # of a submovement
+    movement: float  # s
+    movement_spread: float  # s
+    stiffness: float  # N m/rad
+    damping: float  # N m s/rad
+    bias: float  # rad, what looks flat in this trial
+    trembling: np.ndarray  # (T,) rad about the scraping direction
+    draws: np.ndarray  # (N,) standard normal numbers for the decisions
+    remaining: np.ndarray  # (T,) rad, what is left for the person, as seen at every tick so far
+    submovements: np.ndarray  # (M, 3) onset in s, duration in s, amplitude in rad
+    counts: np.ndarray  # (3,) tick of the first call or -1, submovements and draws so far
+    decision: np.ndarray  # (1,) s, time of the next decision
 
 
 _FIRST, _MOVEMENTS, _DRAWN = range(3)
@@ -128,14 +97,7 @@ _DRAWS = 4
 
 
 def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.random.Generator) -> Corrector:
-    """Draw a trial.
-
-    Args:
-        parameters: see there.
-        ticks: of the whole run.
-        dt: s per tick.
-        rng: of this trial.
-    """
+    """Draw a trial."""
     own = parameters
     bias = np.radians(own.bias_deg) * rng.standard_normal()
     reaction = max(own.reaction_s + own.reaction_spread_s * rng.standard_normal(), 0.1)
@@ -179,16 +141,9 @@ def hold(
 ) -> float:
     """Torque of the person on the hand about roll.
 
-    Args:
-        person: asked once per control tick.
-        tick: number of the control tick; correction begins with the first call.
-        error: rad, roll that the tool lacks to lie flat.
-        nominal: roll in rad and its rate in rad/s that the nominal movement has at this tick; in the end
-            its roll is 0.
-        hand: roll of the hand in rad and its rate in rad/s.
-
-    Returns:
-        N m.
+    `tick`: number of the control tick; correction begins with the first call. `error`: rad, roll that the
+    tool lacks to lie flat. `nominal`: roll in rad and its rate in rad/s that the nominal movement has at this
+    tick; in the end its roll is 0. `hand`: roll of the hand in rad and its rate in rad/s. Returns N m.
     """
     now = tick * person.dt
     person.remaining[tick] = error + person.bias + nominal[0]  # the robot itself will do -nominal

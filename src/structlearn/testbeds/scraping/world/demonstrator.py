@@ -93,28 +93,18 @@ class DemonstratorParameters(Parameters):
 
 @dataclass(frozen=True)
 class Intention:
-    """How the hand is meant to move in one demonstration.
+    """How the hand is meant to move in one demonstration."""
 
-    Attributes:
-        name: "01", "02", ...
-        time: (T,) s.
-        edge: (T, 3) m, path of the edge frame, base frame, without noise.
-        tilt: (T, 3) rad, rotation vector from flat, base frame, without noise.
-        edge_noise: (T, 3) m.
-        tilt_noise: (T, 3) rad.
-        segments: (3, 2) s, the start of the descent and the contact; the contact and the start of the scrape;
-            the start and the end of the scrape.
-        run: source of all randomness of the run itself: sensors, board, pressure.
-    """
-
-    name: str
-    time: np.ndarray
-    edge: np.ndarray
-    tilt: np.ndarray
-    edge_noise: np.ndarray
-    tilt_noise: np.ndarray
+    name: str  # "01", "02", ...
+    time: np.ndarray  # (T,) s
+    edge: np.ndarray  # (T, 3) m, path of the edge frame, base frame, without noise
+    tilt: np.ndarray  # (T, 3) rad, rotation vector from flat, base frame, without noise
+    edge_noise: np.ndarray  # (T, 3) m
+    tilt_noise: np.ndarray  # (T, 3) rad
+    # (3, 2) s, the start of the descent and the contact; the contact and the start of the scrape; the start
+    # and the end of the scrape
     segments: np.ndarray
-    run: np.random.SeedSequence
+    run: np.random.SeedSequence  # source of all randomness of the run itself: sensors, board, pressure
 
     @property
     def contact(self) -> float:
@@ -123,15 +113,7 @@ class Intention:
 
 
 def intended_movements(parameters: DemonstratorParameters, rate_hz: float = RATE_HZ) -> list[Intention]:
-    """The movements of one simulated person.
-
-    Args:
-        parameters: how many, how noisy, how irregular.
-        rate_hz: of the movements' samples.
-
-    Returns:
-        Movements "01", "02", ... in order.
-    """
+    """The movements of one simulated person."""
     person, *seeds = np.random.SeedSequence(parameters.seed).spawn(parameters.count + 1)
     habits = _draw_shapes(np.random.default_rng(person), (3, 2))
     return [_intention(index, seed, parameters, habits, rate_hz) for index, seed in enumerate(seeds)]

@@ -57,109 +57,64 @@ class ControlParameters(Parameters):
 
 
 class Reference(NamedTuple):
-    """Where the edge frame is meant to be at each of T ticks, base frame.
+    """Where the edge frame is meant to be at each of T ticks, base frame."""
 
-    Attributes:
-        position: (T, 3) m.   velocity: (T, 3) m/s.   acceleration: (T, 3) m/s^2.
-        orientation: (T, 4) unit quaternions.
-        angular_velocity: (T, 3) rad/s.   angular_acceleration: (T, 3) rad/s^2.
-        primitive: (T,) number of the running primitive; force control is on from the second one on.
-    """
-
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    orientation: np.ndarray
-    angular_velocity: np.ndarray
-    angular_acceleration: np.ndarray
-    primitive: np.ndarray
+    position: np.ndarray  # (T, 3) m
+    velocity: np.ndarray  # (T, 3) m/s
+    acceleration: np.ndarray  # (T, 3) m/s^2
+    orientation: np.ndarray  # (T, 4) unit quaternions
+    angular_velocity: np.ndarray  # (T, 3) rad/s
+    angular_acceleration: np.ndarray  # (T, 3) rad/s^2
+    primitive: np.ndarray  # (T,) number of the running primitive; force control is on from the second one on
 
 
 class Conditions(NamedTuple):
-    """What a run meets; small differences between runs are part of a real set-up.
+    """What a run meets; small differences between runs are part of a real set-up."""
 
-    Attributes:
-        board_roll: rad.
-        board_point: (3,) m on the axis of tilt.
-        friction_factor: on the world's friction.
-        board_stiffness_factor: on the board's stiffness.
-        stiffness: 1/s^2 of whoever leads the arm; the robot's own, or a person's.
-        force: (T,) N held in contact.
-        force_gains: P in m/N, I in m/(N s).
-    """
-
-    board_roll: float
-    board_point: np.ndarray
-    friction_factor: float
-    board_stiffness_factor: float
-    stiffness: float
-    force: np.ndarray
-    force_gains: tuple[float, float]
+    board_roll: float  # rad
+    board_point: np.ndarray  # (3,) m on the axis of tilt
+    friction_factor: float  # on the world's friction
+    board_stiffness_factor: float  # on the board's stiffness
+    stiffness: float  # 1/s^2 of whoever leads the arm; the robot's own, or a person's
+    force: np.ndarray  # (T,) N held in contact
+    force_gains: tuple[float, float]  # P in m/N, I in m/(N s)
 
 
 class RunLog(NamedTuple):
-    """What happened, per control tick; counts per reading of the fingers.
+    """What happened, per control tick; counts per reading of the fingers."""
 
-    Attributes:
-        position: (T, 3) m of the edge frame.
-        orientation: (T, 4) of the edge frame.
-        joint_positions: (T, 7) rad.   joint_velocities: (T, 7) rad/s.   joint_torques: (T, 7) N m.
-        wrench: (T, 6) of the tool on the board, as the wrist sensor reads it.
-        tool_to_board: (T, 4) orientation of the tool relative to the board; identity when it lies flat.
-        counts: (S, 38), read at ticks `count_ticks` (S,).
-        primitive: (T,) number of the running primitive.
-    """
-
-    position: np.ndarray
-    orientation: np.ndarray
-    joint_positions: np.ndarray
-    joint_velocities: np.ndarray
-    joint_torques: np.ndarray
-    wrench: np.ndarray
+    position: np.ndarray  # (T, 3) m of the edge frame
+    orientation: np.ndarray  # (T, 4) of the edge frame
+    joint_positions: np.ndarray  # (T, 7) rad
+    joint_velocities: np.ndarray  # (T, 7) rad/s
+    joint_torques: np.ndarray  # (T, 7) N m
+    wrench: np.ndarray  # (T, 6) of the tool on the board, as the wrist sensor reads it
+    # (T, 4) orientation of the tool relative to the board; identity when it lies flat
     tool_to_board: np.ndarray
-    counts: np.ndarray
+    counts: np.ndarray  # (S, 38), read at ticks `count_ticks` (S,)
     count_ticks: np.ndarray
-    primitive: np.ndarray
+    primitive: np.ndarray  # (T,) number of the running primitive
 
 
 class _Run(NamedTuple):
-    """All that a tick reads and writes.
+    """All that a tick reads and writes."""
 
-    Attributes:
-        dt: s per control tick.
-        conditions: of the run.
-        arm: what the robot's controller knows.
-        world: robot and board.
-        fingers: readings to be taken.
-        reference: of the motion; of a controller it is written tick by tick.
-        target: what is made of it at this tick.
-        roll_gains: P in rad/(N m), I in rad/(N m s).
-        share: of a new reading in the filtered wrench.
-        noise: (T, 6) of the wrist sensor, N and N m.
-        felt: (6,) the filtered wrench.
-        push: (6,) wrench of a person on the hand.
-        sums: (2,) integrals of force control and roll compliance.
-        log: what happened.
-        hand: (T, 3, 3) orientation of the edge frame.
-        tool: (T, 3, 3) of the tool.
-    """
-
-    dt: float
+    dt: float  # s per control tick
     conditions: Conditions
-    arm: Arm
-    world: World
+    arm: Arm  # what the robot's controller knows
+    world: World  # robot and board
     fingers: Readings
-    reference: Reference
-    target: Target
-    roll_gains: tuple[float, float]
-    share: float
-    noise: np.ndarray
-    felt: np.ndarray
-    push: np.ndarray
-    sums: np.ndarray
+    reference: Reference  # of the motion; of a controller it is written tick by tick
+    target: Target  # what is made of it at this tick
+    roll_gains: tuple[float, float]  # P in rad/(N m), I in rad/(N m s)
+    share: float  # of a new reading in the filtered wrench
+    noise: np.ndarray  # (T, 6) of the wrist sensor, N and N m
+    felt: np.ndarray  # (6,) the filtered wrench
+    push: np.ndarray  # (6,) wrench of a person on the hand
+    sums: np.ndarray  # (2,) integrals of force control and roll compliance
     log: RunLog
-    hand: np.ndarray
-    tool: np.ndarray
+    hand: np.ndarray  # (T, 3, 3) orientation of the edge frame
+    tool: np.ndarray  # (T, 3, 3) of the tool
 
 
 def execute(

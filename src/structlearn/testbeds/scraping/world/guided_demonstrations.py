@@ -26,12 +26,7 @@ def guided_demonstrations(
 ) -> list[Recording]:
     """Nominal demonstrations by a person who guides the arm on the flat board.
 
-    Args:
-        demonstrator: how many, how noisy, how irregular.
-        testbed: see there.
-
-    Returns:
-        Recordings "01", "02", ... with `true_segments` (3, 2) of the intended movement.
+    Returns recordings "01", "02", ... with `true_segments` (3, 2) of the intended movement.
     """
     movements = intended_movements(demonstrator, testbed.world.control_rate_hz)
     guide = partial(_guide, testbed=testbed, seed=demonstrator.seed)

@@ -20,39 +20,22 @@ ELBOW_STIFFNESS, ELBOW_DAMPING = 40.0, 12.0  # 1/s^2 and 1/s; the elbow is in no
 
 
 class Arm(NamedTuple):
-    """What the controller knows of the arm, and what it observes; base frame.
+    """What the controller knows of the arm, and what it observes; base frame."""
 
-    Attributes:
-        body: the arm with its hand and an unloaded tool.
-        work: its workspace.
-        edge_rotation: (3, 3) of the edge frame in the last link's.
-        edge_place: (3,) m of its origin there.
-        posture: (7,) rad to which the null space pulls.
-        q: (7,) rad, last observed.
-        v: (7,) rad/s, last observed.
-        position: (3,) m, the edge frame's position then.
-        rotation: (3, 3) its orientation.
-        twist: (6,) its velocity in m/s and rad/s.
-        jacobian: (6, 7) of that.
-        torques: (7,) N m, last commanded.
-        mobility: (6, 7) M^-1 J^T, transposed.
-        inverse_inertia: (6, 6) of Lambda.
-    """
-
-    body: Body
+    body: Body  # the arm with its hand and an unloaded tool
     work: Workspace
-    edge_rotation: np.ndarray
-    edge_place: np.ndarray
-    posture: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    position: np.ndarray
-    rotation: np.ndarray
-    twist: np.ndarray
-    jacobian: np.ndarray
-    torques: np.ndarray
-    mobility: np.ndarray
-    inverse_inertia: np.ndarray
+    edge_rotation: np.ndarray  # (3, 3) of the edge frame in the last link's
+    edge_place: np.ndarray  # (3,) m of its origin there
+    posture: np.ndarray  # (7,) rad to which the null space pulls
+    q: np.ndarray  # (7,) rad, last observed
+    v: np.ndarray  # (7,) rad/s, last observed
+    position: np.ndarray  # (3,) m, the edge frame's position then
+    rotation: np.ndarray  # (3, 3) its orientation
+    twist: np.ndarray  # (6,) its velocity in m/s and rad/s
+    jacobian: np.ndarray  # (6, 7) of that
+    torques: np.ndarray  # (7,) N m, last commanded
+    mobility: np.ndarray  # (6, 7) M^-1 J^T, transposed
+    inverse_inertia: np.ndarray  # (6, 6) of Lambda
 
 
 class Target(NamedTuple):
@@ -125,11 +108,8 @@ def observe(arm: Arm, q: np.ndarray, v: np.ndarray) -> None:
 def control(arm: Arm, target: Target, stiffness: float, force: np.ndarray) -> None:
     """Write the joint torques towards a target, at the last observed state; once per observation.
 
-    Args:
-        arm: see there.
-        target: of the edge frame.
-        stiffness: K in 1/s^2, the squared natural frequency.
-        force: (6,) additional wrench on the hand at the edge frame, N and N m, base frame.
+    `stiffness`: K in 1/s^2, the squared natural frequency. `force`: (6,) additional wrench on the hand at the
+    edge frame, N and N m, base frame.
     """
     count, mass, jacobian, torques = len(arm.q), arm.work.mass_matrix, arm.jacobian, arm.torques
     wanted = np.empty(6)

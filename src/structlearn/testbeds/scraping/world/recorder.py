@@ -34,18 +34,9 @@ def recorded(
 ) -> Recording:
     """A run as it is recorded: pose and wrench at the controller's rate, all else slower.
 
-    Args:
-        name: of the recording.
-        start: stamp of the first tick in ns.
-        log: the run.
-        segments: (P, 2) s, start and end of the primitives.
-        origin: see `provenance`.
-        dt: s per control tick.
-        parameters: of the devices.
-        rng: of their noise and clocks.
-
-    Returns:
-        Streams of pose, joints, wrench, two fingers and motion capture.
+    `start`: stamp of the first tick in ns. `segments`: (P, 2) s, start and end of the primitives. `origin`:
+    see `provenance`. `dt`: s per control tick. Returns streams of pose, joints, wrench, two fingers and
+    motion capture.
     """
     ticks = np.arange(len(log.position))
     slow = ticks[::RECORDED_EVERY]

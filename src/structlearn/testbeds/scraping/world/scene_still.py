@@ -32,12 +32,8 @@ VIEW = View(target=(0.36, -0.02, 0.29), distance=1.55, yaw_deg=34.0, pitch_deg=-
 def scraping_still(run: Demonstration, board_deg: float) -> np.ndarray:
     """The robot in the middle of its last primitive.
 
-    Args:
-        run: an execution with joint positions, orientation, tool-to-board orientation and segments.
-        board_deg: roll of the board.
-
-    Returns:
-        (H, W, 3) bytes.
+    `run`: an execution with joint positions, orientation, tool-to-board orientation and segments. Returns
+    (H, W, 3) bytes.
     """
     moment = round(float(run.signal("true_segments")[-1].mean()) / run.dt)
     board = quaternion.from_rotation_vector(np.radians(board_deg) * ROLL_AXIS)

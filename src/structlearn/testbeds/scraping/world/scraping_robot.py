@@ -99,15 +99,8 @@ def arm_model() -> ArmModel:
 def joint_angles(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Arm posture near `HOME` that puts the edge frame at a pose, by damped Gauss-Newton steps.
 
-    Args:
-        position: (3,) m, base frame.
-        rotation: (3, 3) edge to base.
-
-    Returns:
-        (7,) rad.
-
-    Raises:
-        ValueError: the pose is out of reach.
+    `position`: (3,) m, base frame. `rotation`: (3, 3) edge to base. Returns (7,) rad. Raises ValueError: the
+    pose is out of reach.
     """
     arm = arm_model()
     data = arm.model.createData()

@@ -50,39 +50,22 @@ class WorldParameters(Parameters):
 
 
 class World(NamedTuple):
-    """Robot, tool and board in one moment; the arrays change in place.
+    """Robot, tool and board in one moment; the arrays change in place."""
 
-    Attributes:
-        body: arm, grasp and tool, thirteen joints.
-        work: kinematics and dynamics at q and v.
-        q: (13,) positions of arm and grasp joints, rad and m.
-        v: (13,) their velocities.
-        grasp: (2, 6) stiffness and damping of the grasp's joints.
-        board: of this run.
-        dt: s per physics step.
-        substeps: of these per control tick.
-        stuck: (EDGE_POINTS, 3) m, tangential springs of the contact.
-        tool_rotation: (3, 3) of the tool, base frame, at the last physics step.
-        edge: (3,) m, middle of the tool's edge then.
-        board_wrench: (6,) force of the board on the tool in N, and its torque about the edge in N m.
-        grasp_load: (6,) force and torque of the tool on the hand at the grasp, hand frame.
-        torques: (13,) N m and N of arm, grasp and contact on the joints.
-    """
-
-    body: Body
-    work: Workspace
-    q: np.ndarray
-    v: np.ndarray
-    grasp: np.ndarray
+    body: Body  # arm, grasp and tool, thirteen joints
+    work: Workspace  # kinematics and dynamics at q and v
+    q: np.ndarray  # (13,) positions of arm and grasp joints, rad and m
+    v: np.ndarray  # (13,) their velocities
+    grasp: np.ndarray  # (2, 6) stiffness and damping of the grasp's joints
     board: Board
-    dt: float
-    substeps: int
-    stuck: np.ndarray
-    tool_rotation: np.ndarray
-    edge: np.ndarray
-    board_wrench: np.ndarray
-    grasp_load: np.ndarray
-    torques: np.ndarray
+    dt: float  # s per physics step
+    substeps: int  # of these per control tick
+    stuck: np.ndarray  # (EDGE_POINTS, 3) m, tangential springs of the contact
+    tool_rotation: np.ndarray  # (3, 3) of the tool, base frame, at the last physics step
+    edge: np.ndarray  # (3,) m, middle of the tool's edge then
+    board_wrench: np.ndarray  # (6,) force of the board on the tool in N, and its torque about the edge in N m
+    grasp_load: np.ndarray  # (6,) force and torque of the tool on the hand at the grasp, hand frame
+    torques: np.ndarray  # (13,) N m and N of arm, grasp and contact on the joints
 
 
 def placed(
@@ -95,13 +78,8 @@ def placed(
 ) -> World:
     """The robot at rest, with the tool hanging in the grasp, and the board in its place.
 
-    Args:
-        parameters: see there.
-        angles: (7,) rad, of the arm.
-        board_roll: rad, about the base y axis.
-        board_point: (3,) m, a point of the board on its axis of tilt.
-        friction_factor: of this run, on the friction coefficient.
-        stiffness_factor: of this run, on the board's stiffness.
+    `angles`: (7,) rad, of the arm. `board_roll`: rad, about the base y axis. `board_point`: (3,) m, a point
+    of the board on its axis of tilt. `stiffness_factor`: of this run, on the board's stiffness.
     """
     own, robot = parameters, scraping_robot.whole()
     about_x, about_z, about_y = own.grasp_n_m_rad
@@ -173,11 +151,8 @@ def tool_wrench(load: np.ndarray, hand: np.ndarray, tool: np.ndarray, wrench: np
     The tool's weight is taken off with its *current* orientation: with that of the hand, a tool that gives
     way would seem to be loaded, and roll control would settle at twice the tilt.
 
-    Args:
-        load: (6,) `World.grasp_load`.
-        hand: (3, 3) of the hand, base frame.
-        tool: (3, 3) of the tool, base frame.
-        wrench: (6,) written: force in N and torque about the tool's edge in N m, base frame.
+    `load`: (6,) `World.grasp_load`. `hand`: (3, 3) of the hand, base frame. `tool`: (3, 3) of the tool, base
+    frame. `wrench`: (6,) written: force in N and torque about the tool's edge in N m, base frame.
     """
     for i in range(3):
         wrench[i] = -(hand[i, 0] * load[0] + hand[i, 1] * load[1] + hand[i, 2] * load[2])

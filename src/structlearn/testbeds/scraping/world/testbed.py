@@ -51,13 +51,8 @@ def run_conditions(
 ) -> Conditions:
     """What one run meets: the board's roll, friction and stiffness as they vary, drawn from `rng`.
 
-    Args:
-        testbed: how much they vary.
-        board_roll: rad, as set.
-        rng: of this run.
-        stiffness: N/m per kg that holds the tool on its path.
-        force: (T,) N that presses it on the board.
-        gains: proportional and integral gain of the force.
+    `board_roll`: rad, as set. `stiffness`: N/m per kg that holds the tool on its path. `force`: (T,) N that
+    presses it on the board.
     """
     own = testbed.variation
     roll, friction, board = rng.standard_normal(3)

@@ -40,8 +40,8 @@ from structlearn.testbeds.servoing.page.results import (
     forward_key,
     rate_key,
 )
-from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
+from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 
 TEXT_LL = replace(TEXT, inverse=LOCALLY_LINEAR)

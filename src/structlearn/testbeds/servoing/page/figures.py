@@ -20,10 +20,8 @@ from structlearn.tactile.latent_parameters import NO_INVERSE, STRUCTURES
 from structlearn.testbeds.servoing import names
 from structlearn.testbeds.servoing.page.evidence import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
-from structlearn.testbeds.servoing.protocol.contact_errors import contact_bias
-from structlearn.testbeds.servoing.protocol.controller_scores import KEYS, rows_of
-from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores
-from structlearn.testbeds.servoing.protocol.servo_scores import success_by_tolerance
+from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores, contact_bias
+from structlearn.testbeds.servoing.protocol.servo_scores import KEYS, rows_of, success_by_tolerance
 from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Variant
 
 BOUNDS = {"reconstruction": PUBLISHED["reconstruction_nmse"], "distances": PUBLISHED["distances_nmse"]}
@@ -42,12 +40,7 @@ DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" fo
 
 
 def drawings(results: ServoingResults, still: np.ndarray) -> dict[str, Drawing | Sequence[Drawing]]:
-    """All figures by name.
-
-    Args:
-        results: what to show.
-        still: picture of the simulated scene.
-    """
+    """All figures by name."""
     with style():
         found: dict[str, Drawing | Sequence[Drawing]] = {
             "map": _maps(results),

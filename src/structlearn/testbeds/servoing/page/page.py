@@ -16,9 +16,8 @@ from structlearn.testbeds.servoing.files import MADE_BY
 from structlearn.testbeds.servoing.page import tables
 from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence, over_people, rate, rate_of_people
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, PUBLISHED, ServoingResults
-from structlearn.testbeds.servoing.protocol.contact_errors import SQUARE_MM, contact_bias
-from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
-from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
+from structlearn.testbeds.servoing.protocol.model_scores import SQUARE_MM, TEST_CHAIN, contact_bias
+from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import AS_DATA, CHANGES, Variant
 
 PACKAGE = "structlearn.testbeds.servoing.page"
@@ -27,9 +26,7 @@ PACKAGE = "structlearn.testbeds.servoing.page"
 def document(results: ServoingResults, shown: Mapping[str, Table]) -> Document:
     """The page with its verdicts.
 
-    Args:
-        results: what it shows; figures are those of `figures.drawings`.
-        shown: tables of `tables.tables`.
+    `results`: what it shows; figures are those of `figures.drawings`; `shown`: tables of `tables.tables`.
     """
     facts = _facts(results)
     claims = read_claims(Path(__file__).with_name("claims.yaml"))

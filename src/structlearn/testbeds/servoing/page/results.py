@@ -13,15 +13,13 @@ import pandas as pd
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import read_values
 from structlearn.reporting.studies import Study
-from structlearn.tactile.electrodes import SKINS, Skin
-from structlearn.tactile.flat_maps import map_laying
+from structlearn.tactile.electrodes import SKINS, Skin, map_laying
 from structlearn.tactile.latent_parameters import FORWARD_OF, JACOBIAN, LOCALLY_LINEAR, NO_INVERSE, STRUCTURES
 from structlearn.tactile.touch_dataset import SPLITS, TEST, TEST_STRIDE, Chains, TouchDataset, chains
 from structlearn.testbeds.servoing.files import OtherSkinTables
 from structlearn.testbeds.servoing.names import DYNAMICS, OURS, TEXT
-from structlearn.testbeds.servoing.protocol.contact_errors import contact_errors
-from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
-from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores
+from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN, ModelScores, contact_errors
+from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     AS_DATA,
     Comparison,
@@ -62,25 +60,15 @@ HEADLINES = (
 
 @dataclass(frozen=True)
 class ServoingResults:
-    """What the stages of the testbed wrote.
+    """What the stages of the testbed wrote."""
 
-    Attributes:
-        dataset: samples of touch.
-        truth: true contacts of the demonstrations.
-        models: what is known of the trained models.
-        comparison: closed loops.
-        skin_tables: all of it with fingers of another shape.
-        chosen: parameters by their key in `params.yaml`.
-        studies: what was tried beside the pipeline, by name; None where it was not.
-    """
-
-    dataset: TouchDataset
-    truth: pd.DataFrame
-    models: ModelScores
-    comparison: Comparison
-    skin_tables: OtherSkinTables
-    chosen: Mapping[str, Any]
-    studies: Mapping[str, Study | None]
+    dataset: TouchDataset  # samples of touch
+    truth: pd.DataFrame  # true contacts of the demonstrations
+    models: ModelScores  # what is known of the trained models
+    comparison: Comparison  # closed loops
+    skin_tables: OtherSkinTables  # all of it with fingers of another shape
+    chosen: Mapping[str, Any]  # parameters by their key in `params.yaml`
+    studies: Mapping[str, Study | None]  # what was tried beside the pipeline, by name; None where it was not
 
     @property
     def skin(self) -> Skin:

@@ -15,8 +15,8 @@ from structlearn.testbeds.servoing.names import (
 )
 from structlearn.testbeds.servoing.page.evidence import rate
 from structlearn.testbeds.servoing.page.results import PUBLISHED, ServoingResults
-from structlearn.testbeds.servoing.protocol.controller_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.model_scores import skin_table
+from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant
 
 MOTIONS = {"rotation": ROTATION, "translation": TRANSLATION, "any motion": OTHER}

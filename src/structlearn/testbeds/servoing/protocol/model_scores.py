@@ -1,4 +1,4 @@
-"""How good latent spaces and their models are: selections and means over seeds of what was evaluated."""
+"""How good latent spaces, their models and estimated contact points are: selections and means over seeds."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 
 from structlearn.ground.metrics import mean_interval
+from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, STRUCTURES
-from structlearn.tactile.touch_dataset import SPLITS
+from structlearn.tactile.touch_dataset import SPLITS, TouchDataset
 from structlearn.testbeds.servoing.names import (
     COMPARISON_NAMES,
     DYNAMICS,
@@ -28,23 +29,14 @@ PARTS = ("plane", "third", "electrodes", "pressure")
 
 @dataclass(frozen=True)
 class ModelScores:
-    """What is known of the trained models; arrays are over S seeds.
+    """What is known of the trained models; arrays are over S seeds."""
 
-    Attributes:
-        latent: see `tactile.latent_evaluation.latent_errors`.
-        forward: see `tactile.latent_evaluation.forward_errors`.
-        decoded: see `tactile.latent_evaluation.decoded_errors`.
-        directions: see `tactile.latent_evaluation.direction_errors`.
-        curve: key figures while training, see `tactile.latent_comparison.LatentComparison`.
-        latent_map: see `tactile.latent_evaluation.latent_map`.
-    """
-
-    latent: pd.DataFrame
-    forward: pd.DataFrame
-    decoded: pd.DataFrame
-    directions: pd.DataFrame
-    curve: pd.DataFrame
-    latent_map: pd.DataFrame
+    latent: pd.DataFrame  # see `tactile.latent_evaluation.latent_errors`
+    forward: pd.DataFrame  # see `tactile.latent_evaluation.forward_errors`
+    decoded: pd.DataFrame  # see `tactile.latent_evaluation.decoded_errors`
+    directions: pd.DataFrame  # see `tactile.latent_evaluation.direction_errors`
+    curve: pd.DataFrame  # key figures while training, see `tactile.latent_comparison.LatentComparison`
+    latent_map: pd.DataFrame  # see `tactile.latent_evaluation.latent_map`
 
     @property
     def steps(self) -> list[int]:
@@ -87,12 +79,8 @@ class ModelScores:
     ) -> np.ndarray:
         """Cosine distance (S,) of an inverse model, averaged over both parts of an action or of one.
 
-        Args:
-            inverse: its name.
-            with_loss: whether its forward model was trained with its loss.
-            structure: of the latent space.
-            comparison: as a rule, the action is to lead to the latent state that followed.
-            part: of the action.
+        `with_loss`: whether its forward model was trained with its loss; `comparison`: as a rule, the action
+        is to lead to the latent state that followed.
         """
         table = self.directions
         trained_with = inverse if with_loss else NO_INVERSE
@@ -132,9 +120,8 @@ class ModelScores:
     def forward_table(self) -> pd.DataFrame:
         """Forward NMSE per length of the chain (figure II.4).
 
-        Returns:
-            `model`, `space`, `steps`, `nmse` (mean over seeds), `half` (of its 95 % interval), `relative`
-            and `relative_half`: over the error of the prediction that nothing moves; and means of `PARTS`.
+        Returns `model`, `space`, `steps`, `nmse` (mean over seeds), `half` (of its 95 % interval), `relative`
+        and `relative_half`: over the error of the prediction that nothing moves; and means of `PARTS`.
         """
         rows = []
         for kind in (STILL, *DYNAMICS):
@@ -151,10 +138,9 @@ class ModelScores:
     def direction_table(self) -> pd.DataFrame:
         """Cosine distances (figure II.5).
 
-        Returns:
-            `inverse`, `loss` (whether trained with it), `space`, and per comparison the mean over seeds of
-            both parts, `<comparison>`, half its interval, `<comparison>_half`, and of each part alone,
-            `<comparison>_linear`, `<comparison>_angular`.
+        Returns `inverse`, `loss` (whether trained with it), `space`, and per comparison the mean over seeds
+        of both parts, `<comparison>`, half its interval, `<comparison>_half`, and of each part alone,
+        `<comparison>_linear`, `<comparison>_angular`.
         """
         rows = []
         ways = [(loss, structure) for loss in (True, False) for structure in STRUCTURES]
@@ -172,13 +158,9 @@ class ModelScores:
 def skin_table(latent: pd.DataFrame, directions: pd.DataFrame) -> pd.DataFrame:
     """What was learned of other skins, with structure, on test contacts; means over seeds.
 
-    Args:
-        latent: as of `ModelScores`, with a column `skin`.
-        directions: likewise.
-
-    Returns:
-        `skin`; the errors of `LATENT_NAMES`; cosine distances of actions to reach what followed, by inverse
-        models that were trained with their loss: `<inverse>_linear`, `<inverse>_angular`.
+    `latent`: as of `ModelScores`, with a column `skin`. Returns `skin`; the errors of `LATENT_NAMES`; cosine
+    distances of actions to reach what followed, by inverse models that were trained with their loss:
+    `<inverse>_linear`, `<inverse>_angular`.
     """
     spaces = latent[latent["structure"] & (latent["split"] == "test")]
     own = directions["structure"] & (directions["inverse"] == directions["trained_with"])
@@ -188,3 +170,57 @@ def skin_table(latent: pd.DataFrame, directions: pd.DataFrame) -> pd.DataFrame:
     columns = [f"{inverse}_{part}" for inverse in FORWARD_OF for part in PART_NAMES.values()]
     errors = spaces.groupby("skin", sort=False)[list(LATENT_NAMES)].mean()
     return errors.join(distances[columns]).reset_index()
+
+
+SQUARE_MM = 1.5
+"""Side of the squares of skin in which errors are gathered."""
+
+
+def contact_errors(dataset: TouchDataset, truth: pd.DataFrame, skin: Skin) -> pd.DataFrame:
+    """Estimated against true contact points, of pressed samples.
+
+    `dataset`: samples of touch, which number demonstrations in the order of `truth`; `truth`: see
+    `simulation.touch_demonstrator.true_contacts`. Returns `error_mm`, the distance in space; `along_mm` and
+    `across_mm`, its parts by surface coordinates, and where the true contact is, `true_along_mm` and
+    `true_across_mm`.
+    """
+    names = {name: number for number, name in enumerate(truth["trial"].unique())}
+    true = truth.assign(
+        trial=truth["trial"].map(names), sample=_sample(truth["time_s"].to_numpy(), dataset)
+    ).set_index(["trial", "sample"])[["x_m", "y_m", "z_m"]]
+    kept = np.flatnonzero(dataset.pressed)
+    keys = pd.MultiIndex.from_arrays([dataset.trial[kept], _sample(dataset.time[kept], dataset)])
+    true = true.loc[keys].to_numpy(float)
+    found = dataset.contact_point[kept].astype(float)
+    places = [1e3 * np.stack(skin.coordinates(points)) for points in (found, true)]
+    along, across = places[0] - places[1]
+    return pd.DataFrame(
+        {
+            "error_mm": 1e3 * np.linalg.norm(found - true, axis=1),
+            "along_mm": along,
+            "across_mm": across,
+            "true_along_mm": places[1][0],
+            "true_across_mm": places[1][1],
+        }
+    )
+
+
+def contact_bias(errors: pd.DataFrame) -> pd.DataFrame:
+    """Mean errors over squares of skin.
+
+    `errors`: of `contact_errors`. Returns middle of the true contacts' square, `square_along_mm`,
+    `square_across_mm`; means of `along_mm`, `across_mm` and `error_mm`; `samples`; `squared_mm2`, their part
+    in the sum of squared errors along and across that is the same for all of a square.
+    """
+    squares = [
+        (SQUARE_MM * (np.floor(errors[f"true_{name}_mm"] / SQUARE_MM) + 0.5)).rename(f"square_{name}_mm")
+        for name in ("along", "across")
+    ]
+    groups = errors[["along_mm", "across_mm", "error_mm"]].groupby(squares)
+    means = groups.mean().assign(samples=groups.size())
+    squared = means["samples"] * (means["along_mm"] ** 2 + means["across_mm"] ** 2)
+    return means.assign(squared_mm2=squared).reset_index()
+
+
+def _sample(time: np.ndarray, dataset: TouchDataset) -> np.ndarray:
+    return np.rint(time * float(dataset.rate_hz)).astype(int)

@@ -12,7 +12,7 @@ from structlearn.tactile.geodesics import geodesics
 from structlearn.tactile.latent_comparison import LatentComparison, learn
 from structlearn.tactile.latent_parameters import GeodesicParameters, LatentParameters
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
-from structlearn.testbeds.servoing.protocol.other_skin_parameters import OtherSkinsParameters, SkinName
+from structlearn.testbeds.servoing.protocol.servo_variants import OtherSkinsParameters, SkinName
 
 
 def learn_other_skin(
@@ -24,17 +24,7 @@ def learn_other_skin(
     latent: LatentParameters,
     name: SkinName,
 ) -> LatentComparison:
-    """Demonstrate and learn with another skin.
-
-    Args:
-        other: what is different.
-        person: who demonstrates.
-        finger: that touches.
-        preparation: from recordings to samples.
-        distances: on the skin.
-        latent: what is trained.
-        name: of the skin.
-    """
+    """Demonstrate and learn with another skin."""
     person = other.person_with(name, person)
     recordings = [recorded(run, person) for run in demonstrate(person, finger)]
     demonstrations = [synchronise(one, preparation.rate_hz) for one in recordings]

@@ -1,25 +1,18 @@
-"""How well fingers were servoed: success, time, path, and whether the contact stayed on the skin (II.4.6)."""
+"""How well fingers were servoed: success, time, path, contact on the skin (II.4.6, figure II.6)."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
 
-from structlearn.ground.params import Parameters
 from structlearn.tactile.electrodes import path_length, skin_distance
+from structlearn.testbeds.servoing.protocol.servo_variants import ToleranceParameters, Variant
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
 
 THINNED = 10
 """Samples of the electrodes per point of a path; tremor of the contact between them is no travel."""
-
-
-class ToleranceParameters(Parameters):
-    """When a target counts as reached. Fields: `params.yaml`, `servo.tolerance`."""
-
-    position_mm: float = Field(gt=0)
-    pressure: float = Field(gt=0)
-    judged_s: float = Field(gt=0)
 
 
 def scored(
@@ -27,11 +20,10 @@ def scored(
 ) -> pd.DataFrame:
     """Scores of B trials.
 
-    Returns:
-        One row per trial: `position_error_mm`, `pressure_error` and `load_error` (both relative) at the end;
-        `success`; `reach_s` from which on both tolerances are kept until the end, NaN where they are not;
-        `path_mm` that the contact travelled and `geodesic_mm` it had to; `lifted` whether the finger was ever
-        in the air; `off_skin` whether the contact was ever beyond the ends of the skin.
+    Returns one row per trial: `position_error_mm`, `pressure_error` and `load_error` (both relative) at the
+    end; `success`; `reach_s` from which on both tolerances are kept until the end, NaN where they are not;
+    `path_mm` that the contact travelled and `geodesic_mm` it had to; `lifted` whether the finger was ever in
+    the air; `off_skin` whether the contact was ever beyond the ends of the skin.
     """
     skin = scene.finger.skin
     judged = round(tolerance.judged_s * scene.sample_hz)
@@ -58,10 +50,7 @@ def scored(
 def errors(run: Servoed, target: Held, judged: int) -> tuple[np.ndarray, np.ndarray]:
     """Distance from the target in m and relative error of the pressure, (N, B) each.
 
-    Args:
-        run: of B trials.
-        target: of the same trials; its pressure is the mean over its last samples.
-        judged: number of these.
+    `run`: of B trials; `target`: of the same trials; its pressure is the mean over its last samples.
     """
     wanted = -target.signals[-judged:].mean(axis=(0, 2))
     pressure = -run.signals.mean(axis=2)
@@ -88,13 +77,9 @@ def progress(run: Servoed, target: Held, scene: Scene, tolerance: ToleranceParam
 def success_rates(trials: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Success by groups of trials.
 
-    Args:
-        trials: rows of `scored`, with the columns that tell groups.
-        by: these columns.
-
-    Returns:
-        A row per group, in the order of the trials: `trials`, `successes`, `rate`, `reach_s` and `path_ratio`
-        (path over shortest path) as medians of successes, and the numbers `lifted` and `off_skin`.
+    `trials`: rows of `scored`, with the columns that tell groups. Returns a row per group, in the order of
+    the trials: `trials`, `successes`, `rate`, `reach_s` and `path_ratio` (path over shortest path) as medians
+    of successes, and the numbers `lifted` and `off_skin`.
     """
     reached = trials.assign(
         path_ratio=(trials["path_mm"] / trials["geodesic_mm"]).where(trials["success"]),
@@ -123,3 +108,57 @@ def success_by_tolerance(
             rate = np.mean(pressed & (group["position_error_mm"].to_numpy() <= bound))
             rows.append((*key, bound, rate))
     return pd.DataFrame(rows, columns=[*by, "tolerance_mm", "rate"])
+
+
+KEYS = [field.name for field in fields(Variant)]
+"""Columns that name a controller."""
+
+
+@dataclass(frozen=True)
+class ControllerScores:
+    """Closed loops of several controllers."""
+
+    trials: pd.DataFrame  # see `protocol.servo_variants.Comparison`; all controllers met the same contacts
+
+    @cached_property
+    def rates(self) -> pd.DataFrame:
+        """Success per controller, see `protocol.servo_scores.success_rates`; indexed by `KEYS`."""
+        return success_rates(self.trials, KEYS).set_index(KEYS)
+
+    def rate(self, variant: Variant) -> pd.Series:
+        """Row of `rates`."""
+        return self.rates.loc[tuple(vars(variant).values())]
+
+    def successes(self, variant: Variant) -> np.ndarray:
+        """Targets reached per seed (S,), in %."""
+        return 100 * rows_of(self.trials, variant).groupby("seed")["success"].mean().to_numpy()
+
+    def counts(self, variant: Variant) -> pd.DataFrame:
+        """Numbers by seed: `trials`, `success`, and `lost`, once in the air or beyond the ends of skin."""
+        rows = rows_of(self.trials, variant)
+        lost = rows["lifted"] | rows["off_skin"]
+        groups = rows.assign(lost=lost, trials=1).groupby("seed")
+        return groups[["trials", "success", "lost"]].sum()
+
+    def only_pressed_wrong(self, variant: Variant, position_mm: float) -> int:
+        """How many of the missed targets the contact is within a distance of: only its pressure is off."""
+        rows = rows_of(self.trials, variant)
+        return int((~rows["success"] & (rows["position_error_mm"] <= position_mm)).sum())
+
+    def table(self) -> pd.DataFrame:
+        """A row for each controller.
+
+        Returns `KEYS`; `trials`, `successes`, `rate`; medians of successes `reach_s` and `path_ratio`;
+        numbers of trials `lifted` and `off_skin`; `rate_<motion>`; medians of all `position_error_mm` and
+        `pressure_error`.
+        """
+        motions = success_rates(self.trials, [*KEYS, "motion"]).pivot_table("rate", KEYS, "motion")
+        motions = motions[self.trials["motion"].unique()].add_prefix("rate_")
+        errors = self.trials.groupby(KEYS)[["position_error_mm", "pressure_error"]].median()
+        columns = ["trials", "successes", "rate", "reach_s", "path_ratio", "lifted", "off_skin"]
+        return self.rates[columns].join(motions).join(errors).reset_index()
+
+
+def rows_of(table: pd.DataFrame, variant: Variant) -> pd.DataFrame:
+    """Rows of one controller of a table with the columns `KEYS`."""
+    return table[np.logical_and.reduce([table[name] == getattr(variant, name) for name in KEYS])]

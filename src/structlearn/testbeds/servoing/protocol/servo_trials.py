@@ -19,8 +19,7 @@ from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.resting_servo import Caution, RestingServo
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST_STRIDE
-from structlearn.tactile.units import TouchUnits
+from structlearn.tactile.touch_dataset import TEST_STRIDE, TouchUnits
 from structlearn.testbeds.servoing.protocol.servo_scores import THINNED, progress, scored
 from structlearn.testbeds.servoing.protocol.servo_variants import (
     ALL_ALIKE,
@@ -48,15 +47,10 @@ MOTIONS = ("rotation", "translation", "mixed")
 
 @dataclass(frozen=True)
 class Taught:
-    """What the demonstrations taught.
+    """What the demonstrations taught."""
 
-    Attributes:
-        models: latent spaces and dynamics of S seeds.
-        units: that they see touch in.
-    """
-
-    models: LatentModels
-    units: TouchUnits
+    models: LatentModels  # latent spaces and dynamics of S seeds
+    units: TouchUnits  # that they see touch in
 
 
 def compare(
@@ -68,12 +62,8 @@ def compare(
 ) -> Comparison:
     """Servo with several controllers, each on the same trials.
 
-    Args:
-        taught: by the demonstrations.
-        person: who demonstrated; trials are on the part of the skin that was demonstrated.
-        finger: that touched, and touches.
-        parameters: see there.
-        chosen: controllers, e.g. all `variants`.
+    `person`: who demonstrated; trials are on the part of the skin that was demonstrated; `chosen`:
+    controllers, e.g. all `variants`.
     """
     run = partial(_run, taught=taught, person=person, finger=finger, parameters=parameters)
     results = parallel_map(run, chosen, "closed loops", local=True)
@@ -104,9 +94,8 @@ def draw(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Random trials on the part of the skin that was demonstrated.
 
-    Returns:
-        Start and target, (B, 3) each: along and across the finger in m, load in N; and the number of the
-        motion (B,).
+    Returns start and target, (B, 3) each: along and across the finger in m, load in N; and the number of the
+    motion (B,).
     """
     along, across = covered(person, SKINS[person.skin])
     count = models * parameters.trials
@@ -193,10 +182,9 @@ def _paths(
 ) -> pd.DataFrame:
     """Thinned paths of some trials, one after the other.
 
-    Returns:
-        `seed`, `trial`, `time_s`; pose of the finger in the base frame `finger_x_m` to `finger_z_m` and
-        `finger_qw` to `finger_qz`; true contact `x_m` to `z_m` in the finger, `load_n`; latent state
-        `latent_x` to `latent_z`; `electrode_01` and so on in counts less their offset.
+    Returns `seed`, `trial`, `time_s`; pose of the finger in the base frame `finger_x_m` to `finger_z_m` and
+    `finger_qw` to `finger_qz`; true contact `x_m` to `z_m` in the finger, `load_n`; latent state `latent_x`
+    to `latent_z`; `electrode_01` and so on in counts less their offset.
     """
     rows = slice(0, None, THINNED)
     steps = len(run.load[rows])

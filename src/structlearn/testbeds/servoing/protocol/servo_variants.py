@@ -1,11 +1,14 @@
 """Which controllers are compared in closed loop, what is chosen for them, and what is kept of it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import pandas as pd
 from pydantic import Field, PositiveInt
 
 from structlearn.ground.params import Parameters
+from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
     JACOBIAN,
@@ -13,7 +16,6 @@ from structlearn.tactile.latent_parameters import (
     STRUCTURES,
     InverseModel,
 )
-from structlearn.testbeds.servoing.protocol.servo_scores import ToleranceParameters
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 
 PUBLISHED, RESTING = "published", "resting"
@@ -25,6 +27,14 @@ AS_DATA = "filter and rate of the data"
 ALL_ALIKE, DERIVATIVE, UNCORRECTED = "all actions alike", "derivative at rest", "model never corrected"
 CHANGES = (AS_DATA, ALL_ALIKE, DERIVATIVE, UNCORRECTED)
 """What is taken from the resting controller, one at a time."""
+
+
+class ToleranceParameters(Parameters):
+    """When a target counts as reached. Fields: `params.yaml`, `servo.tolerance`."""
+
+    position_mm: float = Field(gt=0)
+    pressure: float = Field(gt=0)
+    judged_s: float = Field(gt=0)
 
 
 class PublishedParameters(Parameters):
@@ -65,39 +75,25 @@ class ServoTrialParameters(Parameters):
 
 @dataclass(frozen=True)
 class Variant:
-    """A controller that is compared.
+    """A controller that is compared."""
 
-    Attributes:
-        form: `PUBLISHED` or `RESTING`.
-        inverse: LL, NG or NJ.
-        structure: whether its latent space has structure.
-        with_loss: whether its forward model was trained with the loss of the inverse model.
-        horizon: steps ahead.
-        change: what is different; empty for most.
-    """
-
-    form: str
-    inverse: InverseModel
-    structure: bool = True
-    with_loss: bool = True
-    horizon: int = 1
-    change: str = ""
+    form: str  # `PUBLISHED` or `RESTING`
+    inverse: InverseModel  # LL, NG or NJ
+    structure: bool = True  # whether its latent space has structure
+    with_loss: bool = True  # whether its forward model was trained with the loss of the inverse model
+    horizon: int = 1  # steps ahead
+    change: str = ""  # what is different; empty for most
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What is kept of all closed loops; the columns of `Variant` tell the controllers.
+    """What is kept of all closed loops; the columns of `Variant` tell the controllers."""
 
-    Attributes:
-        trials: `seed`, `trial`, `motion`, contacts and latent states of start and target, and the columns of
-            `servo_scores.scored`.
-        progress: see `servo_scores.progress`.
-        paths: of the first trials of every seed and some controllers, see `servo_trials._paths`.
-    """
-
+    # `seed`, `trial`, `motion`, contacts and latent states of start and target, and the columns of
+    # `servo_scores.scored`
     trials: pd.DataFrame
-    progress: pd.DataFrame
-    paths: pd.DataFrame
+    progress: pd.DataFrame  # see `servo_scores.progress`
+    paths: pd.DataFrame  # of the first trials of every seed and some controllers, see `servo_trials._paths`
 
 
 def variants(horizon: int) -> list[Variant]:
@@ -118,3 +114,25 @@ def variants(horizon: int) -> list[Variant]:
 def variants_of_other_skins() -> list[Variant]:
     """Those that are also compared with other skins."""
     return [Variant(form, inverse) for form in (PUBLISHED, RESTING) for inverse in FORWARD_OF]
+
+
+SkinName = Literal["biotac", "flat_pad", "sphere"]
+
+
+class OtherSkin(Parameters):
+    """What is demonstrated on a skin, see `simulation.touch_demonstrator.ToucherParameters`."""
+
+    along_mm: tuple[float, float]
+    across_deg: float = Field(ge=0, le=80)
+    handle_half_mm: float = Field(ge=0)
+
+
+class OtherSkinsParameters(Parameters):
+    """Other skins; all else is as for the first one."""
+
+    skins: Mapping[SkinName, OtherSkin]
+    seeds: PositiveInt
+
+    def person_with(self, skin: SkinName, person: ToucherParameters) -> ToucherParameters:
+        """A person who demonstrates on another skin."""
+        return person.model_copy(update={"skin": skin} | self.skins[skin].model_dump())

@@ -15,7 +15,7 @@ from structlearn.palette import GREY
 from structlearn.simulation.touch import Handle
 from structlearn.tactile.electrodes import Skin
 from structlearn.testbeds.servoing.names import FORM_COLOURS, FORM_NAMES, LATENT, OURS, TEXT, TRUE
-from structlearn.testbeds.servoing.protocol.controller_scores import rows_of
+from structlearn.testbeds.servoing.protocol.servo_scores import rows_of
 from structlearn.testbeds.servoing.recordings import servoing_scene as scene
 from structlearn.viewer.notes import colour_words, send_notes
 from structlearn.viewer.rrd import entity, layout, recording, rgba, send_curve
@@ -34,15 +34,10 @@ PLOTS = {
 
 @dataclass(frozen=True)
 class ServoRun:
-    """A closed loop of N points in time.
+    """A closed loop of N points in time."""
 
-    Attributes:
-        path: rows of `protocol.servo_variants.Comparison.paths`.
-        trial: its row of `protocol.servo_variants.Comparison.trials`.
-    """
-
-    path: pd.DataFrame
-    trial: pd.Series
+    path: pd.DataFrame  # rows of `protocol.servo_variants.Comparison.paths`
+    trial: pd.Series  # its row of `protocol.servo_variants.Comparison.trials`
 
     @property
     def motion(self) -> scene.FingerMotion:
@@ -70,10 +65,7 @@ class ServoRun:
 def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[dict[str, ServoRun]]:
     """The first trials of the first model, by the names of `SHOWN`.
 
-    Args:
-        trials: see `protocol.servo_variants.Comparison`.
-        paths: likewise.
-        count: trials, as far as their paths are kept.
+    `trials`: see `protocol.servo_variants.Comparison`.
     """
 
     def rows(table: pd.DataFrame, name: str, number: int) -> pd.DataFrame:
@@ -95,11 +87,7 @@ def write_servo_runs(
 ) -> None:
     """Write closed loops as a recording: a tab per trial, in it a column per controller.
 
-    Args:
-        path: of the .rrd file.
-        shown: see `shown_runs`.
-        flat_skin: of the finger, with the latent map laid onto it.
-        handle: that it touches.
+    `shown`: see `shown_runs`; `flat_skin`: of the finger, with the latent map laid onto it.
     """
     skin = flat_skin.skin
     scale = scene.full_scale([run.motion.signals for runs in shown for run in runs.values()])

@@ -9,12 +9,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
+from pydantic import Field
 
 from structlearn.ground import quaternion
-from structlearn.tactile.electrodes import Skin
-from structlearn.tactile.flat_maps import MapLaying, map_laying
+from structlearn.ground.errors import InputError
+from structlearn.ground.params import Parameters
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.tactile.electrodes import MapLaying, Skin, map_laying
+from structlearn.tactile.touch_dataset import TouchDataset
+from structlearn.testbeds.servoing.names import ESTIMATED, TRUE
 from structlearn.viewer.notes import notes_view
 from structlearn.viewer.rrd import (
     deviation_colours,
@@ -55,53 +61,32 @@ AXES_M, EYE_M = 0.006, 0.055
 
 @dataclass(frozen=True)
 class FingerMotion:
-    """A finger with E electrodes over T samples.
+    """A finger with E electrodes over T samples."""
 
-    Attributes:
-        time: (T,) s.
-        position: (T, 3) m, base frame.
-        orientation: (T, 4) finger to base.
-        signals: (T, E) counts less their offset.
-    """
-
-    time: np.ndarray
-    position: np.ndarray
-    orientation: np.ndarray
-    signals: np.ndarray
+    time: np.ndarray  # (T,) s
+    position: np.ndarray  # (T, 3) m, base frame
+    orientation: np.ndarray  # (T, 4) finger to base
+    signals: np.ndarray  # (T, E) counts less their offset
 
 
 @dataclass(frozen=True)
 class Contact:
-    """A point of contact over T samples.
+    """A point of contact over T samples."""
 
-    Attributes:
-        name: of it, e.g. `true`.
-        colour: of it.
-        time: (T,) s.
-        point: (T, 3) m, frame of the finger.
-        touching: (T,) whether there is a contact; the point vanishes otherwise.
-    """
-
-    name: str
-    colour: str
-    time: np.ndarray
-    point: np.ndarray
-    touching: np.ndarray
+    name: str  # of it, e.g. `true`
+    colour: str  # of it
+    time: np.ndarray  # (T,) s
+    point: np.ndarray  # (T, 3) m, frame of the finger
+    touching: np.ndarray  # (T,) whether there is a contact; the point vanishes otherwise
 
 
 @dataclass(frozen=True)
 class FlatSkin:
-    """A skin in flat pictures, and how the latent map is laid onto it.
+    """A skin in flat pictures, and how the latent map is laid onto it."""
 
-    Attributes:
-        skin: of the finger.
-        laying: of the map, in mm.
-        unit_mm: per unit of the map.
-    """
-
-    skin: Skin
-    laying: MapLaying
-    unit_mm: float
+    skin: Skin  # of the finger
+    laying: MapLaying  # of the map, in mm
+    unit_mm: float  # per unit of the map
 
     def places(self, points: np.ndarray) -> np.ndarray:
         """Places (..., 2) of points (..., 3) m of the skin."""
@@ -115,11 +100,8 @@ class FlatSkin:
 def flat_skin(skin: Skin, contact_points: np.ndarray, latent: np.ndarray, map_unit: float) -> FlatSkin:
     """Lay the latent map onto a skin.
 
-    Args:
-        skin: of the finger.
-        contact_points: (N, 3) m.
-        latent: (N, 2) map coordinates of the same samples.
-        map_unit: m on the skin per unit of the map.
+    `contact_points` (N, 3) m; `latent` (N, 2) map coordinates of the same samples; `map_unit`: m on the skin
+    per unit of the map.
     """
     laying = map_laying(1e3 * map_unit * latent, flat(skin, contact_points.astype(float)))
     return FlatSkin(skin, laying, 1e3 * map_unit)
@@ -146,13 +128,8 @@ def send_touch(
 ) -> None:
     """Log a moving finger and its flat picture, both with electrodes in colour and points of contact.
 
-    Args:
-        stream: of the recording.
-        path: above `finger` and `skin`, which have `electrodes` and the contacts by their names below.
-        skin: of the finger.
-        motion: of the finger.
-        contacts: on its skin.
-        scale: counts with the full colour: orange where pressed, blue where the fluid bulges.
+    `path`: above `finger` and `skin`, which have `electrodes` and the contacts by their names below; `scale`:
+    counts with the full colour: orange where pressed, blue where the fluid bulges.
     """
     finger, flat_skin = f"{path}/finger", f"{path}/skin"
     dt = float(np.median(np.diff(motion.time)))
@@ -238,11 +215,7 @@ def close_view(
 ) -> rrb.Spatial3DView:
     """3-D view from beside and below, where the skin meets the handle.
 
-    Args:
-        name: heading.
-        contents: query expressions of the entities shown.
-        centre: (3,) m, of the handle.
-        finger_x: (3,) the finger's x axis in the base frame, about horizontal.
+    `centre` (3,) m, of the handle; `finger_x` (3,) the finger's x axis in the base frame, about horizontal.
     """
     ahead = finger_x * [1.0, 1.0, 0.0]
     ahead = ahead / np.linalg.norm(ahead)
@@ -276,3 +249,91 @@ def tab(
     share = 3 if len(columns) > 1 else 4
     shares = [*[share] * len(columns), share, 2]
     return rrb.Horizontal(*columns, rrb.Vertical(*drawn), notes_view(name), column_shares=shares, name=name)
+
+
+class ServoingViewParameters(Parameters):
+    """What recordings of the servoing testbed show."""
+
+    demonstrations: tuple[str, ...]
+    map_points: int = Field(ge=1)
+    trials: int = Field(ge=1)
+
+
+@dataclass(frozen=True)
+class ShownTouch:
+    """A demonstration of T samples, of which N are of contacts."""
+
+    demonstration: Demonstration  # on the clock of the samples
+    motion: FingerMotion  # the same, with counts less their offset
+    rows: np.ndarray  # (N,) samples of the demonstration that are of contacts
+    contact: np.ndarray  # (N,) number of the contact, rising
+    contact_point: np.ndarray  # (N, 3) m, estimated, frame of the finger
+    pressure: np.ndarray  # (N,) counts
+    latent: np.ndarray  # (N, 3) in the networks' units: two of the map, one of pressure
+    truth: pd.DataFrame  # true contacts, see `simulation.touch_demonstrator.true_contacts`
+
+    @property
+    def name(self) -> str:
+        """Of the demonstration."""
+        return self.demonstration.name
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times (N,) s of the samples of contacts."""
+        return self.motion.time[self.rows]
+
+    @property
+    def contacts(self) -> list[Contact]:
+        """The estimated contact over the whole time, and the true one."""
+        point, touching = np.zeros((len(self.motion.time), 3)), np.zeros(len(self.motion.time), dtype=bool)
+        point[self.rows], touching[self.rows] = self.contact_point, True
+        time, load = (self.truth[name].to_numpy(float) for name in ("time_s", "load_n"))
+        true = self.truth[["x_m", "y_m", "z_m"]].to_numpy(float)
+        return [
+            Contact("estimated", ESTIMATED, self.motion.time, point, touching),
+            Contact("true", TRUE, time, true, load > 0),
+        ]
+
+
+def shown_touches(
+    demonstrations: Sequence[Demonstration],
+    dataset: TouchDataset,
+    latent_map: pd.DataFrame,
+    truth: pd.DataFrame,
+    names: Sequence[str],
+    air_s: float,
+) -> list[ShownTouch]:
+    """The demonstrations of these names, with their samples.
+
+    `demonstrations`: all of them, in the order in which the dataset numbers them; `dataset`: samples of their
+    contacts; `latent_map`: a row for each sample, see `tactile.latent_evaluation.latent_map`; `names`: which
+    are wanted; see `ServoingViewParameters`; `air_s`: at the start of each, in the air; counts there are the
+    offset.
+
+    Raises:
+        InputError: there is no demonstration of such a name.
+    """
+    numbers = {one.name: number for number, one in enumerate(demonstrations)}
+    if unknown := [name for name in names if name not in numbers]:
+        raise InputError(
+            f"inspect_servoing.demonstrations: there is no '{unknown[0]}', only {', '.join(sorted(numbers))}"
+        )
+    found = []
+    for name in names:
+        one, rows = demonstrations[numbers[name]], np.flatnonzero(dataset.trial == numbers[name])
+        air = max(round(air_s / one.dt), 1)
+        tactile = one.signal("tactile")
+        signals = tactile - tactile[:air].mean(axis=0)
+        found.append(
+            ShownTouch(
+                demonstration=one,
+                motion=FingerMotion(one.time, one.position, one.signal("orientation"), signals),
+                rows=np.rint(dataset.time[rows].astype(float) / one.dt).astype(int),
+                contact=dataset.contact[rows],
+                contact_point=dataset.contact_point[rows].astype(float),
+                pressure=dataset.pressure[rows].astype(float),
+                latent=latent_map.iloc[rows][["x", "y", "z"]].to_numpy(float),
+                truth=truth[truth["trial"] == name],
+            )
+        )
+    return found

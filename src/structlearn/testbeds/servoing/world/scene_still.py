@@ -32,12 +32,7 @@ VIEW = View(target=(0.0, 0.0, 0.06), distance=0.66, yaw_deg=35.0, pitch_deg=-8.0
 def scene_still(skin: Skin, handle_radius: float) -> np.ndarray:
     """Draw a finger that lies across the handle, with its skin all round.
 
-    Args:
-        skin: of the finger.
-        handle_radius: m.
-
-    Returns:
-        (H, W, 3) bytes.
+    `handle_radius`: m. Returns (H, W, 3) bytes.
     """
     touched = skin.surface(ALONG_M, 0.0)
     over = -touched - handle_radius * skin.normal(touched)  # origin of the finger in the frame of the handle

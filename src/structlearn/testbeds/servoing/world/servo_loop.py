@@ -63,21 +63,13 @@ class LoopParameters(Parameters):
 
 @dataclass(frozen=True)
 class Scene:
-    """What does not change between trials.
+    """What does not change between trials."""
 
-    Attributes:
-        finger: that touches.
-        handle: that it touches.
-        robot_hz: ticks of the robot per second; electrodes are read every `SAMPLED_EVERY` ticks.
-        follow_s: time constant with which the robot takes up a velocity.
-        rest_s: before a target is read, and before a trial starts.
-    """
-
-    finger: Finger
-    handle: Handle
-    robot_hz: float
-    follow_s: float
-    rest_s: float
+    finger: Finger  # that touches
+    handle: Handle  # that it touches
+    robot_hz: float  # ticks of the robot per second; electrodes are read every `SAMPLED_EVERY` ticks
+    follow_s: float  # time constant with which the robot takes up a velocity
+    rest_s: float  # before a target is read, and before a trial starts
 
     @property
     def sample_hz(self) -> float:
@@ -91,44 +83,26 @@ class Scene:
 
 
 class Held(NamedTuple):
-    """B fingers that have been pressed on the handle and rest there.
+    """B fingers that have been pressed on the handle and rest there."""
 
-    Attributes:
-        position: (B, 3) m.
-        orientation: (B, 4) finger to base.
-        contact: true ones.
-        memory: of the skins.
-        signals: (T, B, E) counts less their offset since the skin was touched.
-    """
-
-    position: np.ndarray
-    orientation: np.ndarray
-    contact: Contact
-    memory: Memory
-    signals: np.ndarray
+    position: np.ndarray  # (B, 3) m
+    orientation: np.ndarray  # (B, 4) finger to base
+    contact: Contact  # true ones
+    memory: Memory  # of the skins
+    signals: np.ndarray  # (T, B, E) counts less their offset since the skin was touched
 
 
 @dataclass(frozen=True)
 class Servoed:
-    """B fingers over N samples of the electrodes.
+    """B fingers over N samples of the electrodes."""
 
-    Attributes:
-        position: (N, B, 3) m.
-        orientation: (N, B, 4) finger to base.
-        point: (N, B, 3) m, true contact on the skin, frame of the finger.
-        load: (N, B) N; zero in the air.
-        signals: (N, B, E) counts less their offset, as read.
-        latent: (N, B, 3) that the last action was chosen for.
-        target_latent: (B, 3).
-    """
-
-    position: np.ndarray
-    orientation: np.ndarray
-    point: np.ndarray
-    load: np.ndarray
-    signals: np.ndarray
-    latent: np.ndarray
-    target_latent: np.ndarray
+    position: np.ndarray  # (N, B, 3) m
+    orientation: np.ndarray  # (N, B, 4) finger to base
+    point: np.ndarray  # (N, B, 3) m, true contact on the skin, frame of the finger
+    load: np.ndarray  # (N, B) N; zero in the air
+    signals: np.ndarray  # (N, B, E) counts less their offset, as read
+    latent: np.ndarray  # (N, B, 3) that the last action was chosen for
+    target_latent: np.ndarray  # (B, 3)
 
 
 class LowPass:
@@ -164,11 +138,8 @@ def handle_of(person: ToucherParameters) -> Handle:
 def press(places: np.ndarray, tilt: np.ndarray, scene: Scene, rng: np.random.Generator) -> Held:
     """Press fingers on the handle and let them rest.
 
-    Args:
-        places: (B, 3) surface coordinates along and across the finger in m, and load in N.
-        tilt: (B, 2) rad, pitch and yaw by which the fingers are held askew.
-        scene: see there.
-        rng: of the electrodes' noise.
+    `places` (B, 3) surface coordinates along and across the finger in m, and load in N; `tilt` (B, 2) rad,
+    pitch and yaw by which the fingers are held askew.
     """
     finger, rate = scene.finger, scene.sample_hz
     along, across, load = places.T
@@ -194,15 +165,8 @@ def servo(
 ) -> Servoed:
     """Servo fingers from where they rest to what others feel.
 
-    Args:
-        controller: of S models.
-        models: S; the first B / S trials are for the first model, and so on.
-        start: of B trials.
-        target: of the same trials.
-        scene: see there.
-        loop: timing.
-        duration_s: of a trial.
-        rng: of the electrodes' noise.
+    `controller`: of S models; `models`: S; the first B / S trials are for the first model, and so on;
+    `start`: of B trials.
     """
     step = loop.samples_per_action
     by_model = (models, -1)

@@ -1,0 +1,134 @@
+"""The source files that a script uses, each with a digest: the code that a stage of DVC depends on.
+
+Imports are read from the syntax tree, those inside functions too. Digests leave out docstrings, comments,
+layout and the annotations of functions, so wording does not make a stage run again.
+"""
+
+import ast
+import hashlib
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+DATA_SUFFIXES = (".yaml", ".jinja", ".css", ".js")
+"""Of files that modules read from their own folder, or from one below it without modules."""
+
+MODULE_NAME = re.compile(r"structlearn(\.\w+)+\.?")
+
+
+class SourceTree:
+    """Sources below a folder, e.g. `src`, each read once; packages that are not there are not followed."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._read: dict[Path, tuple[str, set[Path]]] = {}
+
+    def closure(self, script: Path) -> dict[Path, str]:
+        """Digest by path, relative to the root, of all that a script imports, directly or not.
+
+        A module counts as imported where a string is its name, all of a package where a string is its name
+        and a dot, or where `package.__name__` is asked for. Data files beside a module come with it.
+
+        Raises:
+            SyntaxError: a file is no Python, or imports relatively.
+        """
+        found: dict[Path, str] = {}
+        waiting = set(self._file(script)[1])
+        while waiting:
+            path = waiting.pop()
+            if path not in found:
+                found[path], used = self._file(path)
+                waiting |= used
+        return {path.relative_to(self.root): found[path] for path in sorted(found)}
+
+    def _file(self, path: Path) -> tuple[str, set[Path]]:
+        """Digest of one file, and the files that it uses."""
+        if path not in self._read:
+            content, used = path.read_bytes(), set()
+            if path.suffix == ".py":
+                tree = _without_wording(ast.parse(content, str(path)))
+                words: list[str] = []
+                _flatten(tree, words)
+                content = "\n".join(words).encode()
+                used = {file for name in _names(tree) for file in self._modules(name)}
+                if path.is_relative_to(self.root):
+                    used |= _data_files(path.parent)
+            self._read[path] = hashlib.sha256(content).hexdigest(), used
+        return self._read[path]
+
+    def _modules(self, name: str) -> set[Path]:
+        """Files that importing a dotted name, of a module or in one, runs: with the packages above it."""
+        parts = name.rstrip(".").split(".")
+        places = [self.root.joinpath(*parts[:depth]) for depth in range(1, len(parts) + 1)]
+        files = {file for place in places for file in (place / "__init__.py", place.with_suffix(".py"))}
+        if name.endswith("."):
+            files |= set(places[-1].glob("*.py"))
+        return {file for file in files if file.is_file()}
+
+
+def _without_wording(tree: ast.Module) -> ast.Module:
+    """Docstrings and other bare strings, and annotations of functions, taken out in place."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            node.returns = None
+        if isinstance(node, ast.arg):
+            node.annotation = None
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [one for one in body if not _is_bare_string(one)]  # type: ignore[attr-defined]
+    return tree
+
+
+def _is_bare_string(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def _names(tree: ast.Module) -> Iterator[str]:
+    """Dotted names of modules, or of what they define, that a file imports or names; see `closure`."""
+    packages: dict[str, str] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            if node.level:
+                raise SyntaxError(f"relative import in line {node.lineno}: modules are named in full")
+            packages |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Constant) and MODULE_NAME.fullmatch(str(node.value)):
+            yield str(node.value)
+    yield from packages.values()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Attribute(ast.Name(name), "__name__") if name in packages:
+                yield f"{packages[name]}."
+
+
+def _flatten(node: object, words: list[str]) -> None:
+    """The tree as words, the same for all versions of Python: fields that are empty are left out."""
+    if isinstance(node, ast.AST):
+        words.append(type(node).__name__)
+        for field in node._fields:
+            value = getattr(node, field, None)
+            if value is None or value == []:
+                continue
+            words.append(field)
+            if isinstance(value, list):
+                for one in value:
+                    _flatten(one, words)
+                words.append("]")
+            else:
+                _flatten(value, words)
+    else:
+        words.append(repr(node))
+
+
+@cache
+def _data_files(folder: Path) -> set[Path]:
+    """Files of a folder that are no modules, and those of folders below it without any."""
+    below = [one for one in folder.iterdir() if one.is_dir() and not any(one.glob("**/*.py"))]
+    files = [*folder.iterdir(), *(file for one in below for file in one.rglob("*"))]
+    return {file for file in files if file.suffix in DATA_SUFFIXES}

@@ -1,0 +1,35 @@
+"""List the code that each stage of a pipeline uses, with digests: an edit reruns only what uses it."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from structlearn.ground.publication import publish
+from structlearn.ground.source_closure import SourceTree
+from structlearn.ground.stage import run
+
+SCRIPTS = Path(__file__).parent
+NO_STAGES = ("list_code.py", "make_example.py")
+
+
+def scripts(pipeline: str) -> Iterator[Path]:
+    """Of the stages of `main`, or of a pipeline whose `dvc.yaml` lies beside its scripts."""
+    for script in sorted(SCRIPTS.rglob("*.py")):
+        its = script.parent.name if (script.parent / "dvc.yaml").exists() else "main"
+        if its == pipeline and script.name not in NO_STAGES:
+            yield script
+
+
+def main() -> None:
+    pipeline = sys.argv[1]
+    sources = SourceTree(Path("src"))
+    with publish(Path("data/code", pipeline)) as folder:
+        for script in scripts(pipeline):
+            path = folder / script.relative_to(SCRIPTS if pipeline == "main" else script.parent)
+            lines = [f"{digest[:16]} {file.as_posix()}\n" for file, digest in sources.closure(script).items()]
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.with_suffix(".txt").write_text("".join(lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,22 @@
+"""Read the corrected demonstrations: the only stage that opens these recordings (IV.9.1.3, iii)."""
+
+from pathlib import Path
+
+from structlearn.ground.artefacts import publish
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.runs import write_runs
+from structlearn.recordings.source import ClockParameters
+
+
+def main() -> None:
+    clock = stage_parameters("clock", ClockParameters)
+    with publish("data/runs/scraping/corrections") as folder:
+        folder.mkdir()
+        for setting in sorted(Path("data/raw/scraping/corrections").iterdir()):
+            corrected = read_demonstrations(setting, **clock.model_dump())
+            write_runs(corrected, folder / f"{setting.name}.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,16 @@
+"""Read the nominal demonstrations: the only stage that opens these recordings (IV.9.1.3, step i)."""
+
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.runs import write_runs
+from structlearn.recordings.source import ClockParameters
+
+
+def main() -> None:
+    clock = stage_parameters("clock", ClockParameters)
+    demonstrations = read_demonstrations("data/raw/scraping/nominal", **clock.model_dump())
+    write_runs(demonstrations, "data/runs/scraping/nominal.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

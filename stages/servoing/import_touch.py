@@ -1,0 +1,16 @@
+"""Read the demonstrations of touch: the only stage that opens these recordings (II.4.1.1)."""
+
+from structlearn.ground.stage import run, stage_parameters
+from structlearn.recordings import read_demonstrations
+from structlearn.recordings.runs import write_runs
+from structlearn.tactile.touch_preparation import TouchDataParameters
+
+
+def main() -> None:
+    rate_hz = stage_parameters("touch_dataset", TouchDataParameters).rate_hz
+    demonstrations = read_demonstrations("data/raw/servoing", rate_hz=rate_hz)
+    write_runs(demonstrations, "data/runs/servoing.parquet")
+
+
+if __name__ == "__main__":
+    run(main)

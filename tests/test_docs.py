@@ -1,0 +1,84 @@
+"""The documentation: its links lead somewhere, and the index finds what the dissertation numbers."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+MADE = {"docs/dissertation.md", "docs/api/index.md"}
+"""By `docs/hooks.py`, when the site is built."""
+
+
+@pytest.fixture(scope="module")
+def hooks():
+    spec = importlib.util.spec_from_file_location("hooks", ROOT / "docs/hooks.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page):
+    for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text()):
+        target = (page.parent / link).resolve()
+        assert "://" in link or target.exists() or target.relative_to(ROOT).as_posix() in MADE, link
+
+
+def test_every_page_stands_in_the_navigation():
+    navigation = yaml.dump(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
+    assert all(page.name in navigation for page in (ROOT / "docs").glob("*.md"))
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().split()) <= 1000
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("the phase (eq. IV.4, IV.5)", [("eq", "IV.4"), ("eq", "IV.5")]),
+        ("table IV.5 and figure IV.16", [("table", "IV.5"), ("figure", "IV.16")]),
+        ("figures IV.19 and IV.20", [("figure", "IV.19"), ("figure", "IV.20")]),
+        ("by section IV.9.1.3 (IV.12)", [("section", "IV.9.1.3"), ("eq", "IV.12")]),
+        ("in IV.5", [("section", "IV.5")]),
+        ("version IX.1 of IV", []),
+    ],
+)
+def test_what_a_text_cites(hooks, text, expected):
+    assert list(hooks.cited(text)) == expected
+
+
+def test_the_index_finds_what_is_numbered(hooks):
+    found = {(one.kind, one.number) for one in hooks.citations()}
+    wanted = {
+        "table": ["III.1", "III.2", "IV.1", "IV.2", "IV.3", "IV.4", "IV.5"],
+        "figure": [
+            "II.3",
+            "II.4",
+            "II.5",
+            "II.6",
+            "III.2",
+            "IV.14",
+            "IV.16",
+            "IV.17",
+            "IV.18",
+            "IV.19",
+            "IV.20",
+        ],
+        "eq": ["II.15", "II.23", "III.9", "IV.1", "IV.4", "IV.12", "IV.24", "IV.34"],
+        "section": ["II.4.1.3", "III.4.1.2", "IV.5", "IV.7", "IV.9.1.3", "V.2"],
+    }
+    missing = [
+        (kind, number) for kind, its in wanted.items() for number in its if (kind, number) not in found
+    ]
+    assert not missing
+
+
+def test_places_in_the_index_are_lines_of_the_source(hooks):
+    for one in hooks.citations():
+        line = (ROOT / one.path).read_text().splitlines()[one.line - 1]
+        assert one.line == 1 or one.name in line or line.startswith("@") or "def" in line
