@@ -83,27 +83,26 @@ from structlearn.tactile.latent_parameters import GeodesicParameters, LatentPara
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.tasks import skin_readings, skin_touches
 from structlearn.tasks.joint_motion import learn_motion
 from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
-from structlearn.testbeds.own.protocol import own_feedback, own_touch
+from structlearn.testbeds.own.protocol import own_feedback
 from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
 from structlearn.testbeds.recorded.protocol import (
     avoidance_representations,
     correction_splits,
     human_reaches,
     latent_touch,
-    skin_map,
     slides,
     touch_sets,
 )
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
 from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins
@@ -742,7 +741,7 @@ def recorded_touch(monkeypatch, tmp_path):
 
 
 SKIN = committed(
-    SkinParameters,
+    TouchParameters,
     "recorded_skin",
     tuned_on=["a"],
     block_mm=3.0,
@@ -769,9 +768,10 @@ def recorded_skin(monkeypatch, tmp_path):
     def changed(run, rows):
         return swapped(data, run, with_wobbling(data[run], rows, "counts"))
 
-    learn = each(monkeypatch, skin_map, "learn_skin", lambda runs: learn_recorded_skin(runs, [], SKIN))
-    yield Case(lambda its: learn(its)[2], data, changed(0, fold == 0), changed(0, fold == 1))
-    yield Case(lambda its: learn(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
+    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    yield Case(lambda its: learn(its)[0], data, changed(0, fold == 0), changed(0, fold == 1))
+    whole = each(monkeypatch, skin_touches, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
 
 
 @of_stage("own/touch")
@@ -781,7 +781,7 @@ def own_skin(monkeypatch, tmp_path):
     quick = {"seeds": 1, "pair_pool": 100, "evaluation_pairs": 50, "training": {"steps": 4}}
     parameters = toy.chosen(folds=2, spaces=quick)
     log = toy.made_up("a", 0, count=150)
-    place = own_touch.gathered([log], parameters)[0].place[:, :2]
+    place = skin_touches.gathered([log], parameters)[0][0].place[:, :2]
     fold = held_out(place, 1e-3 * parameters.block_mm, parameters.folds)[1]
 
     def changed(number):
@@ -790,9 +790,9 @@ def own_skin(monkeypatch, tmp_path):
         return [replace(log, counts=log.counts + wobbling(counts, rows) - counts)]
 
     learn = each(
-        monkeypatch, own_touch, "learn_touches", lambda logs: own_touch.learn_own_touch(logs, parameters)
+        monkeypatch, skin_readings, "learn_skin", lambda logs: skin_touches.learn_touch(logs, parameters)
     )
-    return Case(lambda its: learn(its)[0][0], [log], changed(0), changed(1))
+    return Case(lambda its: learn(its)[0], [log], changed(0), changed(1))
 
 
 # --- the tests ---------------------------------------------------------------------------------------------

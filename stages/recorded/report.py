@@ -5,16 +5,14 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
 from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import (
-    LatentTouchParameters,
-    SkinParameters,
-)
+from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 
@@ -27,7 +25,7 @@ PARAMETERS = {
     "recorded_avoidance": RecordedAvoidanceParameters,
     "recorded_boxes": ScenePeopleParameters,
     "recorded_latent_touch": LatentTouchParameters,
-    "recorded_skin": SkinParameters,
+    "recorded_skin": TouchParameters,
     "recorded_dynamics": MotionParameters,
     "recorded_ur10e": MotionParameters,
 }

@@ -7,9 +7,9 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.recordings import synchronise
 from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.protocol.corrected_reaches import complete
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
@@ -55,7 +55,7 @@ def show_boxes(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_skin(stored: files.RecordedFiles, folder: Path) -> None:
-    skin = stage_parameters("recorded_skin", SkinParameters)
+    skin = stage_parameters("recorded_skin", TouchParameters)
     write_skin(folder / "skin.rrd", stored.of_set("skin"), skin.tuned_on)
 
 

@@ -11,15 +11,11 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.recordings.eflesh import ProbeRun
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.skin_map import (
-    NEW_RUN,
-    PROCESS,
-    gaussian_process,
-    polynomial,
-)
+from structlearn.recordings.touch_log import TouchLog
+from structlearn.tasks.skin_readings import NEW_RUN, PROCESS, gaussian_process, polynomial
+from structlearn.tasks.touch_parameters import TouchParameters
 
 QUADRATIC, PRESSURE = "channels and their products", "pressure alone"
 """Models beside the Gaussian process: ridge regression on 16 channels and their products, and a polynomial of
@@ -42,12 +38,7 @@ INNER_FOLDS = 3
 
 @dataclass(frozen=True)
 class Lags:
-    """s by which a run's streams lag behind the commanded depth.
-
-    Attributes:
-        signals: of the channels.
-        force: of the scale.
-    """
+    """s by which channels and scale of a run lag behind the commanded depth."""
 
     signals: float
     force: float
@@ -75,21 +66,18 @@ class WeighedPresses:
 
 
 def force_errors(
-    runs: Sequence[ProbeRun], parameters: SkinParameters
+    runs: Sequence[TouchLog], parameters: TouchParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Errors of forces on presses left out and on other runs.
 
     A run whose scale says too little to leave a press out is left aside.
-
-    Args:
-        runs: with a scale.
-        parameters: see there.
 
     Returns:
         Errors: `learned_from`, `asked_about`, `new`, `model`, `press`, `rms_n`, `worst_n`. Lags: `run`,
         `signals_s`, `force_s`, `readings` of the scale, `presses`. Traces on other runs: `learned_from`,
         `asked_about`, `time_s`, `force_n` and `read_n` of `QUADRATIC`.
     """
+    assert parameters.force is not None
     counts = {run.name: press_count(run, parameters.force.pressed_n) for run in runs}
     for name, count in counts.items():
         if count <= INNER_FOLDS:
@@ -106,9 +94,10 @@ def force_errors(
 
 
 def _run_errors(
-    run: ProbeRun, runs: Sequence[ProbeRun], parameters: SkinParameters
+    run: TouchLog, runs: Sequence[TouchLog], parameters: TouchParameters
 ) -> dict[str, list[pd.DataFrame]]:
     """Parts of the tables that come from what one run teaches."""
+    assert parameters.force is not None
     lag = run_lags(run, parameters.force.longest_lag_s)
     own = weighed_presses(run, lag, parameters.force.pressed_n)
     presses = np.unique(own.press)
@@ -131,31 +120,32 @@ def _run_errors(
     return {"errors": errors, "lags": [pd.DataFrame([lags])], "traces": traces}
 
 
-def run_lags(run: ProbeRun, longest: float) -> Lags:
+def run_lags(run: TouchLog, longest: float) -> Lags:
     """Lags of channels and scale behind the commanded depth, by the largest correlation."""
-    depth, weighed = -run.place[:, 2], np.isfinite(run.force)
+    time, place, force = _on_scale(run)
+    depth, weighed = -place[:, 2], np.isfinite(force)
     strength = np.linalg.norm(run.counts, axis=1)
     return Lags(
-        lag_behind(run.time, depth, run.time, strength, longest),
-        lag_behind(run.time, depth, run.time[weighed], run.force[weighed], longest),
+        lag_behind(time, depth, time, strength, longest),
+        lag_behind(time, depth, time[weighed], force[weighed], longest),
     )
+
+
+def _on_scale(run: TouchLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, place and force of a recording that has them.
+
+    Raises:
+        InputError: it has no time or place.
+    """
+    if run.time is None or run.place is None or run.force is None:
+        raise InputError(f"{run.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
+    return run.time, run.place, run.force
 
 
 def lag_behind(
     cause_time: np.ndarray, cause: np.ndarray, time: np.ndarray, effect: np.ndarray, longest: float
 ) -> float:
-    """Time by which an effect follows its cause: where both correlate most.
-
-    Args:
-        cause_time: (N,) s, rising.
-        cause: (N,).
-        time: (M,) s, rising.
-        effect: (M,), that rises and falls with the cause.
-        longest: s that is looked at.
-
-    Returns:
-        s, between 0 and `longest`.
-    """
+    """Lag of maximum cross-correlation, in s, 0 to `longest`, of an effect (M,) and its cause (N,)."""
     grid = np.arange(cause_time[0], cause_time[-1] - longest, LAG_STEP_S)
     known = np.interp(grid, cause_time, cause)
     lags = np.arange(-LAG_STEP_S, longest + 1.5 * LAG_STEP_S, LAG_STEP_S)
@@ -167,31 +157,27 @@ def lag_behind(
     return float(np.clip(lags[best] + LAG_STEP_S * shift, 0.0, longest))
 
 
-def weighed_presses(run: ProbeRun, lags: Lags, pressed: float) -> WeighedPresses:
-    """Readings of the scale with the channels that belong to them.
-
-    Args:
-        run: with a scale that reads `pressed` at times.
-        lags: of its streams.
-        pressed: N that a press reaches at least.
-    """
-    weighed = np.isfinite(run.force)
-    time, force = run.time[weighed], run.force[weighed]
+def weighed_presses(run: TouchLog, lags: Lags, pressed: float) -> WeighedPresses:
+    """Readings of the scale with the channels that belong to them; a press reaches `pressed` N at least."""
+    clock, _, weight = _on_scale(run)
+    weighed = np.isfinite(weight)
+    time, force = clock[weighed], weight[weighed]
     at = time - lags.force + lags.signals
-    after = np.searchsorted(run.time, at)
-    inside = (after > 0) & (after < len(run.time))
-    after = np.clip(after, 1, len(run.time) - 1)
-    kept = inside & (run.time[after] - run.time[after - 1] <= LONGEST_GAP_S)
-    channels = np.stack([np.interp(at, run.time, values) for values in run.counts.T], axis=1)
+    after = np.searchsorted(clock, at)
+    inside = (after > 0) & (after < len(clock))
+    after = np.clip(after, 1, len(clock) - 1)
+    kept = inside & (clock[after] - clock[after - 1] <= LONGEST_GAP_S)
+    channels = np.stack([np.interp(at, clock, values) for values in run.counts.T], axis=1)
     channels = np.hstack([channels, np.linalg.norm(channels, axis=1, keepdims=True)])
     found = WeighedPresses(time, channels, force, press_numbers(time, force, pressed))
     return found.part(kept)
 
 
-def press_count(run: ProbeRun, pressed: float) -> int:
+def press_count(run: TouchLog, pressed: float) -> int:
     """Presses of a run that the scale weighed."""
-    weighed = np.isfinite(run.force)
-    time, force = run.time[weighed], run.force[weighed]
+    clock, _, weight = _on_scale(run)
+    weighed = np.isfinite(weight)
+    time, force = clock[weighed], weight[weighed]
     return len(np.unique(press_numbers(time, force, pressed))) if (force > pressed).any() else 0
 
 
@@ -204,8 +190,9 @@ def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.nda
 
 
 def _models(
-    taught: WeighedPresses, parameters: SkinParameters, with_process: bool
+    taught: WeighedPresses, parameters: TouchParameters, with_process: bool
 ) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    assert parameters.force is not None
     strength = polynomial(taught.channels[:, -1:], taught.force, PRESSURE_DEGREE)
     models = {
         QUADRATIC: _quadratic(taught, parameters.force.penalties),
@@ -256,5 +243,5 @@ def _press_errors(asked: WeighedPresses, read: np.ndarray) -> pd.DataFrame:
     return table.rename_axis("press").reset_index()
 
 
-def _named(table: pd.DataFrame, run: ProbeRun, other: ProbeRun, new: str, model: str) -> pd.DataFrame:
+def _named(table: pd.DataFrame, run: TouchLog, other: TouchLog, new: str, model: str) -> pd.DataFrame:
     return table.assign(learned_from=run.name, asked_about=other.name, new=new, model=model)
