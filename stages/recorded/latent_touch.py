@@ -11,8 +11,7 @@ from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 from structlearn.testbeds.recorded.files import SLIDES, UNSCREWING, RecordedFiles
 from structlearn.testbeds.recorded.protocol.latent_touch import learn_touch
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
-from structlearn.testbeds.recorded.protocol.touch_sets import touch_sets
+from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters, touch_sets
 
 
 def main() -> None:

@@ -98,13 +98,6 @@ def learn_motion(
 ) -> tuple[Identified, dict[str, pd.DataFrame]]:
     """Identify an arm, and write models, its URDF and tables into a folder.
 
-    Args:
-        robot: with the inertias of its URDF, where identification starts.
-        logs: in order, by name; of drives where `parameters.drives` is given.
-        parameters: see there.
-        source: the robot's URDF.
-        folder: is there.
-
     Returns:
         What was learned, and tables by name; `joint` counts from 1. `motions`: `log`, `part`, `start_s`,
         `end_s` of what is kept, `length_s`, `learned_s` and `tested_s`. `errors`, `friction`, `links`,

@@ -26,10 +26,6 @@ def servo_trials(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Closed loops of all controllers, from press to press of other runs.
 
-    Args:
-        work: what was learned, with dynamics; from which recording; the others, on whose tables it acts.
-        parameters: see there.
-
     Returns:
         Trials: `learned_from`, `asked_about`, `model`, `controller`, `seed`, `trial`, `arrived`, `left_mm`,
         `length_ratio`, `straight_mm`. Paths of the corrected controller of the first seed with structure:
