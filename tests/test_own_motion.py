@@ -168,10 +168,3 @@ def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):
         identified(tmp_path, [log])
     with pytest.raises(InputError, match=r"short: the log lacks the robot's joints bend"):
         identified(tmp_path, [replace(log, joints=("gripper", "other", "lift", "turn"))])
-
-
-def test_the_same_logs_give_the_same_tables(several, tmp_path):
-    first = identified(tmp_path, [made_up_log(arm()[0], "lone", 5)])
-    second = identified(tmp_path, [made_up_log(arm()[0], "lone", 5)])
-    for name, table in vars(first).items():
-        assert table.equals(getattr(second, name)), name

@@ -154,27 +154,6 @@ def test_the_map_holds_where_nothing_was_pressed():
     assert its["structured"] < its["3 principal components"]
 
 
-def test_the_same_run_gives_the_same_map():
-    run, brief = toy_run("a", 1, size=6), SMALL.spaces.training.model_copy(update={"steps": 3})
-    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
-    taught = np.full(len(run.counts), True)
-    first, again = (learn_skin(touches(run), taught, few, with_dynamics=True) for _ in range(2))
-    for name, values in first.models.to_arrays().items():
-        np.testing.assert_array_equal(values, again.models.to_arrays()[name])
-
-
-def test_presses_held_out_are_not_learned_from():
-    run = toy_run("a", 1, size=6)
-    taught = np.arange(len(run.counts)) % 3 > 0
-    brief = SMALL.spaces.training.model_copy(update={"steps": 3})
-    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
-    spoiled = replace(run, counts=np.where(taught[:, None], run.counts, 1e6), place=run.place.copy())
-    spoiled.place[~taught] = 9.0
-    first, again = (learn_skin(touches(one), taught, few, with_dynamics=True) for one in (run, spoiled))
-    for name, values in first.models.to_arrays().items():
-        np.testing.assert_array_equal(values, again.models.to_arrays()[name])
-
-
 def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     skins, tables = learned
     assert len(skins["a"].units.action_scale) == 3
@@ -215,7 +194,7 @@ def test_lags_and_forces_are_found(learned):
 def test_a_scale_that_says_too_little_is_left_aside(capsys):
     mute = replace(toy_strokes("mute"), force=np.full(len(toy_strokes("mute").time), np.nan))
     quiet, few, sound = toy_strokes("c", gain=0.1), toy_strokes("few", presses=3), toy_strokes("d", presses=4)
-    errors, lags, traces = skin_force.force_errors([mute, quiet, few, sound], SMALL)
+    errors, lags, traces = skin_force.force_errors([mute, quiet, few, sound], SMALL.force, 150)
     assert set(errors["learned_from"]) == set(lags["run"]) == {"d"}
     assert traces.empty
     assert capsys.readouterr().out.count("left aside: 0 presses") == 2

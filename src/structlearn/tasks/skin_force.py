@@ -1,10 +1,10 @@
 """How hard is the skin pressed? Forces read off its channels, at one place, learned from a scale.
 
-A probe goes down and up again, ten times a run. Channels and scale lag behind the commanded depth, each by
-its own time, which is found from the data of the run that is learned from.
+A probe goes down and up again, several times a recording. Channels and scale lag behind the commanded depth,
+each by its own time, which is found from the data of the recording that is learned from.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,11 +15,11 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.touch_log import TouchLog
 from structlearn.tasks.skin_readings import NEW_RUN, PROCESS, gaussian_process, polynomial
-from structlearn.tasks.touch_parameters import TouchParameters
+from structlearn.tasks.touch_parameters import ForceParameters
 
 QUADRATIC, PRESSURE = "channels and their products", "pressure alone"
-"""Models beside the Gaussian process: ridge regression on 16 channels and their products, and a polynomial of
-the norm of all channels, which is the contact pressure of this sensor."""
+"""Models beside the Gaussian process: ridge regression on the channels and their products, and a polynomial
+of the norm of all channels, which is the contact pressure of a magnetic skin."""
 
 NEW_PRESSES = "new presses"
 
@@ -37,23 +37,31 @@ INNER_FOLDS = 3
 
 
 @dataclass(frozen=True)
-class Lags:
-    """s by which channels and scale of a run lag behind the commanded depth."""
+class Strokes:
+    """One recording on a scale.
 
-    signals: float
-    force: float
+    Attributes:
+        name: of the recording.
+        time: (N,) s of the channels.
+        depth: (N,) m, commanded.
+        counts: (N, E).
+        weighed: (W,) s, when the scale gave a reading.
+        force: (W,) N.
+        press: (W,) number of the press.
+    """
+
+    name: str
+    time: np.ndarray
+    depth: np.ndarray
+    counts: np.ndarray
+    weighed: np.ndarray
+    force: np.ndarray
+    press: np.ndarray
 
 
 @dataclass(frozen=True)
 class WeighedPresses:
-    """N readings of the scale with the channels at the same depth.
-
-    Attributes:
-        time: (N,) s of the scale.
-        channels: (N, E + 1) readings and their norm.
-        force: (N,) N.
-        press: (N,) number of the press.
-    """
+    """Readings of the scale: time (N,) s, channels at that depth with their norm (N, E + 1), force, press."""
 
     time: np.ndarray
     channels: np.ndarray
@@ -66,80 +74,78 @@ class WeighedPresses:
 
 
 def force_errors(
-    runs: Sequence[TouchLog], parameters: TouchParameters
+    logs: Sequence[TouchLog], parameters: ForceParameters, known: int
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Errors of forces on presses left out and on other runs.
+    """Errors of forces on presses left out and on other recordings; a Gaussian process knows `known` presses.
 
-    A run whose scale says too little to leave a press out is left aside.
+    A recording whose scale says too little to leave a press out is left aside.
 
     Returns:
         Errors: `learned_from`, `asked_about`, `new`, `model`, `press`, `rms_n`, `worst_n`. Lags: `run`,
-        `signals_s`, `force_s`, `readings` of the scale, `presses`. Traces on other runs: `learned_from`,
-        `asked_about`, `time_s`, `force_n` and `read_n` of `QUADRATIC`.
+        `signals_s`, `force_s`, `readings` of the scale, `presses`. Traces on other recordings:
+        `learned_from`, `asked_about`, `time_s`, `force_n` and `read_n` of `QUADRATIC`.
+
+    Raises:
+        InputError: a recording has no time or place.
     """
-    assert parameters.force is not None
-    counts = {run.name: press_count(run, parameters.force.pressed_n) for run in runs}
-    for name, count in counts.items():
-        if count <= INNER_FOLDS:
-            print(f"skin: {name} left aside: {count} presses on the scale are too few to leave some out")
-    runs = [run for run in runs if counts[run.name] > INNER_FOLDS]
-    found = parallel_map(partial(_run_errors, runs=runs, parameters=parameters), runs, "forces", local=True)
+    runs = []
+    for run in (strokes(log, parameters.pressed_n) for log in logs):
+        count = len(np.unique(run.press)) if (run.force > parameters.pressed_n).any() else 0
+        if count > INNER_FOLDS:
+            runs.append(run)
+        else:
+            print(f"skin: {run.name} left aside: {count} presses on the scale are too few to leave some out")
+    judge = partial(_run_errors, runs=runs, parameters=parameters, known=known)
+    found = parallel_map(judge, runs, "forces", local=True)
     errors, lags, traces = (
-        [table for one in found for table in one[part]] for part in ("errors", "lags", "traces")
-    )
-    return tuple(
         pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
-        for tables in (errors, lags, traces)
+        for tables in ([table for one in found for table in one[part]] for part in range(3))
     )
+    return errors, lags, traces
+
+
+def strokes(log: TouchLog, pressed: float) -> Strokes:
+    """A recording with its presses, which reach `pressed` N at least."""
+    if log.time is None or log.place is None or log.force is None:
+        raise InputError(f"{log.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
+    there = np.isfinite(log.force)
+    time, force = log.time[there], log.force[there]
+    press = press_numbers(time, force, pressed) if len(force) else np.zeros(0, dtype=int)
+    return Strokes(log.name, log.time, -log.place[:, 2], log.counts, time, force, press)
 
 
 def _run_errors(
-    run: TouchLog, runs: Sequence[TouchLog], parameters: TouchParameters
-) -> dict[str, list[pd.DataFrame]]:
-    """Parts of the tables that come from what one run teaches."""
-    assert parameters.force is not None
-    lag = run_lags(run, parameters.force.longest_lag_s)
-    own = weighed_presses(run, lag, parameters.force.pressed_n)
+    run: Strokes, runs: Sequence[Strokes], parameters: ForceParameters, known: int
+) -> tuple[list[pd.DataFrame], ...]:
+    """Parts of the tables that come from what one recording teaches."""
+    lags = run_lags(run, parameters.longest_lag_s)
+    own = weighed_presses(run, lags)
     presses = np.unique(own.press)
-    lags = {"run": run.name, "signals_s": lag.signals, "force_s": lag.force}
-    lags |= {"readings": len(own.force), "presses": len(presses)}
+    row = {"run": run.name} | lags | {"readings": len(own.force), "presses": len(presses)}
     errors, traces = [], []
     for press in presses:
         left_out = own.press == press
-        for model, read in _models(own.part(~left_out), parameters, with_process=False).items():
+        for model, read in _models(own.part(~left_out), parameters).items():
             table = _press_errors(own.part(left_out), read(own.channels[left_out]))
             errors.append(_named(table, run, run, NEW_PRESSES, model))
-    models = _models(own, parameters, with_process=True)
+    models = _models(own, parameters) | {PROCESS: _process(own, known)}
     for other in (one for one in runs if one.name != run.name):
-        asked = weighed_presses(other, lag, parameters.force.pressed_n)
+        asked = weighed_presses(other, lags)
         found = {model: read(asked.channels) for model, read in models.items()}
         for model, force in found.items():
             errors.append(_named(_press_errors(asked, force), run, other, NEW_RUN, model))
         trace = pd.DataFrame({"time_s": asked.time, "force_n": asked.force, "read_n": found[QUADRATIC]})
         traces.append(trace.assign(learned_from=run.name, asked_about=other.name))
-    return {"errors": errors, "lags": [pd.DataFrame([lags])], "traces": traces}
+    return errors, [pd.DataFrame([row])], traces
 
 
-def run_lags(run: TouchLog, longest: float) -> Lags:
-    """Lags of channels and scale behind the commanded depth, by the largest correlation."""
-    time, place, force = _on_scale(run)
-    depth, weighed = -place[:, 2], np.isfinite(force)
+def run_lags(run: Strokes, longest: float) -> dict[str, float]:
+    """Lags of channels and scale behind the commanded depth, `signals_s` and `force_s`."""
     strength = np.linalg.norm(run.counts, axis=1)
-    return Lags(
-        lag_behind(time, depth, time, strength, longest),
-        lag_behind(time, depth, time[weighed], force[weighed], longest),
-    )
-
-
-def _on_scale(run: TouchLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, place and force of a recording that has them.
-
-    Raises:
-        InputError: it has no time or place.
-    """
-    if run.time is None or run.place is None or run.force is None:
-        raise InputError(f"{run.name}: forces are learned with columns time_s, x_m, y_m, z_m and force_n")
-    return run.time, run.place, run.force
+    return {
+        "signals_s": lag_behind(run.time, run.depth, run.time, strength, longest),
+        "force_s": lag_behind(run.time, run.depth, run.weighed, run.force, longest),
+    }
 
 
 def lag_behind(
@@ -157,28 +163,16 @@ def lag_behind(
     return float(np.clip(lags[best] + LAG_STEP_S * shift, 0.0, longest))
 
 
-def weighed_presses(run: TouchLog, lags: Lags, pressed: float) -> WeighedPresses:
-    """Readings of the scale with the channels that belong to them; a press reaches `pressed` N at least."""
-    clock, _, weight = _on_scale(run)
-    weighed = np.isfinite(weight)
-    time, force = clock[weighed], weight[weighed]
-    at = time - lags.force + lags.signals
-    after = np.searchsorted(clock, at)
-    inside = (after > 0) & (after < len(clock))
-    after = np.clip(after, 1, len(clock) - 1)
-    kept = inside & (clock[after] - clock[after - 1] <= LONGEST_GAP_S)
-    channels = np.stack([np.interp(at, clock, values) for values in run.counts.T], axis=1)
+def weighed_presses(run: Strokes, lags: Mapping[str, float]) -> WeighedPresses:
+    """Readings of the scale with the channels that belong to them."""
+    at = run.weighed - lags["force_s"] + lags["signals_s"]
+    after = np.searchsorted(run.time, at)
+    inside = (after > 0) & (after < len(run.time))
+    after = np.clip(after, 1, len(run.time) - 1)
+    kept = inside & (run.time[after] - run.time[after - 1] <= LONGEST_GAP_S)
+    channels = np.stack([np.interp(at, run.time, values) for values in run.counts.T], axis=1)
     channels = np.hstack([channels, np.linalg.norm(channels, axis=1, keepdims=True)])
-    found = WeighedPresses(time, channels, force, press_numbers(time, force, pressed))
-    return found.part(kept)
-
-
-def press_count(run: TouchLog, pressed: float) -> int:
-    """Presses of a run that the scale weighed."""
-    clock, _, weight = _on_scale(run)
-    weighed = np.isfinite(weight)
-    time, force = clock[weighed], weight[weighed]
-    return len(np.unique(press_numbers(time, force, pressed))) if (force > pressed).any() else 0
+    return WeighedPresses(run.weighed, channels, run.force, run.press).part(kept)
 
 
 def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.ndarray:
@@ -190,21 +184,19 @@ def press_numbers(time: np.ndarray, force: np.ndarray, pressed: float) -> np.nda
 
 
 def _models(
-    taught: WeighedPresses, parameters: TouchParameters, with_process: bool
+    taught: WeighedPresses, parameters: ForceParameters
 ) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
-    assert parameters.force is not None
     strength = polynomial(taught.channels[:, -1:], taught.force, PRESSURE_DEGREE)
-    models = {
-        QUADRATIC: _quadratic(taught, parameters.force.penalties),
+    return {
+        QUADRATIC: _quadratic(taught, parameters.penalties),
         PRESSURE: lambda channels: strength(channels[:, -1:]),
     }
-    if with_process:
-        middle, spread = taught.channels.mean(axis=0), taught.channels.std(axis=0)
-        process = gaussian_process(
-            (taught.channels - middle) / spread, taught.force[:, None], parameters.rival_samples
-        )
-        models[PROCESS] = lambda channels: process((channels - middle) / spread)[:, 0]
-    return models
+
+
+def _process(taught: WeighedPresses, known: int) -> Callable[[np.ndarray], np.ndarray]:
+    middle, spread = taught.channels.mean(axis=0), taught.channels.std(axis=0)
+    read = gaussian_process((taught.channels - middle) / spread, taught.force[:, None], known)
+    return lambda channels: read((channels - middle) / spread)[:, 0]
 
 
 def _quadratic(taught: WeighedPresses, penalties: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]:
@@ -215,33 +207,27 @@ def _quadratic(taught: WeighedPresses, penalties: Sequence[float]) -> Callable[[
 
     inputs = make_pipeline(StandardScaler(), PolynomialFeatures(2, include_bias=False), StandardScaler())
     seen, part = inputs.fit_transform(taught.channels), taught.press % INNER_FOLDS
-    missed = [
-        sum(
-            np.square(
-                Ridge(penalty).fit(seen[part != one], taught.force[part != one]).predict(seen[part == one])
-                - taught.force[part == one]
-            ).sum()
+
+    def missed(penalty: float) -> float:
+        errors = [
+            Ridge(penalty).fit(seen[part != one], taught.force[part != one]).predict(seen[part == one])
+            - taught.force[part == one]
             for one in np.unique(part)
-        )
-        for penalty in penalties
-    ]
-    return (
-        make_pipeline(inputs, Ridge(penalties[int(np.argmin(missed))]))
-        .fit(taught.channels, taught.force)
-        .predict
-    )
+        ]
+        return sum(np.square(error).sum() for error in errors)
+
+    best = Ridge(min(penalties, key=missed))
+    return make_pipeline(inputs, best).fit(taught.channels, taught.force).predict
 
 
 def _press_errors(asked: WeighedPresses, read: np.ndarray) -> pd.DataFrame:
     error = pd.Series(read - asked.force).groupby(asked.press)
-    table = pd.DataFrame(
-        {
-            "rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))),
-            "worst_n": error.apply(lambda its: its.abs().max()),
-        }
-    )
-    return table.rename_axis("press").reset_index()
+    columns = {
+        "rms_n": error.apply(lambda its: np.sqrt(np.mean(its**2))),
+        "worst_n": error.apply(lambda its: its.abs().max()),
+    }
+    return pd.DataFrame(columns).rename_axis("press").reset_index()
 
 
-def _named(table: pd.DataFrame, run: TouchLog, other: TouchLog, new: str, model: str) -> pd.DataFrame:
+def _named(table: pd.DataFrame, run: Strokes, other: Strokes, new: str, model: str) -> pd.DataFrame:
     return table.assign(learned_from=run.name, asked_about=other.name, new=new, model=model)

@@ -133,7 +133,7 @@ def learn_touch(
                 for name, table in zip(names, its, strict=True):
                     parts.setdefault(name, []).append(table)
         if parameters.force is not None:
-            forces = force_errors(weighed, parameters)
+            forces = force_errors(weighed, parameters.force, parameters.rival_samples)
             parts |= {name: [table] for name, table in zip(("force", "lags", "traces"), forces, strict=True)}
     there = {name: [table for table in its if len(table)] for name, its in parts.items()}
     tables = {name: pd.concat(its, ignore_index=True) for name, its in there.items() if its}
