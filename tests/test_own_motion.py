@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from committed import OWN_FILE
+from pydantic import ValidationError
 from rigid_body_robots import joint, link
 
 from structlearn.ground.errors import InputError
@@ -52,8 +53,11 @@ def heavier(inertias: LinkInertias) -> LinkInertias:
     return LinkInertias(1.3 * inertias.mass, 1.4 * inertias.first_moment, 1.5 * inertias.inertia)
 
 
-def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0) -> JointLog:
-    """Sines on every joint, at a rest before; joints stand in another order than in the URDF."""
+def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0, load_kg: float = 0.0) -> JointLog:
+    """Sines on every joint, at a rest before; joints stand in another order than in the URDF.
+
+    A load is a point at (0.2, 0, 0.1) m on the last link.
+    """
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, seconds, 0.01)
     after = np.clip(time - 1.5, 0.0, None)[:, None, None]
@@ -61,7 +65,14 @@ def made_up_log(robot: Robot, name: str, seed: int, seconds: float = 24.0) -> Jo
     q = progress(np.minimum(after[..., 0] / 2.0, 1.0)) * (sizes * np.sin(rates * after + phases)).sum(axis=-1)
     qd = np.gradient(q, time, axis=0)
     motion = Motion(q, qd, np.gradient(qd, time, axis=0), np.zeros_like(q))
-    torque = rigid_body_torques(robot.tree, heavier(robot.inertias), motion)
+    its, point = heavier(robot.inertias), np.array([0.2, 0.0, 0.1])
+    mass, moment, inertia = its.mass.copy(), its.first_moment.copy(), its.inertia.copy()
+    apart = point - moment[-1] / mass[-1]
+    both = mass[-1] * load_kg / (mass[-1] + load_kg)
+    inertia[-1] += both * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    mass[-1] += load_kg
+    moment[-1] += load_kg * point
+    torque = rigid_body_torques(robot.tree, LinkInertias(mass, moment, inertia), motion)
     torque = torque + np.einsum("njt,jt->nj", friction_columns(qd, ("viscous", "coulomb")), FRICTION)
     torque += 0.02 * rng.standard_normal(torque.shape)
     stamps = (10**9 + np.round(1e9 * time)).astype(np.int64)
@@ -168,3 +179,21 @@ def test_a_log_that_is_too_short_or_lacks_a_joint_is_refused(tmp_path):
         identified(tmp_path, [log])
     with pytest.raises(InputError, match=r"short: the log lacks the robot's joints bend"):
         identified(tmp_path, [replace(log, joints=("gripper", "other", "lift", "turn"))])
+
+
+def test_a_load_of_known_weight_is_weighed_with_torques_too(tmp_path):
+    """What the public UR10e has is an option: named logs, networks, a load; here without motor currents."""
+    logs = [made_up_log(arm()[0], name, 3, load_kg=load) for name, load in (("a", 0.0), ("aLoad", 0.8))]
+    logs += [made_up_log(arm()[0], "b", 4)]
+    load = {"pairs": [], "known_kg": 0.8, "structure": "cov", "batch": 200, "memory_s": 5.0}
+    load |= {"iterations": 20, "settled_s": 5.0}
+    results = identified(tmp_path, logs, train="a", test="b", load=load, body_draws=3)
+    found = results.loads.set_index(["pair", "gains"])
+    assert found.loc[("aLoad", "found"), "mass_kg"] == pytest.approx(0.8, rel=0.1)
+    assert found.loc[("aLoad", "found"), "centre_x_m"] == pytest.approx(0.2, abs=0.03)
+    assert set(results.motions["part"]) == {"learned from", "with the load", "asked about"}
+    assert set(results.errors["part"]) == {"train", "b"}
+    assert {"mass_kg", "viscous"} <= set(results.bodies["parameter"])
+    assert set(results.carried["stage"]) == {"empty, learned from", "empty, another motion", "with the load"}
+    with pytest.raises(ValidationError, match="drives and load need logs that are named"):
+        parameters(load=load)

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.ground.artefacts import Metrics
+from structlearn.ground.artefacts import Metrics, read_table
 from structlearn.ground.block_bootstrap import percentiles
 from structlearn.palette import BLACK, BLUE, GREY, ORANGE
 from structlearn.reporting.document import Table
@@ -28,6 +28,14 @@ FRICTIONS = {
     "coulomb": "viscous, Coulomb",
     "offset": "viscous, Coulomb, offset",
 }
+FURTHER = {
+    "gains": "Gains of the drives (N m/A): found at rest or in motion, assumed of another joint, quoted.",
+    "loads": "The load by least squares: mass, and centre in the last joint's frame.",
+    "bodies": "Links as written, with half a 95 % interval, beside the URDF's.",
+    "choice": "What networks were chosen by: mean NMSE on the end of what was learned from.",
+}
+"""Tables that some tasks have, and their captions."""
+
 DRAWN = {("urdf", "none"): GREY, ("least_squares", "coulomb"): ORANGE, BEST: BLUE}
 """Models with their friction and colour, as figures show them."""
 
@@ -59,13 +67,16 @@ def section(files: TaskFiles) -> Section:
         "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
         "urdf": f"{files.folder}/motion/identified.urdf",
     }
+    further = {name: files.folder / f"motion/{name}.parquet" for name in FURTHER}
+    shown = {f"motion_{name}": Table(read_table(path)) for name, path in further.items() if path.is_file()}
+    facts["further"] = {name: FURTHER[name.removeprefix("motion_")] for name in shown}
     return Section(
         "motion",
         "The arm's dynamics",
         "motion.html.jinja",
         facts=facts,
         metrics=motion_metrics(best, facts),
-        tables=motion_tables(tables | {"errors": errors}),
+        tables=motion_tables(tables | {"errors": errors}) | shown,
         pictures={"motion": [errors_panel(errors), torque_panel(tables["traces"], facts["worst"])]},
     )
 
