@@ -9,6 +9,7 @@ undecided. What pages quote from studies is not made again, and is counted as su
 """
 
 import os
+import platform
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,7 @@ from structlearn.reporting.other_processor import (
     compared,
     other_processor_page,
 )
-from structlearn.reporting.stage_times import this_machine
+from structlearn.reporting.prose import counted
 
 SETTINGS = {"OPENBLAS_CORETYPE": "Nehalem", "ATEN_CPU_CAPABILITY": "default", "NUMBA_CPU_NAME": "generic"}
 TESTBEDS = ("scraping", "obstacles", "dynamics", "servoing")
@@ -46,6 +47,16 @@ def main() -> None:
     print(", ".join(f"{(table['outcome'] == outcome).sum()} {outcome}" for outcome in OUTCOMES))
     if (table["outcome"] == FLIPPED).any():
         sys.exit(f"error: {RESULT}/claims.csv: a verdict depends on the processor")
+
+
+def this_machine() -> str:
+    """Cores, processor and Python of this machine in words."""
+    information = Path("/proc/cpuinfo")  # `platform` knows no more than the architecture under Linux
+    lines = information.read_text().splitlines() if information.exists() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    processor = models[0] if models else platform.processor() or platform.machine()
+    cores = counted(os.cpu_count() or 1, "core")
+    return f"a machine with {cores} ({processor}), Python {platform.python_version()}"
 
 
 def claims(reports: Path) -> dict[str, pd.DataFrame]:

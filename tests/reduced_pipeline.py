@@ -114,7 +114,7 @@ REDUCED = {
 }
 
 
-NOT_REPEATABLE = (".gitignore", "timings.json", "stages.json")
+NOT_REPEATABLE = (".gitignore", "timings.json", "times.json")
 
 
 def clone(root: Path, target: Path) -> Path:

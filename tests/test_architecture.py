@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from structlearn.ground.source_closure import SourceTree
+from structlearn.reporting.claims import QUOTED
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "structlearn"
@@ -44,7 +45,9 @@ SLOW = (
 STARTS = {
     "tables": (
         (),
-        "report.py list_code.py scraping/segment.py scraping/sweep.py scraping/fit_primitives.py "
+        "report.py list_code.py dynamics/import_logs.py scraping/import_nominal.py "
+        "scraping/import_corrections.py servoing/import_touch.py scraping/segment.py "
+        "scraping/sweep.py scraping/fit_primitives.py "
         "scraping/coupling_dataset.py scraping/write_skill.py obstacles/demonstrate.py "
         "obstacles/dataset.py obstacles/evaluate.py "
         "servoing/record_touch.py servoing/touch_dataset.py servoing/geodesics.py "
@@ -87,6 +90,9 @@ STARTS = {
     "pages of dynamics": (("matplotlib", "pybullet", "pinocchio", "torch"), "dynamics/report.py"),
 }
 """By kind of stage: slow libraries that its start may load, and the scripts."""
+
+COPIED = {"claims.csv": "tables/claims.csv", "metrics.json": "metrics.json", "details.json": "details.json"}
+"""What `make recorded` puts aside of the report on recorded data."""
 
 PIPELINES = ("dvc.yaml", "stages/recorded/dvc.yaml", "stages/own/dvc.yaml")
 LISTED = [yaml.safe_load((ROOT / pipeline).read_text())["stages"] for pipeline in PIPELINES]
@@ -236,12 +242,18 @@ def test_the_stages_of_code_depend_on_every_script():
 
 def test_every_data_dependency_is_the_output_of_some_stage():
     outputs = {f"reports/studies/{folder.name}" for folder in (ROOT / "benchmarks/studies").glob("*")}
+    outputs |= {(QUOTED / name).as_posix() for name in COPIED}
     for stage in STAGES.values():
         for out in [*stage.get("outs", []), *stage.get("metrics", [])]:
             outputs.add(out if isinstance(out, str) else next(iter(out)))
     for stage in STAGES.values():
         data = {dep for dep in stage["deps"] if not dep.startswith(("src/", "stages/", "data/code/"))}
-        assert data <= outputs
+        assert {dep.removesuffix("/claims.csv") if "tables" in dep else dep for dep in data} <= outputs
+
+
+def test_what_is_quoted_of_recorded_data_is_what_its_report_says():
+    for name, source in COPIED.items():
+        assert (ROOT / QUOTED / name).read_bytes() == (ROOT / "reports/recorded" / source).read_bytes()
 
 
 @pytest.mark.parametrize("kind", STARTS)

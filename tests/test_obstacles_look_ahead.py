@@ -86,12 +86,6 @@ def features_of(shapes, start=START, goal=GOAL, seed=3):
     return look_ahead.scene_features(scene, position, velocity, *arguments), mirrored
 
 
-def test_the_order_of_shapes_does_not_matter_nor_twins():
-    first, _ = features_of(WALL)
-    assert first.shape == (6, len(look_ahead.mirror_signs(PARAMETERS)))
-    assert np.array_equal(first, features_of([*reversed(WALL), WALL[0]])[0])
-
-
 def test_a_mirrored_scene_has_mirrored_features():
     goal = np.array(
         [0.0, 0.17, 0.8]

@@ -2,9 +2,10 @@
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.artefacts import read_table
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.runs import read_runs
+from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.testbeds.obstacles import files
 from structlearn.testbeds.obstacles.page.figures import figures
@@ -42,7 +43,9 @@ def main() -> None:
     )
     page = document(results)
     drawings = figures(results, read_published()["largest_nmse"])
-    publish_report(files.REPORT, {"index": page}, drawings, page.tables, metrics(results), HEADLINES)
+    publish_report(
+        files.REPORT, {"index": page}, drawings, page.tables, metrics(results), HEADLINES, quoted_claims()
+    )
 
 
 if __name__ == "__main__":

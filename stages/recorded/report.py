@@ -9,10 +9,9 @@ from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
-from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
-from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
+from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.corrections import CorrectionParameters
+from structlearn.testbeds.recorded.protocol.movement import ExecutionParameters, ReachParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters
 

@@ -1,7 +1,8 @@
 """The report of the servoing testbed: figures, tables, metrics and the page that shows them."""
 
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
+from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.simulation.touch_demonstrator import ToucherParameters
@@ -45,6 +46,7 @@ def main() -> None:
         shown,
         metrics,
         [name for name in HEADLINES if name in metrics],
+        quoted_claims(),
     )
 
 

@@ -18,7 +18,7 @@ import pandas as pd
 
 from structlearn.ground.artefacts import write_csv, write_table, write_tensors
 from structlearn.ground.publication import publish
-from structlearn.ground.wall_clock import StageTime, record
+from structlearn.ground.wall_clock import TIMES, StageTime, record
 
 ENDED = 9
 """Exit code of a process that ended before its step."""
@@ -173,7 +173,7 @@ def _file(root: Path, text: str) -> None:
 
 def _times(root: Path, seconds: float) -> None:
     for command in ("stages/a.py", "stages/b.py"):
-        record(command, StageTime(seconds, seconds), root / "reports/times/stages.json")
+        record(command, StageTime(seconds, seconds), root / TIMES)
 
 
 def _tables(root: Path, factor: float) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from structlearn.avoidance.scene_folds import SceneResults, judge_folds
-from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach, cut_reach
+from structlearn.avoidance.scene_unroll import SceneLearningParameters, SceneReach, cut_reach
 from structlearn.avoidance.shapes import recorded_obstacle
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.primitives.trajectory import differentiated

@@ -36,18 +36,14 @@ def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]
     return made
 
 
-def run(main: Callable[[], None], in_times: bool = True) -> None:
+def run(main: Callable[[], None]) -> None:
     """Run a stage; bad input becomes one line on standard error and exit code 1.
 
     So does Ctrl-C, with code `INTERRUPTED`. Errors of the program itself keep their traceback. When DVC runs
     the stage, its time is recorded.
-
-    Args:
-        main: the stage.
-        in_times: whether it is one of the stages whose times are kept in git.
     """
     try:
-        timed(main) if in_times else main()
+        timed(main)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)

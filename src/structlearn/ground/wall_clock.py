@@ -1,7 +1,7 @@
-"""How long the stages took; `TIMES` is the only file that their wall times are written to.
+"""How long each stage took when DVC ran it last: `python -m structlearn.ground.wall_clock` lists it.
 
-Times differ from run to run, so they are in no artefact: the file is no output of a stage and nothing depends
-on it. A stage that DVC runs enters its last time there, one run by hand does not.
+Times differ from run to run and from machine to machine: they are in no artefact, no stage depends on them,
+and git does not keep them.
 """
 
 import atexit
@@ -17,7 +17,7 @@ from typing import NamedTuple
 from structlearn.ground.errors import InputError
 from structlearn.ground.publication import publish
 
-TIMES = Path("reports/times/stages.json")
+TIMES = Path("reports/times.json")
 """Relative to the working directory, so an experiment in a directory of its own has times of its own."""
 
 RUN_BY_DVC = "DVC_STAGE"
@@ -25,12 +25,7 @@ RUN_BY_DVC = "DVC_STAGE"
 
 
 class StageTime(NamedTuple):
-    """What one run of a stage took, from the start of Python.
-
-    Attributes:
-        wall_s: on the clock.
-        cpu_s: of the processor, worker processes on this machine included.
-    """
+    """What one run of a stage took, from the start of Python, worker processes on this machine included."""
 
     wall_s: float
     cpu_s: float
@@ -49,29 +44,33 @@ def timed(main: Callable[[], None]) -> None:
 
 
 def record(command: str, taken: StageTime, path: Path = TIMES) -> None:
-    """Enter the time of a stage; a time that cannot be written is told and fails nothing.
-
-    Args:
-        command: of the stage, without `python`.
-        taken: rounded to 0.1 s.
-        path: of the file, which is made anew where it is missing or damaged.
-    """
+    """Enter the time of a stage, rounded to 0.1 s; one that cannot be written is told and fails nothing."""
     times = {**read_times(path), command: StageTime(*(round(value, 1) for value in taken))}
-    entries = {name: times[name]._asdict() for name in sorted(times)}
     try:
         with publish(path) as target:
-            target.write_text(json.dumps(entries, indent=2) + "\n")
+            target.write_text(json.dumps({name: times[name] for name in sorted(times)}, indent=1) + "\n")
     except (OSError, InputError) as error:
         print(f"{path}: the time of {command} is not written: {error}", file=sys.stderr)
 
 
 def read_times(path: Path = TIMES) -> dict[str, StageTime]:
-    """Times by command; none where the file is missing or damaged."""
+    """Times by command, without `python`; none where the file is missing or damaged."""
     try:
         entries = json.loads(path.read_text()).items()
-        return {name: StageTime(float(its["wall_s"]), float(its["cpu_s"])) for name, its in entries}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return {name: StageTime(*map(float, its)) for name, its in entries}
+    except (OSError, ValueError, TypeError, AttributeError):
         return {}
+
+
+def main() -> None:
+    """Print the times of all stages, the longest first, and their sum."""
+    times = read_times()
+    total = StageTime(*(sum(values) for values in zip(*times.values(), strict=True))) if times else None
+    print("  wall s    CPU s  stage, when it ran last")
+    for command, its in sorted(times.items(), key=lambda entry: -entry[1].wall_s):
+        print(f"{its.wall_s:8.1f} {its.cpu_s:8.1f}  {command}")
+    if total:
+        print(f"{total.wall_s:8.1f} {total.cpu_s:8.1f}  {len(times)} stages on {os.cpu_count()} cores")
 
 
 def _since_start_s() -> float:
@@ -84,3 +83,6 @@ def _since_start_s() -> float:
 
 
 _IMPORTED_S = time.perf_counter()
+
+if __name__ == "__main__":
+    main()

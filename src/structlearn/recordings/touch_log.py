@@ -25,15 +25,9 @@ READERS = {".csv": pd.read_csv, ".parquet": partial(pd.read_parquet, page_checks
 
 @dataclass(frozen=True)
 class TouchLog:
-    """One recording of a skin.
+    """One recording of a skin: counts (N, E) by channel, and what is known beside them.
 
-    Attributes:
-        name: of the recording.
-        channels: names, in the order of the columns.
-        counts: (N, E) readings as they came.
-        place: (N, 3) m of what touches; None: not known.
-        time: (N,) s.
-        force: (N,) N of a scale, NaN where it gave no reading.
+    Place (N, 3) m of what touches, time (N,) s, and force (N,) N of a scale, NaN without a reading.
     """
 
     name: str
@@ -45,11 +39,7 @@ class TouchLog:
 
 
 def touch_of(demonstration: Demonstration) -> TouchLog:
-    """Of a recording with a tactile signal.
-
-    Raises:
-        InputError: it has none.
-    """
+    """Of a recording with a tactile signal; an InputError where it has none."""
     counts = demonstration.tactile
     if counts is None:
         raise InputError(f"{demonstration.name}: has no tactile signal; name its topic in the parameters")
@@ -58,11 +48,7 @@ def touch_of(demonstration: Demonstration) -> TouchLog:
 
 
 def touch_tables(source: Path) -> list[Path]:
-    """The tables of a file or folder, in natural order; none where it has bags alone.
-
-    Raises:
-        InputError: there is no such file or folder.
-    """
+    """The tables of a file or folder, in natural order; none where it has bags alone."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
     paths = source.iterdir() if source.is_dir() else [source]
@@ -73,20 +59,12 @@ def touch_tables(source: Path) -> list[Path]:
 
 
 def read_touch_logs(source: Path, channels: Sequence[str] | None) -> list[TouchLog]:
-    """Recordings in the tables of a file or folder; none where it has bags alone.
-
-    Raises:
-        InputError: see `touch_tables` and `read_touch_table`.
-    """
+    """Recordings in the tables of a file or folder; none where it has bags alone."""
     return [log for path in touch_tables(source) for log in read_touch_table(path, channels)]
 
 
 def read_touch_table(path: Path, channels: Sequence[str] | None) -> list[TouchLog]:
-    """Read the recordings of one table.
-
-    Args:
-        path: of the table.
-        channels: columns that are channels; None: all but place and time.
+    """Read the recordings of one table; channels None: all columns but place, time, force and run.
 
     Raises:
         InputError: it cannot be read, lacks a channel or has none, or holds something that is not a finite

@@ -23,6 +23,7 @@ import pandas as pd
 from jinja2 import Environment
 from pydantic import BaseModel, ConfigDict, model_validator
 
+from structlearn.ground.artefacts import read_csv
 from structlearn.ground.metrics import mean_interval, wilson_interval
 from structlearn.ground.params import read_values
 from structlearn.reporting.prose import capitalised, interval, percent, rounded
@@ -165,8 +166,7 @@ def unknown(reason: str) -> Evidence:
     return replace(UNKNOWN, reason=reason)
 
 
-Found = Evidence | Mapping[str, Evidence]
-"""What was found for one claim: one number, or one by case."""
+Found = Evidence | Mapping[str, Evidence]  # what was found for one claim: one number, or one by case
 
 
 def quoted(found: Mapping[str, Found], study: str) -> dict[str, Found]:
@@ -289,10 +289,8 @@ def judge(
 ) -> list[Judged]:
     """Hold claims against what was found.
 
-    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used.
-
-    Raises:
-        ValueError: evidence is missing, or no claim uses it.
+    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used. Raises
+    ValueError: evidence is missing, or no claim uses it.
     """
     used = {claim.evidence for claim in claims}
     if used != set(evidence):
@@ -399,6 +397,16 @@ class OnRecordings:
     def alike(self) -> bool:
         """Whether both have one verdict."""
         return self.simulated == self.recorded
+
+
+QUOTED = Path("reports/quoted/recorded")
+"""What other reports quote of that on recorded data. It is no output of a stage: the main pipeline would run
+that of recorded data first, for which most machines have none."""
+
+
+def quoted_claims() -> pd.DataFrame:
+    """Claims about recorded data with their counterparts, as `make recorded` left them for other reports."""
+    return read_csv(QUOTED / "claims.csv", keep_default_na=False)
 
 
 def on_recordings(recorded: pd.DataFrame, testbed: str, own: pd.DataFrame) -> list[OnRecordings]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from structlearn.ground.artefacts import Metrics, publish, read_csv, write_csv, write_metrics
+from structlearn.ground.artefacts import Metrics, publish, write_csv, write_metrics
 from structlearn.ground.parallel import parallel_map
 from structlearn.reporting.claims import Judged, claim_metrics, claims_table, on_recordings
 from structlearn.reporting.document import Document, Panel, Table, render
@@ -24,11 +24,9 @@ def publish_report(
     tables: Mapping[str, Table],
     metrics: Metrics,
     headlines: Sequence[str],
+    recorded: pd.DataFrame | None = None,
 ) -> None:
     """Publish `NAME.html`, `figures/`, `tables/`, `metrics.json` and `details.json`.
-
-    A page tells which of its statements were tested on recorded data too, by the claims that the report of
-    recorded data left beside the folder; that has a pipeline of its own, so its claims are no dep of a stage.
 
     Args:
         folder: of the testbed's report.
@@ -37,6 +35,7 @@ def publish_report(
         tables: by name; `claims` is added.
         metrics: flat.
         headlines: those that stand in `metrics.json`, with the counts of verdicts; the others are details.
+        recorded: claims about recorded data, by which a page tells which statements were tested on them too.
 
     Raises:
         ValueError: a headline is not among the metrics, or there are too many of them.
@@ -48,7 +47,7 @@ def publish_report(
     folder = Path(folder)
     shown = {id(one): one for page in pages.values() for one in page.judged}  # two pages may show the same
     judged: list[Judged] = list(shown.values())
-    both = on_recordings(_recorded_claims(folder.parent), folder.name, claims_table(judged))
+    both = [] if recorded is None else on_recordings(recorded, folder.name, claims_table(judged))
     with publish(folder / "figures") as target:
         target.mkdir()
         figures = _figures(drawings, target)
@@ -67,14 +66,6 @@ def publish_report(
         its = [one for one in both if one.counterpart.page == name]
         with publish(folder / f"{name}.html") as target:
             target.write_text(render(replace(page, recorded=its), figures), encoding="utf-8")
-
-
-def _recorded_claims(reports: Path) -> pd.DataFrame:
-    """Claims about recorded data with their counterparts; none where there was no report of them."""
-    path = reports / "recorded/tables/claims.csv"
-    if not path.exists():
-        return claims_table([]).assign(set="", counterpart="")
-    return read_csv(path, keep_default_na=False)
 
 
 def _figures(drawings: Mapping[str, Drawing | Sequence[Drawing]], folder: Path) -> dict[str, list[Panel]]:

@@ -11,11 +11,10 @@ from structlearn.ground import signals
 from structlearn.ground.block_bootstrap import block_count
 from structlearn.ground.parallel import parallel_map
 from structlearn.recordings.joint_log import DriveLog, on_clock
-from structlearn.rigid_body.body_intervals import drawn_fits
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.identification import drawn_fits, identify_load
 from structlearn.rigid_body.inertia_learner import MotionRegressor
-from structlearn.rigid_body.load_identification import identify_load
 from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.training_grid import FRICTIONS

@@ -16,8 +16,7 @@ from structlearn.ground.block_bootstrap import blocks
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
-from structlearn.networks.adam import AdamParameters
-from structlearn.networks.torch_settings import one_thread
+from structlearn.networks.torch_settings import AdamParameters, one_thread
 from structlearn.recordings.joint_log import (
     DriveLog,
     JointLog,
@@ -35,18 +34,16 @@ from structlearn.rigid_body.arm_identification import (
     NetworkTraining,
     identify_arm,
 )
-from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.base_parameters import base_parameters, fit_base
 from structlearn.rigid_body.dynamics_models import (
     DynamicsModels,
     predicted_torques,
     rigid_body_torques,
     write_dynamics_models,
 )
-from structlearn.rigid_body.excitation import fit_base
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
-from structlearn.rigid_body.motion import Motion, excited, joined, measured_motion
-from structlearn.rigid_body.torque_blocks import block_table
+from structlearn.rigid_body.motion import Motion, block_table, excited, joined, measured_motion
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path

@@ -2,19 +2,20 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from structlearn.ground.artefacts import read_table
 from structlearn.recordings.joint_log import JointLog, read_log_table
-from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
+from structlearn.rigid_body.model_names import ROBOT
 from structlearn.rigid_body.motion import Motion, measured_motion
-from structlearn.rigid_body.training_grid import Form
-from structlearn.testbeds.dynamics.names import ROBOT
 
-RAW, LOGS, DATA = Path("data/raw/dynamics"), Path("data/runs/dynamics"), Path("data/dynamics")
-PAYLOAD = "payload"
-"""Logs of robots that pick something up, beside those of `IDEAL` and of `ROBOT`."""
+if TYPE_CHECKING:  # torch takes a second to load, and stages that record need only paths
+    from structlearn.rigid_body.dynamics_models import DynamicsModels
+    from structlearn.rigid_body.training_grid import Form
+
+LOGS, DATA = Path("data/runs/dynamics"), Path("data/dynamics")
 
 TABLES = {
     "errors": DATA / "models/errors.parquet",
@@ -40,7 +41,7 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
 
 
 def read_logs(kind: str) -> dict[str, JointLog]:
-    """Logs of `IDEAL`, `ROBOT` or `PAYLOAD` by name, which is the seed of a robot.
+    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name: that of a robot is its seed.
 
     Raises:
         InputError: the table is missing or damaged.
@@ -60,11 +61,13 @@ def step_s(log: JointLog) -> float:
     return float(log.time[-1]) / (len(log.time) - 1)
 
 
-def read_robot_models(robot: int, models: Sequence[str], form: Form) -> dict[str, DynamicsModels]:
+def read_robot_models(robot: int, models: Sequence[str], form: "Form") -> dict[str, "DynamicsModels"]:
     """Models that learned from a robot's log in a form, by name (`cov`, `cov_coulomb`).
 
     Raises:
         InputError: a file is missing or holds something else.
     """
+    from structlearn.rigid_body.dynamics_models import read_dynamics_models
+
     folder = DATA / "models" / ROBOT / str(robot) / form
     return {name: read_dynamics_models(folder / f"{name}.safetensors") for name in models}

@@ -20,7 +20,7 @@ from structlearn.primitives.sequence import PosePrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.runs import read_runs
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.result import Segmentation, read_segmentation
+from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
 SKILL, ABSENT, RUNS = "skill.safetensors", "absent.txt", "runs"
@@ -130,8 +130,6 @@ def local_path(path: str) -> Path:
 def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "") -> None:
     """Run a stage for the task that the command line names, or else DVC.
 
-    Its time is in no file that git keeps: tasks are the user's.
-
     Args:
         main: the stage.
         part: key of the part that it is for.
@@ -146,7 +144,7 @@ def run_for_task(main: Callable[[TaskFiles], None], part: str = "", out: str = "
             with publish(files.folder / out) as folder:
                 leave_out(folder, part)
 
-    run(of_task, in_times=False)
+    run(of_task)
 
 
 def _run_for(stage: str) -> str:

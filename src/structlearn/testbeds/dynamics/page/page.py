@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from structlearn.ground.params import Parameters
 from structlearn.reporting.claims import judge, read_claims
@@ -12,15 +13,14 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.evidence import evidence, unmet
+from structlearn.testbeds.dynamics.page.evidence import evidence, headlines, metrics, published, unmet
 from structlearn.testbeds.dynamics.page.figures import drawings
-from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
 from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/runs/dynamics", "dynamics_import_logs"),
+    "log": Source("data/runs/dynamics/stand_in.parquet", "dynamics_import_logs"),
     "models": Source("data/dynamics/models", "dynamics_train"),
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),
@@ -30,13 +30,7 @@ SOURCES = {
 def dynamics_page(
     results: DynamicsResults, shown: Mapping[str, Table], parameters: Mapping[str, Parameters]
 ) -> Document:
-    """The page; its figures are those of `figures.drawings`, and `still`.
-
-    Args:
-        results: what to show.
-        shown: its tables, of `tables.tables`.
-        parameters: by their key in `params.yaml`.
-    """
+    """The page, with parameters by their key; its figures are those of `figures.drawings`, and `still`."""
     named = facts(results, shown)
     claims = read_claims(Path(__file__).parent / "claims.yaml")
     return Document(
@@ -54,20 +48,20 @@ def dynamics_page(
 
 
 def publish_dynamics(
-    results: DynamicsResults, still: np.ndarray, parameters: Mapping[str, Parameters], folder: str | Path
+    results: DynamicsResults,
+    still: np.ndarray,
+    parameters: Mapping[str, Parameters],
+    folder: str | Path,
+    recorded: pd.DataFrame | None = None,
 ) -> None:
     """Publish the page with its figures, tables and metrics.
 
-    Args:
-        results: what to show.
-        still: (H, W, 3) bytes, of the arm.
-        parameters: by their key in `params.yaml`.
-        folder: of the report.
+    The still is (H, W, 3) bytes of the arm; `recorded` are claims about recorded data.
     """
     shown, numbers = tables(results), metrics(results)
     page = dynamics_page(results, shown, parameters)
     drawn: dict[str, Drawing | Sequence[Drawing]] = {"still": still, **drawings(results)}
-    publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers))
+    publish_report(folder, {"index": page}, drawn, shown, numbers, headlines(numbers), recorded)
 
 
 def facts(results: DynamicsResults, shown: Mapping[str, Table]) -> dict[str, object]:

@@ -13,7 +13,7 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, rounded
-from structlearn.rigid_body.torque_blocks import drawn_nmse
+from structlearn.rigid_body.motion import drawn_nmse
 from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section

@@ -170,8 +170,13 @@ def judged_part(
 
 def simulated_claims(reports: Path) -> dict[str, pd.DataFrame]:
     """Tables of claims by testbed, as they are kept beside the reports."""
-    files = sorted(reports.glob("*/tables/claims.csv"))
-    return {file.parts[-3]: read_csv(file, keep_default_na=False) for file in files}
+    files = {testbed: reports / testbed / "tables/claims.csv" for testbed in SIMULATED}
+    return {
+        testbed: read_csv(file, keep_default_na=False) for testbed, file in files.items() if file.exists()
+    }
+
+
+SIMULATED = ("scraping", "obstacles", "dynamics", "servoing")
 
 
 def known(value: object) -> bool:

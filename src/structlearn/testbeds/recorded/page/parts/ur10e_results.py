@@ -11,7 +11,7 @@ from structlearn.ground.artefacts import Metrics
 from structlearn.ground.block_bootstrap import block_count, block_sums, drawn_counts, percentiles
 from structlearn.reporting.claims import Evidence, Found, confidence, counted, exact, unknown
 from structlearn.rigid_body.model_names import STRICT
-from structlearn.rigid_body.torque_blocks import drawn_nmse
+from structlearn.rigid_body.motion import drawn_nmse
 from structlearn.tasks.motion_parameters import DriveParameters, LoadParameters, MotionParameters
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.panda_part import TEXT_STRUCTURES, errors_by_joint
