@@ -39,15 +39,7 @@ def write_carried(
     read_log: Callable[[str], DriveLog],
     load: LoadParameters,
 ) -> None:
-    """Write the first motion with the load, and what is found of it online.
-
-    Args:
-        path: of the .rrd file.
-        urdf: of the arm; it has no meshes.
-        tables: `motions`, `carried` and `loads`, as the stage wrote them.
-        read_log: gives a log by its name.
-        load: what is known of it.
-    """
+    """Write the first motion with the load, and what is found of it online."""
     carried = tables["carried"]
     name = carried["log"].iloc[0]
     learned = carried[(carried["log"] == name) & (carried["stage"] == CARRYING)]

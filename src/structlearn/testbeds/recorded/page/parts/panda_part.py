@@ -29,12 +29,7 @@ TRACED = ("urdf", "mlp", "cov_viscous", "cov_coulomb")
 
 
 def errors_by_joint(errors: pd.DataFrame, part: str) -> pd.DataFrame:
-    """NMSE on a part by model and friction, in their order, and joint; mean over seeds.
-
-    Args:
-        errors: of `arm_identification.error_table`.
-        part: one of its parts.
-    """
+    """NMSE on a part by model and friction, in their order, and joint; mean over seeds."""
     rows = errors[errors["part"] == part]
     wide = rows.pivot_table(index=["model", "friction"], columns="joint", values="nmse", sort=False)
     models, frictions = list(names.DYNAMICS_MODELS), list(names.FRICTIONS)
