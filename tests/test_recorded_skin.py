@@ -146,14 +146,6 @@ def held_out_errors(log, parameters):
     return pd.concat([skin_readings.fold_errors(one, parameters)[0] for one in work], ignore_index=True)
 
 
-def test_the_map_holds_where_nothing_was_pressed():
-    errors = held_out_errors(toy_run("b", 2), SMALL.model_copy(update={"folds": 4, "block_mm": 2.0}))
-    assert set(errors.groupby(["model", "seed"])["presses"].sum()) == {200}
-    its = errors.groupby("model")["map_nmse"].mean()
-    assert its["structured"] < 0.1
-    assert its["structured"] < its["3 principal components"]
-
-
 def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     skins, tables = learned
     assert len(skins["a"].units.action_scale) == 3
@@ -323,13 +315,6 @@ def test_the_page_shows_what_is_there(there, tmp_path):
     assert "recorded" in note(tmp_path / "skin.rrd")
     shown = contents(tmp_path / "skin.rrd")[1]
     assert ("/map/presses" in shown) == ("maps" in there)
-
-
-def test_the_run_tuned_on_alone_makes_a_page_too():
-    errors = made_up().tables["errors"]
-    own = errors[(errors["learned_from"] == "a") & (errors["asked_about"] == "a")]
-    page = render(document(SkinRuns({"errors": own}, ("a",))), AnyFigure())
-    assert "not tested" in page
 
 
 def test_nothing_to_learn_from_gives_nothing(tmp_path):

@@ -17,7 +17,7 @@ from viewer_files import contents, note
 from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.joint_log import DriveLog
 from structlearn.recordings.ur10e import URDF, read_logs
-from structlearn.reporting.document import render, words_in_view
+from structlearn.reporting.document import render
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS
 from structlearn.rigid_body.arm_identification import URDF as MAKER
 from structlearn.rigid_body.tree import read_urdf
@@ -28,7 +28,7 @@ from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import SETS, UR10E
 from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES, ur10e_pictures
+from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES
 from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_evidence, ur10e_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
@@ -188,15 +188,6 @@ def test_errors_are_those_of_the_table_and_intervals_hold_them():
     assert values["ur10e_load_kg_low"] < LOAD.known_kg < values["ur10e_load_kg_high"]
     assert values["ur10e_load_carried_1_error_percent"] == pytest.approx(2.0, abs=0.1)
     assert "ur10e_load_carried_2_error_percent_low" not in values  # too short for an interval
-
-
-def test_the_page_is_whole_and_short():
-    results = made_up()
-    drawn = ur10e_pictures(results)
-    text = render(page(results), dict.fromkeys(drawn, ()))
-    assert words_in_view(text) <= 1000
-    assert all(f"figure-{name}" in text for name in drawn)
-    assert text == render(page(results), dict.fromkeys(drawn, ()))
 
 
 def logs_of(**lengths_s: float) -> dict[str, DriveLog]:

@@ -6,11 +6,9 @@ import numpy as np
 import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.palette import place_colours
 from structlearn.reporting.claims import Evidence, mean
 from structlearn.reporting.document import Table
-from structlearn.reporting.figure_style import Raster, styled
-from structlearn.reporting.panels import panel
+from structlearn.reporting.panels import map_panels
 from structlearn.reporting.prose import interval, rounded
 from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.own.files import TaskFiles
@@ -24,6 +22,7 @@ MODELS = {
 }
 OURS, PLAIN, COMPONENTS, _ = MODELS
 NEW_BLOCKS = "new blocks"
+TITLES = ("Where touches were", "Where they lie in the map")
 
 
 class Measure(NamedTuple):
@@ -82,7 +81,7 @@ def section(files: TaskFiles) -> Section:
         facts=facts | {"further": [name for name in ("touch_force", "touch_servo") if name in tables]},
         metrics=metrics | {"touch_samples": len(lies)},
         tables=tables,
-        pictures={"touch": map_panels(lies)},
+        pictures={"touch": map_panels(lies, TITLES, 4.4, 0.1e3 * np.ptp(lies[["x_m", "y_m"]], axis=0).max())},
     )
 
 
@@ -107,21 +106,3 @@ def errors_table(errors: pd.DataFrame) -> Table:
     frame = pd.DataFrame(rows).dropna(axis=1, how="all")
     strong = frozenset(np.flatnonzero(frame["model"] == OURS).tolist())
     return Table(frame, strong=strong, words={"model": MODELS})
-
-
-@styled
-def map_panels(lies: pd.DataFrame) -> list[Raster]:
-    """Where touches were, and where they lie in maps that had not seen their blocks."""
-    places, mapped = (1e3 * lies[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
-    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    half = 0.6 * np.ptp(places, axis=0).max()
-    colours, figures = place_colours(places) / 255.0, []
-    for title, points in (
-        ("Where touches were", places - middle),
-        ("Where they lie in the map", mapped - middle),
-    ):
-        figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-        axes.set(xlim=(-half, half), ylim=(-half, half))
-        axes.scatter(points[:, 0], points[:, 1], s=5.0, c=colours, linewidths=0)
-        figures.append(Raster(figure))
-    return figures

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION, place_colours
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.claims import Evidence
 from structlearn.reporting.figure_style import Drawing, Raster, styled
-from structlearn.reporting.panels import legend, panel
+from structlearn.reporting.panels import legend, map_panels, panel
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import shown_map
 from structlearn.testbeds.recorded.page.parts.skin_evidence import ARROW, SkinRuns
@@ -28,7 +28,7 @@ def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name, as far as there are data for them."""
     drawn: dict[str, Drawing | Sequence[Drawing]] = {"skin_errors": errors_panel(runs)}
     if "maps" in runs.tables:
-        drawn["skin_map"] = map_panels(runs)
+        drawn["skin_map"] = skin_map(runs)
     if "paths" in runs.tables:
         drawn["skin_ways"] = ways_panel(runs)
     if "traces" in runs.tables:
@@ -36,25 +36,15 @@ def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
     return drawn
 
 
-@styled
-def map_panels(runs: SkinRuns) -> list[Raster]:
+def skin_map(runs: SkinRuns) -> list[Raster]:
     """Where presses were, and where they lie in the map that was learned from another run."""
     maps, numbers = shown_map(runs.tables["maps"], runs.tuned_on), runs.numbers
-    places, lies = (1e3 * maps[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
-    colours, middle = place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
-    half = 0.5 * np.ptp(places, axis=0).max() + 2.5
     first = maps.iloc[0]
     titles = (
         f"The skin: where {numbers[first['asked_about']]} pressed it",
         f"Its map, learned from {numbers[first['learned_from']]}",
     )
-    figures = []
-    for title, points in zip(titles, (places - middle, lies - middle), strict=True):
-        figure, axes = panel(title, 4.6, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-        axes.set(xlim=(-half, half), ylim=(-half, half))
-        axes.scatter(points[:, 0], points[:, 1], s=5.0, c=colours, linewidths=0)
-        figures.append(Raster(figure))
-    return figures
+    return map_panels(maps, titles, 4.6, 2.5)
 
 
 @styled
