@@ -81,13 +81,13 @@ REDUCED = {
         "network": {"members": 1, "training": {"iterations": 3}},
         "text_network": {"training": {"iterations": 3}},
     },
-    "recorded_dynamics": {"iterations": 5, "seeds": 1, "epochs": 1},
+    "recorded_dynamics": {"iterations": 5, "draws": 100, "networks": {"seeds": 1, "epochs": [1]}},
     "recorded_ur10e": {
         "iterations": 5,
         "body_draws": 3,
-        "intervals": {"draws": 100},
+        "draws": 100,
         "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
-        "carried": {"batch": 400, "iterations": 5},
+        "load": {"batch": 400, "iterations": 5},
     },
     "recorded_latent_touch": {
         "folds": 2,

@@ -21,6 +21,7 @@ FLOORS = (
     ("segmentation", "feedback"),
     ("policy_search", "avoidance"),
     ("simulation",),
+    ("tasks",),
     ("reporting", "viewer"),
     ("testbeds",),
 )

@@ -35,7 +35,6 @@ from conftest import two_move_demonstration
 from feedback_toy import toy_dataset
 from reporting_scraping import PARAMETERS as CUTTING
 from rigid_body_motions import arm, rubbing_motion, sine_motion
-from rigid_body_robots import robot
 from tactile_toy import toy_dataset as toy_touches
 from tactile_toy import toy_geodesics
 from test_obstacles_learning import PARAMETERS as AVOIDANCE
@@ -85,29 +84,24 @@ from structlearn.tactile.latent_parameters import GeodesicParameters, LatentPara
 from structlearn.tactile.pressed_skin import held_out
 from structlearn.tactile.touch_dataset import TRAIN
 from structlearn.tactile.touch_preparation import TouchDataParameters
+from structlearn.tasks import skin_readings, skin_touches
+from structlearn.tasks.joint_motion import learn_motion
+from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
-from structlearn.testbeds.own.protocol import own_feedback, own_motion, own_touch
+from structlearn.testbeds.own.protocol import own_feedback
 from structlearn.testbeds.own.task import OwnFeedbackParameters
 from structlearn.testbeds.recorded.protocol import (
     avoidance_representations,
     latent_touch,
     movement,
-    panda_identification,
-    skin_map,
     slides,
     touch_sets,
-    ur10e_identification,
-)
-from structlearn.testbeds.recorded.protocol.arm_parameters import (
-    RecordedDynamicsParameters,
-    RecordedUr10eParameters,
 )
 from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.corrections import _split, corrected_reaches, learn_corrections
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.scraping.files import read_datasets
 from structlearn.testbeds.scraping.protocol.board_refinement import refine_on_board
 from structlearn.testbeds.servoing.protocol import other_skins
@@ -586,35 +580,32 @@ def payload(monkeypatch, tmp_path):
     return Case(learn, data, pushed(data, slice(picked, None)), pushed(data, slice(0, 1)))
 
 
-@of_stage("recorded/dynamics")
-def panda(monkeypatch, tmp_path):
-    """Of a motion whose noise was filtered: the filter reaches over the border by some samples."""
-    parameters = committed(RecordedDynamicsParameters, "recorded_dynamics", iterations=3, seeds=1, epochs=1)
-    panda = robot("panda")
-    data = rubbing_motion(panda).part(slice(0, 400))
-    end = round(parameters.train_share * len(data))
-
-    def learn(motion):
-        return panda_identification.identify(panda, motion, parameters, LEARNING)[0]
-
-    return Case(learn, data, pushed(data, slice(end, None)), pushed(data, slice(0, 1)))
+def learned_motion(folder: Path, robot, logs, parameters):
+    """What is learned from logs, apart from errors on what is held out."""
+    source, target = folder / "arm.urdf", folder / "out"
+    source.write_text(test_own_motion.ARM)
+    target.mkdir(exist_ok=True)
+    identified, tables = learn_motion(robot, {log.name: log for log in logs}, parameters, source, target)
+    learned = [tables[name] for name in ("base", "gravity", "choice", "gains", "bodies") if name in tables]
+    return identified.models, learned, (target / "identified.urdf").read_text()
 
 
-@of_stage("own/motion")
-def own_arm(monkeypatch, tmp_path):
+@of_stage("recorded/dynamics", "own/motion")
+def arms(monkeypatch, tmp_path):
+    """Of the last log, and of the rest of a single one; a filter would reach over borders."""
     own = test_own_motion
-    robot, urdf = own.arm()
-    (tmp_path / "arm.urdf").write_text(urdf)
-    parameters = own.PARAMETERS.model_copy(update={"iterations": 3})
+    robot = own.arm()[0]
+    networks = {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1}
+    networks |= {"train_share": 0.5, "batch": 64, "second_moment_decay": 0.99}
+    quick = {"iterations": 3, "networks": networks, "rate_hz": 100.0, "smoothing_hz": 50.0}
+    parameters = own.parameters(**quick)
     data = [own.made_up_log(robot, f"log {seed}", seed, seconds=8.0) for seed in range(2)]
-
-    def learn(logs):
-        files = tmp_path / "arm.urdf", tmp_path / "identified.urdf"
-        identified, results = own_motion.identify_own_arm(robot, logs, parameters, *files)
-        return identified.models, results.base, results.gravity, files[1].read_text()
-
     changed = [swapped(data, place, with_wobbling(data[place], slice(None), "torques")) for place in (1, 0)]
-    return Case(learn, data, *changed)
+    yield Case(lambda logs: learned_motion(tmp_path, robot, logs, parameters), data, *changed)
+    share = own.parameters(**quick, train_share=0.6, rest_rad_s=None)
+    end = round(0.6 * len(data[0].stamps))
+    changed = [[with_wobbling(data[0], rows, "torques")] for rows in (slice(end, None), slice(300, 301))]
+    yield Case(lambda logs: learned_motion(tmp_path, robot, logs, share), data[:1], *changed)
 
 
 @of_stage("recorded/ur10e")
@@ -623,22 +614,25 @@ def ur10e(monkeypatch, tmp_path):
     own = test_own_motion
     robot = own.arm()[0]
     parameters = committed(
-        RecordedUr10eParameters,
+        MotionParameters,
         "recorded_ur10e",
-        rest="rest",
         train="train",
         test="test",
-        load_pairs=(("train", "trainLoad"),),
-        quoted_gains=(10.0, 11.0, 12.0),
         rate_hz=50.0,
-        delays_s=(0.0, 0.02),
-        delay_step_s=0.01,
         iterations=3,
         body_draws=3,
-        intervals={"draws": 100},
+        draws=100,
         networks={"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
-        carried={"batch": 200, "iterations": 3},
-    ).model_copy(update={"assumed_gains": {}})
+        drives={
+            "rest": "rest",
+            "quoted_gains": (10.0, 11.0, 12.0),
+            "delays_s": (0.0, 0.02),
+            "delay_step_s": 0.01,
+        },
+        load={"pairs": (("train", "trainLoad"),), "batch": 200, "iterations": 3},
+    )
+    none = parameters.drives.model_copy(update={"assumed_gains": {}})
+    parameters = parameters.model_copy(update={"drives": none})
 
     def drives(name, seed):
         log = own.made_up_log(robot, name, seed, seconds=8.0)
@@ -655,8 +649,7 @@ def ur10e(monkeypatch, tmp_path):
         return data | {name: with_wobbling(data[name], slice(None), *columns) for name in names}
 
     def learn(logs):
-        identified, results = ur10e_identification.identify_ur10e(robot, logs, parameters, LEARNING)
-        return identified.models, results.choice, results.gains, results.bodies
+        return learned_motion(tmp_path, robot, logs.values(), parameters)
 
     return Case(learn, data, changed("test", "trainLoad"), changed("train"))
 
@@ -746,7 +739,7 @@ def recorded_touch(monkeypatch, tmp_path):
 
 
 SKIN = committed(
-    SkinParameters,
+    TouchParameters,
     "recorded_skin",
     tuned_on=["a"],
     block_mm=3.0,
@@ -773,9 +766,10 @@ def recorded_skin(monkeypatch, tmp_path):
     def changed(run, rows):
         return swapped(data, run, with_wobbling(data[run], rows, "counts"))
 
-    learn = each(monkeypatch, skin_map, "learn_skin", lambda runs: learn_recorded_skin(runs, [], SKIN))
-    yield Case(lambda its: learn(its)[2], data, changed(0, fold == 0), changed(0, fold == 1))
-    yield Case(lambda its: learn(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
+    learn = each(monkeypatch, skin_readings, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    yield Case(lambda its: learn(its)[0], data, changed(0, fold == 0), changed(0, fold == 1))
+    whole = each(monkeypatch, skin_touches, "learn_skin", lambda logs: skin_touches.learn_touch(logs, SKIN))
+    yield Case(lambda its: whole(its)[0], data, changed(1, slice(None)), changed(0, fold == 0))
 
 
 @of_stage("own/touch")
@@ -785,7 +779,7 @@ def own_skin(monkeypatch, tmp_path):
     quick = {"seeds": 1, "pair_pool": 100, "evaluation_pairs": 50, "training": {"steps": 4}}
     parameters = toy.chosen(folds=2, spaces=quick)
     log = toy.made_up("a", 0, count=150)
-    place = own_touch.gathered([log], parameters)[0].place[:, :2]
+    place = skin_touches.gathered([log], parameters)[0][0].place[:, :2]
     fold = held_out(place, 1e-3 * parameters.block_mm, parameters.folds)[1]
 
     def changed(number):
@@ -794,9 +788,9 @@ def own_skin(monkeypatch, tmp_path):
         return [replace(log, counts=log.counts + wobbling(counts, rows) - counts)]
 
     learn = each(
-        monkeypatch, own_touch, "learn_touches", lambda logs: own_touch.learn_own_touch(logs, parameters)
+        monkeypatch, skin_readings, "learn_skin", lambda logs: skin_touches.learn_touch(logs, parameters)
     )
-    return Case(lambda its: learn(its)[0][0], [log], changed(0), changed(1))
+    return Case(lambda its: learn(its)[0], [log], changed(0), changed(1))
 
 
 # --- the tests ---------------------------------------------------------------------------------------------

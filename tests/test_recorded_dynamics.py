@@ -10,50 +10,63 @@ from rigid_body_robots import pinocchio_torques, robot
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.panda import read_trajectories
+from structlearn.recordings.joint_log import JointLog
+from structlearn.recordings.panda import JOINTS, read_trajectories
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import link_inertias
-from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters
-from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedDynamicsParameters
-from structlearn.testbeds.recorded.protocol.panda_identification import TRACE_STRIDE, identify, panda_motion
+from structlearn.tasks.joint_motion import arm_of, cut_motion, learn_motion
+from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.recorded.protocol.slide_torques import torque_check
 
-PARAMETERS = committed(RecordedDynamicsParameters, "recorded_dynamics", iterations=150, seeds=2, epochs=1)
-LEARNING = committed(LearningParameters, "train_dynamics.learning", hidden=(6, 6))
+PARAMETERS = committed(
+    MotionParameters,
+    "recorded_dynamics",
+    iterations=150,
+    draws=100,
+    networks={"seeds": 2, "epochs": [1], "hidden": [[6, 6]]},
+)
 
 
 @pytest.fixture(scope="module")
-def identified():
-    return identify(robot("panda"), rubbing_motion(robot("panda")), PARAMETERS, LEARNING)
+def identified(tmp_path_factory):
+    """A made-up log of the Panda, 50 samples a second."""
+    motion, folder = rubbing_motion(robot("panda")), tmp_path_factory.mktemp("panda")
+    stamps = 20_000_000 * np.arange(len(motion), dtype=np.int64)
+    log = JointLog("made up", JOINTS, stamps, motion.q, motion.qd, motion.torque)
+    chosen = PARAMETERS.model_copy(update={"rate_hz": 50.0, "smoothing_hz": 25.0})
+    arm, urdf = arm_of(chosen)
+    models, tables = learn_motion(arm, {"made up": log}, chosen, urdf, folder)
+    return models.models, tables, chosen
 
 
 def test_every_model_is_scored_on_every_joint_of_both_parts(identified):
-    models, results = identified
-    assert {"mlp", "mlp_scaled", "delan", "delan_coulomb", "nostr", "tri_coulomb", "cov_offset"} <= set(
-        models
-    )
-    rows = results.errors.groupby(["model", "friction", "seed", "part"]).size()
-    assert (rows == 7).all()
-    seeds = results.errors.groupby("model")["seed"].nunique()
+    models, tables, chosen = identified
+    assert {("mlp", "none"), ("delan", "coulomb"), ("nostr", "viscous"), ("cov", "offset")} <= set(models)
+    errors = tables["errors"]
+    assert (errors.groupby(["model", "friction", "seed", "part"]).size() == 7).all()
+    seeds = errors.groupby("model")["seed"].nunique()
     assert (seeds["mlp"], seeds["cov"], seeds[URDF]) == (2, 1, 1)
-    assert np.isfinite(results.errors["nmse"]).all()
-    assert len(results.traces) == 7 * len(range(0, 480, TRACE_STRIDE))
-    assert {"measured", URDF, "least_squares_coulomb", "cov_coulomb", "mlp"} <= set(results.traces)
+    assert np.isfinite(errors["nmse"]).all()
+    stride = round(chosen.rate_hz / chosen.traces_hz)
+    tested = tables["motions"]["tested_s"][0] * chosen.rate_hz
+    assert len(tables["traces"]) == 7 * len(range(0, round(tested), stride))
+    assert {"measured", URDF, "least_squares_coulomb", "cov_coulomb", "mlp"} <= set(tables["traces"])
+    assert tables["choice"]["chosen"].all()  # there is nothing to choose from
 
 
 def test_coulomb_friction_is_what_the_other_models_miss(identified):
-    _, results = identified
-    test = results.errors[results.errors["part"] == "test"].groupby(["model", "friction"])["nmse"].max()
+    _, tables, _ = identified
+    test = tables["errors"].query("part == 'test'").groupby(["model", "friction"])["nmse"].max()
     for model in (LEAST_SQUARES, "tri", "cov"):
         assert test[model, "coulomb"] < 0.2 * test[model, "viscous"]
-    found = results.friction[results.friction["term"] == "coulomb"].set_index(["model", "friction"])["value"]
+    found = tables["friction"].query("term == 'coulomb'").set_index(["model", "friction"])["value"]
     np.testing.assert_allclose(found["cov", "coulomb"], COULOMB, rtol=0.1)
-    possible = results.links.groupby("model")[["positive_mass", "positive_definite", "triangle"]].all()
+    possible = tables["links"].groupby("model")[["positive_mass", "positive_definite", "triangle"]].all()
     assert possible.loc[["tri", "cov"]].all(axis=None)
 
 
@@ -93,7 +106,7 @@ def test_sign_and_payload_of_slides_are_found():
 def test_a_body_that_can_exist_explains_the_recorded_arm_nearly_as_well_as_least_squares():
     (log,) = read_trajectories(recorded_data("panda"))
     panda, terms = robot("panda"), ("viscous", "coulomb")
-    parts = panda_motion(log, PARAMETERS).split(0.6)
+    parts = cut_motion(log, PARAMETERS)[0].split(0.6)
     train, test = (MotionRegressor(panda.tree, part, True, terms) for part in parts)
     triangle = normalised_triangle(train.factors)
     free, rubbing = fit_structure("cov", triangle, terms, panda.inertias, 300)

@@ -14,8 +14,7 @@ from structlearn.tactile.electrodes import biotac
 from structlearn.tactile.latent_parameters import LatentSpaceParameters, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import TEST, TRAIN
 from structlearn.testbeds.recorded.protocol import latent_touch, touch_sets
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
-from structlearn.testbeds.recorded.protocol.touch_sets import TouchSet
+from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters, TouchSet
 
 SKIN = biotac()
 FEW = committed(

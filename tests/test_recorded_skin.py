@@ -14,26 +14,24 @@ from viewer_files import contents, note
 from structlearn.ground.artefacts import read_table, write_table
 from structlearn.ground.errors import MissingInputError
 from structlearn.palette import PLATE_CORNERS, place_colours
-from structlearn.recordings.eflesh import PRESSES, STROKES, ProbeRun, read_runs
+from structlearn.recordings import eflesh
+from structlearn.recordings.touch_log import TouchLog, read_touch_logs
 from structlearn.reporting.document import render, words_in_view
 from structlearn.tactile.pressed_skin import block_numbers, held_out
+from structlearn.tasks import skin_force, skin_readings, skin_servoing
+from structlearn.tasks.skin_touches import folds_of, gathered, learn_skin, learn_touch
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.recorded import files, names
 from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
 from structlearn.testbeds.recorded.page.parts.skin_evidence import SkinRuns, skin_evidence
 from structlearn.testbeds.recorded.page.parts.skin_figures import skin_pictures
-from structlearn.testbeds.recorded.page.parts.skin_results import (
-    SkinResults,
-    skin_metrics,
-)
+from structlearn.testbeds.recorded.page.parts.skin_part import skin_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.protocol import skin_force, skin_map, skin_servoing
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
 
 SMALL = committed(
-    SkinParameters,
+    TouchParameters,
     "recorded_skin",
     tuned_on=["a"],
     block_mm=3.0,
@@ -68,7 +66,8 @@ def toy_run(name, seed, depth_mm=0.0, size=10):
     counts = bumps.choice([-300, 300], 15) * np.exp(-squared / (2 * 0.006**2)) * np.exp(-300 * depth)[:, None]
     counts += rng.normal(size=counts.shape)
     nothing = np.full(len(place), np.nan)
-    return ProbeRun(name, np.arange(len(place)) * 4.0, np.column_stack([place, depth]), counts, nothing)
+    place = np.column_stack([place, depth])
+    return TouchLog(name, SMALL.channels, counts, place, np.arange(len(place)) * 4.0, nothing)
 
 
 def toy_strokes(name, presses=8, gain=1.0):
@@ -81,13 +80,19 @@ def toy_strokes(name, presses=8, gain=1.0):
     force = 2e5 * gain * depth(time - 0.6) ** 2
     counts = np.outer(2e5 * depth(time - 0.35), np.random.default_rng(3).normal(size=15))
     place = np.column_stack([np.zeros((len(time), 2)), -depth(time)])
-    return ProbeRun(name, time, place, counts, np.where(np.arange(len(time)) % 2, np.nan, force))
+    weighed = np.where(np.arange(len(time)) % 2, np.nan, force)
+    return TouchLog(name, SMALL.channels, counts, place, time, weighed)
+
+
+def touches(log, parameters=SMALL):
+    """The touches of one recording."""
+    return gathered([log], parameters)[0][0]
 
 
 @pytest.fixture(scope="module")
 def learned():
     runs = [toy_run("a", 1, depth_mm=1.0), toy_run("b", 2)]
-    return learn_recorded_skin(runs, [toy_strokes("c"), toy_strokes("d")], SMALL)
+    return learn_touch([*runs, toy_strokes("c"), toy_strokes("d")], SMALL)
 
 
 def test_no_two_neighbours_are_held_out_at_once():
@@ -109,12 +114,14 @@ def test_a_polynomial_reads_polynomials():
     wanted = np.column_stack([known[:, 0] ** 3 - known[:, 1], known[:, 0] * known[:, 1] ** 2])
     new = np.random.default_rng(1).normal(size=(20, 2))
     expected = np.column_stack([new[:, 0] ** 3 - new[:, 1], new[:, 0] * new[:, 1] ** 2])
-    np.testing.assert_allclose(skin_map.polynomial(known, wanted, 3)(new), expected, atol=1e-9)
+    np.testing.assert_allclose(skin_readings.polynomial(known, wanted, 3)(new), expected, atol=1e-9)
 
 
 def test_a_gaussian_process_knows_what_never_varies():
     known = np.linspace(-2, 2, 80)[:, None]
-    read = skin_map.gaussian_process(known, np.column_stack([np.sin(known[:, 0]), np.full(80, 0.143)]), 40)
+    read = skin_readings.gaussian_process(
+        known, np.column_stack([np.sin(known[:, 0]), np.full(80, 0.143)]), 40
+    )
     found = read(np.array([[0.31], [-1.17]]))
     np.testing.assert_allclose(found, [[np.sin(0.31), 0.143], [np.sin(-1.17), 0.143]], atol=0.02)
 
@@ -123,7 +130,7 @@ def test_the_map_is_the_skin_and_rivals_have_none(learned):
     _, tables = learned
     errors = tables["errors"].groupby(["new", "learned_from", "model"])[["map_nmse", "latent_mm"]].mean()
     for run in ("a", "b"):
-        its = errors.loc[skin_map.NEW_RUN, run]
+        its = errors.loc[skin_readings.NEW_RUN, run]
         assert its.loc["structured", "map_nmse"] < 0.2
         assert its.loc["structured", "map_nmse"] < 0.5 * its.loc["3 principal components", "map_nmse"]
         assert its.loc["Gaussian process", "latent_mm"] < 1.0
@@ -133,40 +140,18 @@ def test_the_map_is_the_skin_and_rivals_have_none(learned):
     assert not known.loc["b"].any()  # it knows one depth only
 
 
-def test_the_map_holds_where_nothing_was_pressed():
-    errors = skin_map.map_errors([toy_run("b", 2)], SMALL.model_copy(update={"folds": 4, "block_mm": 2.0}))
-    assert set(errors.groupby(["model", "seed"])["presses"].sum()) == {200}
-    its = errors.groupby("model")["map_nmse"].mean()
-    assert its["structured"] < 0.1
-    assert its["structured"] < its["3 principal components"]
-
-
-def test_the_same_run_gives_the_same_map():
-    run, brief = toy_run("a", 1, size=6), SMALL.spaces.training.model_copy(update={"steps": 3})
-    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
-    taught = np.full(len(run.counts), True)
-    first, again = (skin_map.learn_skin(run, taught, few, with_dynamics=True) for _ in range(2))
-    for name, values in first.models.to_arrays().items():
-        np.testing.assert_array_equal(values, again.models.to_arrays()[name])
-
-
-def test_presses_held_out_are_not_learned_from():
-    run = toy_run("a", 1, size=6)
-    taught = np.arange(len(run.counts)) % 3 > 0
-    brief = SMALL.spaces.training.model_copy(update={"steps": 3})
-    few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
-    spoiled = replace(run, counts=np.where(taught[:, None], run.counts, 1e6), place=run.place.copy())
-    spoiled.place[~taught] = 9.0
-    first, again = (skin_map.learn_skin(one, taught, few, with_dynamics=True) for one in (run, spoiled))
-    for name, values in first.models.to_arrays().items():
-        np.testing.assert_array_equal(values, again.models.to_arrays()[name])
+def held_out_errors(log, parameters):
+    """Errors on all folds of one recording."""
+    work = folds_of([touches(log, parameters)], parameters)
+    return pd.concat([skin_readings.fold_errors(one, parameters)[0] for one in work], ignore_index=True)
 
 
 def test_a_run_of_one_depth_acts_on_presses_of_that_depth(learned):
     skins, tables = learned
     assert len(skins["a"].units.action_scale) == 3
     assert len(skins["b"].units.action_scale) == 2
-    one_depth = skin_servoing.table_of(skins["b"], toy_run("b", 2), toy_run("a", 1, depth_mm=1.0), SMALL)
+    runs = touches(toy_run("b", 2)), touches(toy_run("a", 1, depth_mm=1.0))
+    one_depth = skin_servoing.table_of(*runs, SMALL)
     assert 0 < len(one_depth.pressure) < 288
     assert np.abs(one_depth.place[:, 2]).max() <= 0.5e-3
     servo = tables["servo"]
@@ -201,7 +186,7 @@ def test_lags_and_forces_are_found(learned):
 def test_a_scale_that_says_too_little_is_left_aside(capsys):
     mute = replace(toy_strokes("mute"), force=np.full(len(toy_strokes("mute").time), np.nan))
     quiet, few, sound = toy_strokes("c", gain=0.1), toy_strokes("few", presses=3), toy_strokes("d", presses=4)
-    errors, lags, traces = skin_force.force_errors([mute, quiet, few, sound], SMALL)
+    errors, lags, traces = skin_force.force_errors([mute, quiet, few, sound], SMALL.force, 150)
     assert set(errors["learned_from"]) == set(lags["run"]) == {"d"}
     assert traces.empty
     assert capsys.readouterr().out.count("left aside: 0 presses") == 2
@@ -209,21 +194,21 @@ def test_a_scale_that_says_too_little_is_left_aside(capsys):
 
 def test_a_run_in_one_block_has_nothing_held_out():
     spot = toy_run("spot", 2, size=3)
-    with pytest.raises(MissingInputError, match="no presses in two blocks of 3 mm"):
-        skin_map.map_errors([spot], SMALL)
+    with pytest.raises(MissingInputError, match="no touches in two blocks of 3 mm"):
+        learn_touch([spot], SMALL)
     quick = SMALL.model_copy(update={"folds": 4, "block_mm": 4.0})
     narrow = toy_run("narrow", 2)
     strip = narrow.place[:, 0] < 4e-3
     cut = {name: getattr(narrow, name)[strip] for name in ("time", "place", "counts", "force")}
-    errors = skin_map.map_errors([replace(narrow, **cut)], quick)  # two blocks, of folds 0 and 2
+    errors = held_out_errors(replace(narrow, **cut), quick)  # two blocks, of folds 0 and 2
     assert errors.groupby("model")["block"].nunique().eq(2).all()
 
 
 def test_names_are_those_of_the_protocols(root):
-    assert tuple(names.SKIN_MODELS) == skin_map.MODELS
-    assert set(names.SKIN_FORCE) == {skin_force.QUADRATIC, skin_force.PRESSURE, skin_map.PROCESS}
+    assert tuple(names.SKIN_MODELS) == skin_readings.MODELS
+    assert set(names.SKIN_FORCE) == {skin_force.QUADRATIC, skin_force.PRESSURE, skin_readings.PROCESS}
     assert (names.SKIN_SERVO, names.SKIN_SERVO_TEXT) == (skin_servoing.CORRECTED, skin_servoing.TEXT)
-    known = skin_map.NEW_BLOCKS, skin_force.NEW_PRESSES, skin_map.NEW_RUN
+    known = skin_readings.NEW_BLOCKS, skin_force.NEW_PRESSES, skin_readings.NEW_RUN
     assert known == (names.SKIN_NEW_BLOCKS, names.SKIN_NEW_PRESSES, names.SKIN_NEW_RUN)
 
 
@@ -287,7 +272,7 @@ def made_up(good=True):
         ),
         "traces": traces.assign(learned_from="c", asked_about="d"),
     }
-    return SkinResults(tables, ("a",))
+    return SkinRuns(tables, ("a",))
 
 
 def document(results):
@@ -298,7 +283,7 @@ def document(results):
 
 @pytest.mark.parametrize(("good", "word"), [(True, "yes"), (False, "no")])
 def test_every_claim_can_say_yes_and_no(good, word):
-    found = verdicts(parts.__name__, skin_evidence(made_up(good).runs), CLAIMS)
+    found = verdicts(parts.__name__, skin_evidence(made_up(good)), CLAIMS)
     assert {claim: verdict for claim, verdict in found.items() if verdict != word} == {}
 
 
@@ -306,8 +291,8 @@ def test_blocks_of_the_run_tuned_on_decide_nothing():
     spoiled = made_up().tables["errors"].copy()
     own = (spoiled["learned_from"] == "a") & (spoiled["asked_about"] == "a")
     spoiled.loc[own, ["map_nmse", "latent_mm"]] = 99.0
-    results = SkinResults(made_up().tables | {"errors": spoiled}, ("a",))
-    assert skin_evidence(results.runs)["map_text"] == skin_evidence(made_up().runs)["map_text"]
+    results = SkinRuns(made_up().tables | {"errors": spoiled}, ("a",))
+    assert skin_evidence(results)["map_text"] == skin_evidence(made_up())["map_text"]
     alone = SkinRuns({"errors": spoiled[own]}, ("a",))
     words = cases(parts.__name__, skin_evidence(alone), CLAIMS)
     assert words["map_text"] == {"": "not tested"}
@@ -322,7 +307,7 @@ def test_blocks_of_the_run_tuned_on_decide_nothing():
     ],
 )
 def test_the_page_shows_what_is_there(there, tmp_path):
-    results = SkinResults({name: made_up().tables[name] for name in there}, ("a",))
+    results = SkinRuns({name: made_up().tables[name] for name in there}, ("a",))
     page = render(document(results), AnyFigure())
     assert words_in_view(page) <= 1000
     assert all(f"figure-{name}" in page for name in skin_pictures(results))
@@ -332,15 +317,8 @@ def test_the_page_shows_what_is_there(there, tmp_path):
     assert ("/map/presses" in shown) == ("maps" in there)
 
 
-def test_the_run_tuned_on_alone_makes_a_page_too():
-    errors = made_up().tables["errors"]
-    own = errors[(errors["learned_from"] == "a") & (errors["asked_about"] == "a")]
-    page = render(document(SkinResults({"errors": own}, ("a",))), AnyFigure())
-    assert "not tested" in page
-
-
 def test_nothing_to_learn_from_gives_nothing(tmp_path):
-    assert learn_recorded_skin([], [], SMALL) == ({}, {})
+    assert learn_touch([], SMALL) == ({}, {})
     write_skin(tmp_path / "skin.rrd", {}, ("a",))
 
 
@@ -359,7 +337,7 @@ def test_places_have_the_colours_of_their_corners():
 
 def test_tables_are_found_by_their_names(tmp_path, learned):
     _, tables = learned
-    assert set(tables) == set(files.SETS[files.SKIN])
+    assert set(tables) == {*files.SETS[files.SKIN], "map", "recordings"}
     folder = tmp_path / "recorded/skin"
     folder.mkdir(parents=True)
     write_table(tables["lags"], folder / "lags.parquet")
@@ -367,14 +345,17 @@ def test_tables_are_found_by_their_names(tmp_path, learned):
     assert len(read_table(folder / "lags.parquet")) == 2
 
 
-def test_the_recorded_skin_carries_over(recorded_data):
+def test_the_recorded_skin_carries_over(recorded_data, tmp_path):
     """A short training already finds the place of presses of another run within a millimetre and a half."""
-    first, second = read_runs(recorded_data / "eflesh", PRESSES)[:2]
+    eflesh.write_runs(eflesh.read_all_runs(recorded_data / "eflesh"), tmp_path)
+    logs = read_touch_logs(tmp_path, SMALL.channels)
+    assert any(np.isfinite(log.force).any() for log in logs)
+    pressed = [log for log in logs if np.isnan(log.force).all()][:2]
     brief = SMALL.spaces.training.model_copy(update={"steps": 400, "evaluate_every": 400})
     few = SMALL.model_copy(update={"spaces": SMALL.spaces.model_copy(update={"training": brief})})
-    skin = skin_map.learn_skin(first, np.full(len(first.counts), True), few, with_dynamics=False)
-    errors, _ = skin_map.other_run_errors(skin, first, [second], few)
+    first, second = (touches(log, few) for log in pressed)
+    skin = learn_skin(first, np.full(len(first.counts), True), few, with_dynamics=False)
+    errors, _ = skin_readings.other_errors((skin, first, [second]), few)
     by_model = errors.groupby("model")[["map_nmse", "laid_mm"]].mean()
     assert by_model.loc["structured", "map_nmse"] < 0.06
     assert by_model.loc["structured", "laid_mm"] < 1.5
-    assert len(read_runs(recorded_data / "eflesh", STROKES)) >= 1

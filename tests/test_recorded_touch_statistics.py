@@ -7,7 +7,7 @@ from committed import committed
 from structlearn.ground.errors import InputError
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.testbeds.recorded.protocol import touch_calibration, touch_statistics
-from structlearn.testbeds.recorded.protocol.touch_traces import FingerTrace, finger_traces, joined
+from structlearn.testbeds.recorded.protocol.touch_statistics import FingerTrace, finger_traces, joined
 
 RATE_HZ = 100.0
 NOTHING = np.zeros((100, 2))
@@ -123,8 +123,8 @@ def test_one_stream_of_both_fingers_is_split():
     ("counts", "rate_hz", "message"),
     [
         ([], 100.0, "run: has electrodes of 0 fingers"),
-        ([np.zeros((50, 18))], 100.0, "run: /finger/0 has 18 electrodes"),
-        ([np.zeros((50, 19))], 30.0, "run: /finger/0 comes at 30 Hz, not at 100"),
+        ([np.zeros((50, 18))], 100.0, "run: has 18 electrodes"),
+        ([np.zeros((50, 19))], 30.0, "run: touch comes at 30 Hz, not at 100"),
     ],
 )
 def test_recordings_without_fingers(counts, rate_hz, message):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,26 +17,24 @@ from viewer_files import contents, note
 from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.joint_log import DriveLog
 from structlearn.recordings.ur10e import URDF, read_logs
-from structlearn.reporting.document import render, words_in_view
-from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, write_identified
+from structlearn.reporting.document import render
+from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS
 from structlearn.rigid_body.arm_identification import URDF as MAKER
-from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
+from structlearn.tasks import drives_and_load as protocol
+from structlearn.tasks.joint_motion import CARRIES, learn_motion, logs_that_are_there
+from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import SETS, UR10E
 from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.ur10e_evidence import ur10e_evidence
-from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES, ur10e_pictures
-from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_metrics
+from structlearn.testbeds.recorded.page.parts.ur10e_figures import STAGES
+from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, ur10e_evidence, ur10e_metrics
 from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.protocol import ur10e_identification as protocol
-from structlearn.testbeds.recorded.protocol import ur10e_logs
-from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.recordings.ur10e_recording import CARRYING, write_carried
 
-PARAMETERS = committed(RecordedUr10eParameters, "recorded_ur10e")
-LEARNING = committed(LearningParameters, "train_dynamics.learning")
+PARAMETERS = committed(MotionParameters, "recorded_ur10e")
+DRIVES, LOAD = PARAMETERS.drives, PARAMETERS.load
 LOADED, JOINTS, DRAWS = "20_02_19_14harm50secLoad", 6, 60
 PARTS = ("train", PARAMETERS.test, "20_01_31-unload")
 MODELS = {
@@ -84,7 +83,7 @@ def made_up(good: bool = True) -> Ur10eResults:
         blocks.append(rows(keys, **its))
     drives, drawn = [], []
     values = {
-        (protocol.AT_REST, PARAMETERS.rest): 11.0,
+        (protocol.AT_REST, DRIVES.rest): 11.0,
         (protocol.IN_MOTION, PARAMETERS.train): 11.0 if good else 14.0,
         (protocol.IN_MOTION, PARAMETERS.test): 11.0,
         (protocol.DELAY, PARAMETERS.train): 0.01 if good else -0.01,
@@ -95,8 +94,8 @@ def made_up(good: bool = True) -> Ur10eResults:
         drives.append(rows(keys | {"blocks": 20}, joint=joints(), value=value))
         many = {"draw": np.arange(DRAWS).repeat(JOINTS), "joint": np.tile(joints(), DRAWS)}
         drawn.append(rows(keys, **many, value=value * spread.repeat(JOINTS)))
-    assumed = np.isin(joints(), list(PARAMETERS.assumed_gains))
-    true = PARAMETERS.load_kg
+    assumed = np.isin(joints(), list(DRIVES.assumed_gains))
+    true = LOAD.known_kg
     masses = {protocol.FOUND: true if good else 1.2 * true, protocol.QUOTED: 1.1 * true if good else true}
     loads, load_draws = [], []
     for gains, mass in masses.items():
@@ -126,7 +125,7 @@ def made_up(good: bool = True) -> Ur10eResults:
         positive_definite=good,
         triangle=True,
     )
-    delays = np.linspace(*PARAMETERS.delays_s, 5)
+    delays = np.linspace(*DRIVES.delays_s, 5)
     curve = {"delay_s": delays.repeat(JOINTS), "joint": np.tile(joints(), 5)}
     logs = (*PARTS[1:], PARAMETERS.train, LOADED, "20_01_31-load")
     bodies = [
@@ -137,12 +136,11 @@ def made_up(good: bool = True) -> Ur10eResults:
     tables = {
         "drives": pd.concat(drives),
         "drive_draws": pd.concat(drawn),
-        "gains": rows({}, joint=joints(), found=11.0, assumed=assumed, quoted=PARAMETERS.quoted_gains),
+        "gains": rows({}, joint=joints(), found=11.0, assumed=assumed, quoted=DRIVES.quoted_gains),
         "delay_curves": rows({"log": PARAMETERS.train}, **curve, squares=1.0 + curve["delay_s"] ** 2),
         "motions": rows({"part": "asked about"}, log=logs, start_s=1.0, end_s=31.0, length_s=40.0),
         "errors": pd.concat(errors, ignore_index=True),
         "blocks": pd.concat(blocks, ignore_index=True),
-        "friction": pd.DataFrame({"model": ["cov"]}),
         "links": links,
         "traces": rows(
             {},
@@ -186,19 +184,10 @@ def test_errors_are_those_of_the_table_and_intervals_hold_them():
     for joint in joints():
         assert values[f"ur10e_nmse_{joint}"] == pytest.approx(0.004, rel=0.01)
         assert values[f"ur10e_nmse_{joint}_low"] <= values[f"ur10e_nmse_{joint}"]
-    assert values["ur10e_load_kg"] == pytest.approx(PARAMETERS.load_kg)
-    assert values["ur10e_load_kg_low"] < PARAMETERS.load_kg < values["ur10e_load_kg_high"]
+    assert values["ur10e_load_kg"] == pytest.approx(LOAD.known_kg)
+    assert values["ur10e_load_kg_low"] < LOAD.known_kg < values["ur10e_load_kg_high"]
     assert values["ur10e_load_carried_1_error_percent"] == pytest.approx(2.0, abs=0.1)
     assert "ur10e_load_carried_2_error_percent_low" not in values  # too short for an interval
-
-
-def test_the_page_is_whole_and_short():
-    results = made_up()
-    drawn = ur10e_pictures(results)
-    text = render(page(results), dict.fromkeys(drawn, ()))
-    assert words_in_view(text) <= 1000
-    assert all(f"figure-{name}" in text for name in drawn)
-    assert text == render(page(results), dict.fromkeys(drawn, ()))
 
 
 def logs_of(**lengths_s: float) -> dict[str, DriveLog]:
@@ -216,21 +205,21 @@ def test_other_logs_take_the_place_of_those_that_are_missing():
     logs = logs_of(
         still=3.0, short=5.0, long=9.0, longLoad=8.0, a_unload=6.0, a_load=6.0, b_load_2600=7.0, xLoad=4.0
     )
-    found = ur10e_logs.logs_that_are_there(logs, PARAMETERS)
-    assert (found.rest, found.train, found.test) == ("still", "long", "a_unload")
-    assert found.load_pairs == (("long", "longLoad"), ("a_unload", "a_load"), ("long", "xLoad"))
-    assert [name for name in ("c_noload", "no_load_1") if ur10e_logs.CARRIES.search(name)] == []
+    found = logs_that_are_there(logs, PARAMETERS)
+    assert (found.drives.rest, found.train, found.test) == ("still", "long", "a_unload")
+    assert found.load.pairs == (("long", "longLoad"), ("a_unload", "a_load"), ("long", "xLoad"))
+    assert [name for name in ("c_noload", "no_load_1") if CARRIES.search(name)] == []
     one = logs_of(long=9.0, short=5.0)
-    assert ur10e_logs.logs_that_are_there(one, PARAMETERS).rest is None
+    assert logs_that_are_there(one, PARAMETERS).drives.rest is None
     with pytest.raises(MissingInputError, match="of 2 logs 1 are motions of all joints without a load"):
-        ur10e_logs.logs_that_are_there(logs_of(still=3.0, long=9.0), PARAMETERS)
+        logs_that_are_there(logs_of(still=3.0, long=9.0), PARAMETERS)
 
 
 def test_logs_that_are_there_are_what_the_parameters_say():
-    names = dict.fromkeys((PARAMETERS.train, PARAMETERS.test, *sum(PARAMETERS.load_pairs, ())), 5.0)
+    names = dict.fromkeys((PARAMETERS.train, PARAMETERS.test, *sum(LOAD.pairs, ())), 5.0)
     logs = logs_of(**names, still=3.0, longer=9.0)
-    logs[PARAMETERS.rest] = logs["still"]
-    assert ur10e_logs.logs_that_are_there(logs, PARAMETERS) == PARAMETERS
+    logs[DRIVES.rest] = logs["still"]
+    assert logs_that_are_there(logs, PARAMETERS) == PARAMETERS
 
 
 def test_the_page_of_logs_without_a_rest():
@@ -263,7 +252,7 @@ def test_a_joint_without_a_gain_at_rest_has_that_of_its_motion():
     gains = protocol.found_gains(drives, PARAMETERS).set_index("joint")
     assert gains["found"].tolist() == [11.0, 11.0, 12.0, 11.0, 11.0, 11.0]  # joint 2 stands in for 1
     assert gains.index[gains["assumed"]].tolist() == [1]
-    never = PARAMETERS.model_copy(update={"rest": None})
+    never = PARAMETERS.model_copy(update={"drives": DRIVES.model_copy(update={"rest": None})})
     assert protocol.found_gains(drives[~rests], never)["found"].eq(12.0).all()
 
 
@@ -281,23 +270,24 @@ def folder() -> Path:
 
 
 @pytest.fixture(scope="module")
-def identified(folder):
+def identified(folder, tmp_path_factory):
     """Drives, the load and the URDF of the recorded arm; networks are hardly trained."""
     changes = {
         "networks": {"hidden": [[4]], "rates": [0.01], "epochs": [1], "choice_seeds": 1, "seeds": 1},
-        "carried": {"batch": 200, "iterations": 60},  # 4 s
-        "intervals": {"draws": 100},
+        "load": {"batch": 200, "iterations": 60},  # 4 s
     }
     chosen = committed(
-        RecordedUr10eParameters, "recorded_ur10e", rate_hz=50.0, iterations=150, body_draws=3, **changes
+        MotionParameters, "recorded_ur10e", rate_hz=50.0, iterations=150, body_draws=3, draws=100, **changes
     )
     robot = read_urdf(folder / URDF)
     logs = {log.name: log for log in read_logs(folder)}
-    return robot, protocol.identify_ur10e(robot, logs, chosen, LEARNING), chosen
+    target = tmp_path_factory.mktemp("ur10e")
+    _, tables = learn_motion(robot, logs, chosen, folder / URDF, target)
+    return robot, SimpleNamespace(**tables), chosen, target / "identified.urdf"
 
 
 def test_the_recorded_arm_is_known_as_well_as_least_squares_know_it(identified):
-    _, (_, tables), chosen = identified
+    _, tables, chosen, _ = identified
     test = tables.errors[tables.errors["part"] == chosen.test].groupby(["model", "friction"])["nmse"]
     assert test.max()["cov", "coulomb"] <= 0.012
     assert test.max()["cov", "coulomb"] <= 1.1 * test.max()[LEAST_SQUARES, "coulomb"]
@@ -305,16 +295,16 @@ def test_the_recorded_arm_is_known_as_well_as_least_squares_know_it(identified):
 
 
 def test_the_recorded_load_is_found(identified):
-    _, (_, tables), chosen = identified
+    _, tables, chosen, _ = identified
     masses = tables.loads.set_index(["pair", "gains"])["mass_kg"]
-    assert masses[protocol.BOTH, protocol.FOUND] == pytest.approx(chosen.load_kg, rel=0.02)
-    assert masses[protocol.BOTH, protocol.QUOTED] > 1.05 * chosen.load_kg
-    carried = tables.carried.query("stage == @protocol.CARRYING and since_s > @chosen.carried.settled_s")
-    assert (carried["mass_kg"] / chosen.load_kg - 1.0).abs().mean() < 0.05
+    assert masses[protocol.BOTH, protocol.FOUND] == pytest.approx(chosen.load.known_kg, rel=0.02)
+    assert masses[protocol.BOTH, protocol.QUOTED] > 1.05 * chosen.load.known_kg
+    carried = tables.carried.query("stage == @protocol.CARRYING and since_s > @chosen.load.settled_s")
+    assert (carried["mass_kg"] / chosen.load.known_kg - 1.0).abs().mean() < 0.05
 
 
 def test_the_recorded_drives_are_found(identified):
-    _, (_, tables), chosen = identified
+    _, tables, chosen, _ = identified
     np.testing.assert_allclose(
         tables.gains["found"], [11.976, 11.976, 9.839, 10.766, 10.779, 10.766], atol=1e-3
     )
@@ -325,15 +315,12 @@ def test_the_recorded_drives_are_found(identified):
     assert (kept["end_s"] - kept["start_s"])[chosen.train] == pytest.approx(50.0, abs=0.3)
 
 
-def test_the_recorded_arm_goes_through_its_urdf(identified, folder, tmp_path):
-    robot, (models, _), _ = identified
-    written = write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
-    assert written["difference_n_m"].max() < 1e-10
+def test_the_recorded_arm_goes_through_its_urdf(identified):
+    robot, tables, _, urdf = identified
+    assert tables.written["difference_n_m"].max() < 1e-10
     client = pybullet.connect(pybullet.DIRECT)
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-    body = pybullet.loadURDF(
-        str(tmp_path / "arm.urdf"), useFixedBase=True, flags=flags, physicsClientId=client
-    )
+    body = pybullet.loadURDF(str(urdf), useFixedBase=True, flags=flags, physicsClientId=client)
     joints = [pybullet.getJointInfo(body, one, client) for one in range(pybullet.getNumJoints(body, client))]
     pybullet.disconnect(client)
     moving = [one for one in joints if one[2] == pybullet.JOINT_REVOLUTE]
@@ -342,11 +329,10 @@ def test_the_recorded_arm_goes_through_its_urdf(identified, folder, tmp_path):
 
 
 def test_a_recording_shows_the_load_at_the_arm(identified, folder, tmp_path):
-    robot, (models, tables), chosen = identified
-    write_identified(folder / URDF, tmp_path / "arm.urdf", robot, models)
+    _, tables, chosen, urdf = identified
     logs = {log.name: log for log in read_logs(folder)}
     shown = {name: getattr(tables, name) for name in ("carried", "motions", "loads")}
-    write_carried(tmp_path / "ur10e.rrd", tmp_path / "arm.urdf", shown, logs.__getitem__, chosen)
+    write_carried(tmp_path / "ur10e.rrd", urdf, shown, logs.__getitem__, chosen.load)
     found = contents(tmp_path / "ur10e.rrd")[1]
     assert {"/load", "/mass/learned", "/arm/sticks/elbow_joint"} <= set(found)
-    assert f"{chosen.load_kg:g} kg" in note(tmp_path / "ur10e.rrd")
+    assert f"{chosen.load.known_kg:g} kg" in note(tmp_path / "ur10e.rrd")

@@ -6,6 +6,7 @@ from recordings_bags import recorded_data
 
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import eflesh
+from structlearn.recordings.touch_log import read_touch_table
 
 START = 1_700_000_000.0
 
@@ -61,12 +62,12 @@ def test_tables_hold_what_was_read(folder, tmp_path):
     target.mkdir()
     eflesh.write_runs(eflesh.read_all_runs(folder), target)
     for kind in eflesh.FOLDERS:
-        (read,), (back,) = eflesh.read_runs(folder, kind), eflesh.read_imported(target, kind)
+        (read,), (back,) = eflesh.read_runs(folder, kind), read_touch_table(target / f"{kind}.parquet", None)
         for name in ("time", "place", "counts", "force"):
             np.testing.assert_array_equal(getattr(read, name), getattr(back, name))
-        assert (read.name, read.provenance) == (back.name, back.provenance)
-    with pytest.raises(InputError, match=r"presses\.parquet: has no channel 9q"):
-        eflesh.read_imported(target, eflesh.PRESSES, ["1x", "9q"])
+        assert (read.name, eflesh.CHANNELS) == (back.name, back.channels)
+    with pytest.raises(InputError, match=r"presses\.parquet: has no column 9q"):
+        read_touch_table(target / "presses.parquet", ["1x", "9q"])
 
 
 def test_a_set_without_runs_over_places_is_missing(tmp_path):

@@ -8,7 +8,7 @@ from structlearn.recordings import read_recordings
 from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import SCRAPING, SLIDES, UNSCREWING, RecordedFiles
 from structlearn.testbeds.recorded.protocol import touch_calibration
-from structlearn.testbeds.recorded.protocol.touch_traces import finger_traces, joined
+from structlearn.testbeds.recorded.protocol.touch_statistics import finger_traces, joined
 
 SIMULATED = Path("data/raw/scraping/unrolls")
 SETS = {"unscrewing, recorded": UNSCREWING, "slides, recorded": SLIDES}

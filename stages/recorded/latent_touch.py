@@ -12,8 +12,7 @@ from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import SLIDES, UNSCREWING, RecordedFiles
 from structlearn.testbeds.recorded.protocol.latent_touch import learn_touch
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
-from structlearn.testbeds.recorded.protocol.touch_sets import touch_sets
+from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters, touch_sets
 
 
 def main() -> None:

@@ -4,22 +4,17 @@ from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
+from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
-from structlearn.testbeds.recorded.protocol.arm_parameters import (
-    RecordedDynamicsParameters,
-    RecordedUr10eParameters,
-)
 from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
 from structlearn.testbeds.recorded.protocol.corrections import CorrectionParameters
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import (
-    LatentTouchParameters,
-    SkinParameters,
-)
 from structlearn.testbeds.recorded.protocol.movement import ExecutionParameters, ReachParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
+from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters
 
 PARAMETERS = {
     "recorded_reaches": ReachParameters,
@@ -30,9 +25,9 @@ PARAMETERS = {
     "recorded_avoidance": RecordedAvoidanceParameters,
     "recorded_boxes": ScenePeopleParameters,
     "recorded_latent_touch": LatentTouchParameters,
-    "recorded_skin": SkinParameters,
-    "recorded_dynamics": RecordedDynamicsParameters,
-    "recorded_ur10e": RecordedUr10eParameters,
+    "recorded_skin": TouchParameters,
+    "recorded_dynamics": MotionParameters,
+    "recorded_ur10e": MotionParameters,
 }
 
 

@@ -6,10 +6,10 @@ from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.recordings import synchronise
+from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.recorded import PARAMETER_FILE, files
-from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.protocol.corrections import complete
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
@@ -55,15 +55,14 @@ def show_boxes(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_skin(stored: files.RecordedFiles, folder: Path) -> None:
-    skin = stage_parameters("recorded_skin", SkinParameters, PARAMETER_FILE)
+    skin = stage_parameters("recorded_skin", TouchParameters, PARAMETER_FILE)
     write_skin(folder / "skin.rrd", stored.of_set("skin"), skin.tuned_on)
 
 
 def show_ur10e(stored: files.RecordedFiles, folder: Path) -> None:
-    own = stage_parameters("recorded_ur10e", RecordedUr10eParameters, PARAMETER_FILE)
-    tables = stored.of_set("ur10e")
-    if len(tables["carried"]):
-        write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own)
+    own, tables = stage_parameters("recorded_ur10e", MotionParameters, PARAMETER_FILE), stored.of_set("ur10e")
+    if own.load is not None and len(tables["carried"]):
+        write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own.load)
 
 
 SHOWN = {

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings.series_table import Series, read_series, write_series
+from structlearn.recordings.series_table import Series, write_series
 from structlearn.recordings.text_log import check_rising, read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/notvenky/eFlesh"
@@ -128,26 +128,3 @@ def write_runs(found: Mapping[str, Sequence[ProbeRun]], target: Path) -> None:
             series.append(Series(run.name, columns, run.provenance))
         if runs:
             write_series(series, UNITS | dict.fromkeys(CHANNELS, "counts"), target / f"{kind}.parquet")
-
-
-def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANNELS) -> list[ProbeRun]:
-    """Runs of a kind as `write_runs` wrote them, with these of their columns as channels; maybe none.
-
-    Raises:
-        InputError: the table lacks a channel.
-    """
-    path = Path(folder) / f"{kind}.parquet"
-    series = read_series(path) if path.exists() else []
-    if missing := {channel for one in series for channel in channels if channel not in one.columns}:
-        raise InputError(f"{path}: has no channel {', '.join(sorted(missing))}")
-    return [
-        ProbeRun(
-            one.name,
-            one.columns["time_s"],
-            one.stacked(PLACE),
-            one.stacked(channels),
-            one.columns["force_n"],
-            dict(one.about),
-        )
-        for one in series
-    ]

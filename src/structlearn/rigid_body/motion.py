@@ -53,6 +53,12 @@ class Motion:
         return self.part(slice(None, end)), self.part(slice(end, None))
 
 
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Several motions of the same joints, one behind the other."""
+    fields = ("q", "qd", "qdd", "torque")
+    return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))
+
+
 def measured_motion(
     name: str,
     time: np.ndarray,

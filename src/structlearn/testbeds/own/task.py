@@ -33,9 +33,10 @@ from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import JointPose, SceneTopicMap, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.tasks.touch_parameters import TouchParameters
 from structlearn.testbeds.own.files import NAME_RULE, is_name, local_path
-from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters, RobotParameters
-from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
+from structlearn.testbeds.own.protocol.arm_parameters import RobotParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
 

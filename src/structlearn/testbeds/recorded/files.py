@@ -44,8 +44,8 @@ SETS = {
     BOXES: ("reaches", "errors", "people", "left_out", "paths", "shapes"),
     SKIN: ("errors", "maps", "servo", "paths", "force", "lags", "traces"),
     UR10E: (
-        *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "friction"),
-        *("links", "traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
+        *("drives", "drive_draws", "gains", "delay_curves", "motions", "errors", "blocks", "links"),
+        *("traces", "choice", "loads", "load_draws", "carried", "bodies", "written"),
     ),
 }
 """Tables of sets that have a folder and a stage of their own."""

@@ -6,15 +6,17 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from structlearn.ground.artefacts import Metrics
+from structlearn.ground.artefacts import Metrics, read_table
+from structlearn.ground.block_bootstrap import percentiles
 from structlearn.palette import BLACK, BLUE, GREY, ORANGE
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import legend, panel
 from structlearn.reporting.prose import interval, rounded
+from structlearn.rigid_body.motion import drawn_nmse
+from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
-from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters
 
 BEST = ("cov", "coulomb")
 """The model that becomes a URDF."""
@@ -26,6 +28,14 @@ FRICTIONS = {
     "coulomb": "viscous, Coulomb",
     "offset": "viscous, Coulomb, offset",
 }
+FURTHER = {
+    "gains": "Gains of the drives (N m/A): found at rest or in motion, assumed of another joint, quoted.",
+    "loads": "The load by least squares: mass, and centre in the last joint's frame.",
+    "bodies": "Links as written, with half a 95 % interval, beside the URDF's.",
+    "choice": "What networks were chosen by: mean NMSE on the end of what was learned from.",
+}
+"""Tables that some tasks have, and their captions."""
+
 DRAWN = {("urdf", "none"): GREY, ("least_squares", "coulomb"): ORANGE, BEST: BLUE}
 """Models with their friction and colour, as figures show them."""
 
@@ -33,36 +43,54 @@ DRAWN = {("urdf", "none"): GREY, ("least_squares", "coulomb"): ORANGE, BEST: BLU
 def section(files: TaskFiles) -> Section:
     """Of a task with logs of joints."""
     parameters = files.part("motion", MotionParameters)
-    names = ("logs", "errors", "gravity", "base", "excitation", "traces")
+    names = ("motions", "blocks", "gravity", "base", "excitation", "traces")
     tables = {name: files.table(f"motion/{name}") for name in names}
-    errors, gravity = tables["errors"], tables["gravity"]
+    gravity, motions = tables["gravity"], tables["motions"]
     excitation = tables["excitation"].iloc[0]
+    tested = tables["blocks"]["part"].unique()[1]
+    blocks = tables["blocks"][tables["blocks"]["part"] == tested]
+    errors = held_out_errors(blocks, list(gravity["name"]), parameters)
     best = of_model(errors, BEST)
     unsure = tables["base"].query("low < 0 < high")["parameter"]
     facts: dict[str, Any] = {
-        "logs": len(tables["logs"]),
-        "learned_s": tables["logs"]["learned_s"].sum(),
-        "tested_s": tables["logs"]["tested_s"].sum(),
+        "logs": len(motions),
+        "learned_s": motions["learned_s"].sum(),
+        "tested_s": motions["tested_s"].sum(),
         "worst": best.loc[best["nmse"].idxmax()].to_dict(),
         "urdf_worst": of_model(errors, ("urdf", "none"))["nmse"].max(),
         "condition": excitation["condition"],
         "largest_condition": parameters.largest_condition,
         "parameters": int(excitation["parameters"]),
         "unsure": len(unsure),
-        "blocks": int(excitation["blocks"]),
+        "blocks": blocks["block"].nunique(),
         "block_s": parameters.block_s,
-        "gravity": {word: list(its["joint"]) for word, its in gravity.groupby("holds")},
+        "gravity": {word: list(its["name"]) for word, its in gravity.groupby("holds")},
         "urdf": f"{files.folder}/motion/identified.urdf",
     }
+    further = {name: files.folder / f"motion/{name}.parquet" for name in FURTHER}
+    shown = {f"motion_{name}": Table(read_table(path)) for name, path in further.items() if path.is_file()}
+    facts["further"] = {name: FURTHER[name.removeprefix("motion_")] for name in shown}
     return Section(
         "motion",
         "The arm's dynamics",
         "motion.html.jinja",
         facts=facts,
         metrics=motion_metrics(best, facts),
-        tables=motion_tables(tables),
-        pictures={"motion": [errors_panel(errors), torque_panel(tables["traces"], facts["worst"]["joint"])]},
+        tables=motion_tables(tables | {"errors": errors}) | shown,
+        pictures={"motion": [errors_panel(errors), torque_panel(tables["traces"], facts["worst"])]},
     )
+
+
+def held_out_errors(blocks: pd.DataFrame, joints: list[str], parameters: MotionParameters) -> pd.DataFrame:
+    """NMSE with 95 % intervals per `model`, `friction` and `joint` by name (`place` counts from 1)."""
+    tables = []
+    for key in [tuple(name.split("/")) for name in blocks if "/" in name]:
+        values, draws, _ = drawn_nmse(blocks, key, parameters.draws, parameters.seed)
+        low, high = percentiles(draws)
+        columns = {"joint": joints, "place": range(1, len(joints) + 1), "nmse": values}
+        keys = {"model": key[0], "friction": key[1]}
+        tables.append(pd.DataFrame(keys | columns | {"low": low, "high": high}))
+    return pd.concat(tables, ignore_index=True)
 
 
 def of_model(errors: pd.DataFrame, key: tuple[str, str]) -> pd.DataFrame:
@@ -86,6 +114,7 @@ ENDS = {"": "nmse", "_low": "low", "_high": "high"}
 def motion_tables(tables: dict[str, pd.DataFrame]) -> dict[str, Table]:
     """By name."""
     errors, gravity, base = tables["errors"], tables["gravity"], tables["base"]
+    gravity = gravity.drop(columns="joint").rename(columns={"name": "joint"})
     text = [f"{rounded(row.nmse, '.2g')} {interval(row.low, row.high, '.2g')}" for row in errors.itertuples()]
     keys = ["model", "friction"]
     wide = errors.assign(text=text).pivot_table(
@@ -98,13 +127,15 @@ def motion_tables(tables: dict[str, pd.DataFrame]) -> dict[str, Table]:
         "learned_s": "learned from (s)",
         "tested_s": "asked about (s)",
     }
+    motions = tables["motions"]
+    logs = motions.assign(moving_s=motions["end_s"] - motions["start_s"])[["log", *spoken]]
     return {
         "motion_errors": Table(
             wide[list(dict.fromkeys(errors["joint"]))].reset_index(),
             words={"model": MODELS, "friction": FRICTIONS},
             strong=frozenset(place for place, key in enumerate(wide.index) if key == BEST),
         ),
-        "motion_logs": Table(tables["logs"], seconds, spoken),
+        "motion_logs": Table(logs, seconds, spoken),
         "motion_gravity": Table(
             gravity[["joint", "gravity_n_m", "torque_n_m", "share", "holds"]],
             dict.fromkeys(("gravity_n_m", "torque_n_m", "share"), ".2f"),
@@ -136,12 +167,12 @@ def errors_panel(errors: pd.DataFrame) -> Figure:
 
 
 @styled
-def torque_panel(traces: pd.DataFrame, joint: str) -> Figure:
-    """Torque of the joint that is foretold worst."""
+def torque_panel(traces: pd.DataFrame, worst: Mapping[str, Any]) -> Figure:
+    """Torque of the joint that is predicted worst."""
     figure, axes = panel(
-        f"Torque of {joint}", 3.3, xlabel="time of what was held out (s)", ylabel="torque (N m)"
+        f"Torque of {worst['joint']}", 3.3, xlabel="time of what was held out (s)", ylabel="torque (N m)"
     )
-    its = traces[traces["joint"] == joint]
+    its = traces[traces["joint"] == worst["place"]]
     axes.plot(its["time_s"], its["measured"], color=BLACK, linewidth=2.4, alpha=0.35, label="measured")
     for (model, friction), colour in DRAWN.items():
         column = model if friction == "none" else f"{model}_{friction}"

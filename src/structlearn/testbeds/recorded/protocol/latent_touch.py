@@ -22,10 +22,10 @@ from structlearn.tactile.latent_comparison import learn_spaces, own_units, seen_
 from structlearn.tactile.latent_evaluation import latent_errors
 from structlearn.tactile.latent_parameters import LatentSpaceParameters
 from structlearn.tactile.touch_dataset import TEST, TRAIN
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import (
     PARTNERS,
     RECORDED,
+    LatentTouchParameters,
     TouchSet,
 )
 from structlearn.testbeds.recorded.protocol.touch_statistics import variance_shares
@@ -76,11 +76,6 @@ def learn_touch(
     """Learn from every set, and ask about what was left out and about its partner.
 
     Of the simulated sets only the first part of the trials is left out.
-
-    Args:
-        sets: of `touch_sets.touch_sets`.
-        skin: of all fingers.
-        parameters: see there.
 
     Raises:
         InputError: a set has a single trial, or an electrode of it never changes.

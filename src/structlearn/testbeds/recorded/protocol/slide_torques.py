@@ -32,11 +32,6 @@ def torque_check(
     The payload is fitted by least squares to all slides together. Contact forces (a few newtons) are left
     out.
 
-    Args:
-        robot: the arm by its URDF.
-        demonstrations: slides with joint positions, velocities and torques.
-        cutoff_hz: of the low-pass on all signals.
-
     Returns:
         `sign` (1: as recorded, -1: turned round), `payload` (whether one was fitted), `joint` (from 1),
         `measured_n_m` and `model_n_m` (means; the measured one with its sign), `left_n_m` (root mean square

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.recorded.protocol import touch_statistics
-from structlearn.testbeds.recorded.protocol.touch_traces import ELECTRODES, FingerTrace
+from structlearn.testbeds.recorded.protocol.touch_statistics import ELECTRODES, FingerTrace
 
 REFERENCE = "scraping, recorded"
 SIMULATED = "scraping, simulated"
@@ -119,13 +119,7 @@ def trace_table(traces: Sequence[FingerTrace], parameters: CalibrationParameters
 def finger_table(
     traces: Sequence[FingerTrace], electrodes: pd.DataFrame, parameters: CalibrationParameters
 ) -> pd.DataFrame:
-    """The statistics that are compared, finger by finger: `group`, `run`, `finger`, then one column each.
-
-    Args:
-        traces: of all sets.
-        electrodes: `electrode_table` of them.
-        parameters: see there.
-    """
+    """The statistics that are compared, finger by finger: `group`, `run`, `finger`, then one column each."""
     by_finger = dict(list(electrodes.groupby(["group", "run", "finger"], sort=False)))
     rows = []
     for trace in traces:
@@ -159,11 +153,6 @@ def comparison(
     fingers: pd.DataFrame, spectra: pd.DataFrame, parameters: CalibrationParameters
 ) -> pd.DataFrame:
     """Simulated beside recorded scraping, statistic by statistic.
-
-    Args:
-        fingers: `finger_table`.
-        spectra: `spectrum_table`.
-        parameters: see there.
 
     Returns:
         `statistic`, and of both sets the median over runs and fingers with its range: `recorded`,

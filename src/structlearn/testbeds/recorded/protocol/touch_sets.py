@@ -10,14 +10,16 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic import Field
 
 from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import MissingInputError
+from structlearn.ground.params import Parameters
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.slide import material_of
 from structlearn.tactile.electrodes import Skin
 from structlearn.tactile.geodesics import Geodesics, geodesics
-from structlearn.tactile.latent_parameters import GeodesicParameters
+from structlearn.tactile.latent_parameters import GeodesicParameters, LatentSpaceParameters
 from structlearn.tactile.touch_dataset import OTHER, TEST, TRAIN, TouchDataset
 from structlearn.tactile.touch_preparation import contact_points
 
@@ -28,6 +30,16 @@ MAGNITUDES = "simulated, magnitudes"
 
 PARTNERS = {SLIDES: MAGNITUDES, MAGNITUDES: SLIDES, UNSCREWING: SIMULATED, SIMULATED: UNSCREWING}
 """Per set, the one that is asked about after it was learned from."""
+
+
+class LatentTouchParameters(Parameters):
+    """Latent spaces of recorded touch."""
+
+    faulty: tuple[str, ...]
+    folds: int = Field(ge=2)
+    simulated_repeats: int = Field(ge=1)
+    geodesics: GeodesicParameters
+    spaces: LatentSpaceParameters
 
 
 @dataclass(frozen=True)
@@ -53,11 +65,6 @@ class TouchSet:
 
 def held_touch(demonstrations: Sequence[Demonstration], skin: Skin, cutoff_hz: float) -> TouchDataset:
     """Samples of trials in which something touches from start to end; every trial is one contact.
-
-    Args:
-        demonstrations: with poses and counts less an offset, which rise under pressure.
-        skin: that was touched with.
-        cutoff_hz: low-pass of counts and velocities, as in `tactile.preparation`.
 
     Raises:
         InputError: the number of electrodes is not the skin's, or nothing touches in a sample.
@@ -112,15 +119,6 @@ def touch_sets(
 
     A set of which the skin cannot be told, for it has too few samples or patches too far apart, is left aside
     with its partner.
-
-    Args:
-        slides: named MATERIAL_TRIAL; may be none.
-        unscrewing: the logs; may be none.
-        simulated: touches of a handle.
-        skin: of all fingers.
-        cutoff_hz: low-pass of the recorded counts.
-        faulty: names of slides that are left out altogether.
-        parameters: of the neighbour graph of each set.
 
     Raises:
         MissingInputError: no set is left.

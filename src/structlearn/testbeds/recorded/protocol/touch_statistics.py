@@ -1,12 +1,17 @@
-"""What touch looks like in numbers, the same for recorded and simulated traces.
+"""What touch looks like in numbers, the same for recorded and simulated traces of fingers.
 
-Every function takes the counts (T, E) of one finger or of several beside each other, at a constant rate, as
+Every statistic takes the counts (T, E) of one finger or of several beside each other, at a constant rate, as
 the sensor gave them: not smoothed and not interpolated, for that would take noise away.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
-from structlearn.ground.errors import MissingInputError
+from structlearn.ground.errors import InputError, MissingInputError
+from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.recording import Recording
 
 RANGE_QUANTILES = (0.005, 0.995)
 """A range leaves out this much at either end: single spikes are no motion."""
@@ -14,14 +19,92 @@ RANGE_QUANTILES = (0.005, 0.995)
 NOISE_WINDOW_S = 0.5
 """Noise is measured in windows of this length, and the median window counts: quick motion is no noise."""
 
+FINGERS = ("left", "right")
+ELECTRODES = 19
+"""Of one finger."""
+
+
+@dataclass(frozen=True)
+class FingerTrace:
+    """What one finger read in one run.
+
+    Attributes:
+        group: the set that the run belongs to.
+        run: its name.
+        finger: `left` or `right`.
+        counts: (T, 19) as read, at the sensor's rate.
+        contact: sample from which on the contact stands; None: from the start.
+    """
+
+    group: str
+    run: str
+    finger: str
+    counts: np.ndarray
+    contact: int | None = None
+
+    @property
+    def moving(self) -> np.ndarray:
+        """The part in contact, (T', 19)."""
+        return self.counts[self.contact or 0 :]
+
+
+def finger_traces(
+    group: str, recording: Recording | Demonstration, rate_hz: float, settling_s: float = 0.0
+) -> list[FingerTrace]:
+    """Traces of the fingers of one recording; where its segments are known, the first one makes the contact.
+
+    Returns:
+        One trace per finger.
+
+    Raises:
+        InputError: there are no electrodes, not 19 per finger, or they come slower than `rate_hz`.
+    """
+    fingers: list[np.ndarray] = []
+    for values, step in _touch(recording):
+        count = values.shape[1]
+        if count % ELECTRODES:
+            raise InputError(f"{recording.name}: has {count} electrodes, a finger has 19")
+        held = round(1 / (step * rate_hz))
+        if held < 1:
+            raise InputError(f"{recording.name}: touch comes at {1 / step:.0f} Hz, not at {rate_hz:g}")
+        fingers += np.split(values[::held], count // ELECTRODES, axis=1)
+    if not 1 <= len(fingers) <= len(FINGERS):
+        raise InputError(f"{recording.name}: has electrodes of {len(fingers)} fingers, not of one or two")
+    segments = recording.true_segments
+    contact = None if segments is None else round((float(segments[0, 1]) + settling_s) * rate_hz)
+    return [
+        FingerTrace(group, recording.name, finger, counts, contact)
+        for finger, counts in zip(FINGERS, fingers, strict=False)
+    ]
+
+
+def _touch(recording: Recording | Demonstration) -> list[tuple[np.ndarray, float]]:
+    """Readings (T, E) and their step in s; of a run those of all fingers are side by side."""
+    if isinstance(recording, Demonstration):
+        return [(recording.signal("tactile"), recording.dt)]
+    touch = [stream for stream in recording.streams if stream.kind == "tactile"]
+    return [(stream.values, 1e-9 * float(np.median(np.diff(stream.stamps)))) for stream in touch]
+
+
+def joined(
+    group: str, run: str, parts: Sequence[Recording], rate_hz: float, settling_s: float = 0.0
+) -> list[FingerTrace]:
+    """Traces of one run whose primitives were recorded as files of their own; the first makes the contact."""
+    traces = [finger_traces(group, part, rate_hz) for part in parts]
+    return [
+        FingerTrace(
+            group,
+            run,
+            its[0].finger,
+            np.vstack([part.counts for part in its]),
+            len(its[0].counts) + round(settling_s * rate_hz),
+        )
+        for its in zip(*traces, strict=True)
+    ]
+
 
 def contact_change(counts: np.ndarray, contact: int, average: int) -> np.ndarray:
     """How far contact moved every electrode: mean of the samples before `contact` less that of the first.
-
-    Args:
-        counts: (T, E).
-        contact: sample at which the contact is made.
-        average: samples of both means.
 
     Returns:
         (E,) counts.
@@ -48,10 +131,6 @@ def noise(counts: np.ndarray, rate_hz: float) -> np.ndarray:
     Second differences take a straight line away and multiply the variance of white noise by 6. The root mean
     square is that of the median window.
 
-    Args:
-        counts: (T, E).
-        rate_hz: of the samples.
-
     Returns:
         (E,) counts.
 
@@ -71,11 +150,6 @@ def noise(counts: np.ndarray, rate_hz: float) -> np.ndarray:
 
 def spectrum(counts: np.ndarray, rate_hz: float, segment_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Power density of every electrode (Welch: Hann windows, half overlapping, straight lines taken away).
-
-    Args:
-        counts: (T, E).
-        rate_hz: of the samples.
-        segment_s: length of a window.
 
     Returns:
         Frequencies (F,) in Hz and densities (F, E) in counts^2 / Hz; their integral is the variance.

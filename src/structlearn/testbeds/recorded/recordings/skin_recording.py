@@ -28,13 +28,7 @@ IN_FRONT = 30.0
 
 
 def write_skin(path: Path, tables: Mapping[str, pd.DataFrame], tuned_on: tuple[str, ...]) -> None:
-    """Write the recording; of a single run there is no map to show, but forces where it was weighed.
-
-    Args:
-        path: of the .rrd file.
-        tables: of `protocol.skin`, those that are there.
-        tuned_on: runs on which constants were chosen.
-    """
+    """Write the recording; of a single run there is no map to show, but forces where it was weighed."""
     with recording(path, TITLE) as stream:
         views: list[rrb.Container | rrb.View] = []
         if "maps" in tables:

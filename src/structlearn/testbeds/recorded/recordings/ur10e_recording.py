@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.recordings.joint_log import DriveLog
-from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
+from structlearn.tasks.motion_parameters import LoadParameters
 from structlearn.viewer.arm_meshes import (
     arm_contents,
     arm_view,
@@ -37,17 +37,9 @@ def write_carried(
     urdf: str | Path,
     tables: Mapping[str, pd.DataFrame],
     read_log: Callable[[str], DriveLog],
-    parameters: RecordedUr10eParameters,
+    load: LoadParameters,
 ) -> None:
-    """Write the first motion with the load, and what is found of it online.
-
-    Args:
-        path: of the .rrd file.
-        urdf: of the arm; it has no meshes.
-        tables: `motions`, `carried` and `loads`, as the stage wrote them.
-        read_log: gives a log by its name.
-        parameters: that they were made with.
-    """
+    """Write the first motion with the load, and what is found of it online."""
     carried = tables["carried"]
     name = carried["log"].iloc[0]
     learned = carried[(carried["log"] == name) & (carried["stage"] == CARRYING)]
@@ -64,9 +56,9 @@ def write_carried(
         ball = rr.Points3D(centre[None], colors=rgba([VERMILION]), radii=RADIUS_M)
         stream.log(BODY, ball, static=True)
         followed = learned.assign(time_s=learned["since_s"])
-        really = np.full(len(time), parameters.load_kg)
+        really = np.full(len(time), load.known_kg)
         send_followed(stream, followed, time, really, (REFERENCE, FOUND, EMPTY))
-        send_notes(stream, _notes(parameters))
+        send_notes(stream, _notes(load))
 
 
 def _blueprint(reach: float) -> rrb.Blueprint:
@@ -76,16 +68,16 @@ def _blueprint(reach: float) -> rrb.Blueprint:
     return layout(rrb.Horizontal(view, right, column_shares=[3, 3]), at_end=True)
 
 
-def _notes(parameters: RecordedUr10eParameters) -> str:
+def _notes(load: LoadParameters) -> str:
     colours = {
         "the load, at the centre that least squares find": VERMILION,
-        f"its published mass, {parameters.load_kg:g} kg (wide)": REFERENCE,
+        f"its published mass, {load.known_kg:g} kg (wide)": REFERENCE,
         "what is learned online of the last link (Cov), and its error": FOUND,
         "error of the empty arm's model": EMPTY,
     }
     return (
         "### A recorded UR10e with a load at its flange\n\nThe arm was identified on a motion without the "
         "load, by motor currents; sticks join its joints. What is older than "
-        f"{parameters.carried.memory_s:g} s counts half.\n\n{legend(colours)}\n\n"
+        f"{load.memory_s:g} s counts half.\n\n{legend(colours)}\n\n"
         "Its first moment: x red, y green, z blue.\n"
     )

@@ -24,10 +24,6 @@ class SkinRuns:
 
     Blocks of places are what is independent in a run, as far as anything is: presses of a block lie together.
     Seeds are averaged before.
-
-    Attributes:
-        tables: of the stage, those that are there.
-        tuned_on: runs on which constants were chosen.
     """
 
     tables: Mapping[str, pd.DataFrame]
@@ -77,19 +73,13 @@ class SkinRuns:
         """Mean over blocks of runs that were not learned from."""
         return of_mean(self.by_block(names.SKIN_NEW_RUN, error, model))
 
-    def across_cases(self, error: str) -> Found:
-        """The same by what was learned from and asked about."""
-        found = self.by_block(names.SKIN_NEW_RUN, error)
+    def by_pair(self, found: pd.Series) -> Found:
+        """Means by what was learned from and asked about."""
         if not len(found):
             return MISSING
         groups = found.groupby(level=[0, 1])
-        return by_case(
-            mean,
-            {
-                f"{self.numbers[first]} {ARROW} {self.numbers[second]}": [its]
-                for (first, second), its in groups
-            },
-        )
+        cases = {f"{self.numbers[a]} {ARROW} {self.numbers[b]}": [its.to_numpy()] for (a, b), its in groups}
+        return by_case(mean, cases)
 
     def depth(self, model: str = STRUCTURED) -> Evidence:
         """NMSE of depth on blocks held out, of all runs in which it varies: few do."""
@@ -159,24 +149,11 @@ def skin_evidence(runs: SkinRuns) -> dict[str, Found]:
         "structure": gain,
         "latent": runs.tested("latent_mm"),
         "laid": runs.tested("laid_mm"),
-        "cross_run": runs.across_cases("latent_mm"),
+        "cross_run": runs.by_pair(runs.by_block(names.SKIN_NEW_RUN, "latent_mm")),
         "pressure": {"pressure": runs.tested("pressure_nmse"), "depth": runs.depth()},
         "force": runs.force(names.SKIN_NEW_RUN),
         "servo_structure": text,
         "servo_structure_ours": ours,
-        "servo": _arrivals(runs),
+        "servo": runs.by_pair(runs.trials("arrived", STRUCTURED, names.SKIN_SERVO)),
         "servo_way": runs.way(),
     }
-
-
-def _arrivals(runs: SkinRuns) -> Found:
-    arrived = runs.trials("arrived", STRUCTURED, names.SKIN_SERVO)
-    if not len(arrived):
-        return MISSING
-    return by_case(
-        mean,
-        {
-            f"{runs.numbers[first]} {ARROW} {runs.numbers[second]}": [its.to_numpy()]
-            for (first, second), its in arrived.groupby(level=[0, 1])
-        },
-    )

@@ -6,14 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION, place_colours
+from structlearn.palette import BLACK, BLUE, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.claims import Evidence
 from structlearn.reporting.figure_style import Drawing, Raster, styled
-from structlearn.reporting.panels import legend, panel
+from structlearn.reporting.panels import legend, map_panels, panel
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import shown_map
-from structlearn.testbeds.recorded.page.parts.skin_evidence import ARROW
-from structlearn.testbeds.recorded.page.parts.skin_results import SkinResults
+from structlearn.testbeds.recorded.page.parts.skin_evidence import ARROW, SkinRuns
 
 BOUND_MM = 0.8
 """The aim of the claims."""
@@ -25,43 +24,32 @@ STROKES_S = 120.0
 """Of the forces, so much is drawn."""
 
 
-def skin_pictures(results: SkinResults) -> dict[str, Drawing | Sequence[Drawing]]:
+def skin_pictures(runs: SkinRuns) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name, as far as there are data for them."""
-    drawn: dict[str, Drawing | Sequence[Drawing]] = {"skin_errors": errors_panel(results)}
-    if "maps" in results.tables:
-        drawn["skin_map"] = map_panels(results)
-    if "paths" in results.tables:
-        drawn["skin_ways"] = ways_panel(results)
-    if "traces" in results.tables:
-        drawn["skin_force"] = force_panel(results)
+    drawn: dict[str, Drawing | Sequence[Drawing]] = {"skin_errors": errors_panel(runs)}
+    if "maps" in runs.tables:
+        drawn["skin_map"] = skin_map(runs)
+    if "paths" in runs.tables:
+        drawn["skin_ways"] = ways_panel(runs)
+    if "traces" in runs.tables:
+        drawn["skin_force"] = force_panel(runs)
     return drawn
 
 
-@styled
-def map_panels(results: SkinResults) -> list[Raster]:
+def skin_map(runs: SkinRuns) -> list[Raster]:
     """Where presses were, and where they lie in the map that was learned from another run."""
-    maps, numbers = shown_map(results.tables["maps"], results.tuned_on), results.runs.numbers
-    places, lies = (1e3 * maps[columns].to_numpy() for columns in (["x_m", "y_m"], ["map_x_m", "map_y_m"]))
-    colours, middle = place_colours(places) / 255.0, 0.5 * (places.min(axis=0) + places.max(axis=0))
-    half = 0.5 * np.ptp(places, axis=0).max() + 2.5
+    maps, numbers = shown_map(runs.tables["maps"], runs.tuned_on), runs.numbers
     first = maps.iloc[0]
     titles = (
         f"The skin: where {numbers[first['asked_about']]} pressed it",
         f"Its map, learned from {numbers[first['learned_from']]}",
     )
-    figures = []
-    for title, points in zip(titles, (places - middle, lies - middle), strict=True):
-        figure, axes = panel(title, 4.6, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-        axes.set(xlim=(-half, half), ylim=(-half, half))
-        axes.scatter(points[:, 0], points[:, 1], s=5.0, c=colours, linewidths=0)
-        figures.append(Raster(figure))
-    return figures
+    return map_panels(maps, titles, 4.6, 2.5)
 
 
 @styled
-def errors_panel(results: SkinResults) -> list[Figure]:
+def errors_panel(runs: SkinRuns) -> list[Figure]:
     """Map error and place error of all models, on blocks held out and on other runs."""
-    runs = results.runs
     cases = {"blocks held out": runs.tested, "other run": runs.across}
     figures = []
     for error, title, label in (
@@ -89,10 +77,10 @@ def _bar(axes: Axes, place: float, found: Evidence, look: names.Look, labelled: 
 
 
 @styled
-def ways_panel(results: SkinResults) -> list[Figure]:
+def ways_panel(runs: SkinRuns) -> list[Figure]:
     """Ways of the probe from press to press, one panel per run that was learned from."""
-    numbers, figures = results.runs.numbers, []
-    for (first, second), its in results.tables["paths"].groupby(["learned_from", "asked_about"]):
+    numbers, figures = runs.numbers, []
+    for (first, second), its in runs.tables["paths"].groupby(["learned_from", "asked_about"]):
         title = f"Servoing, {numbers[first]} {ARROW} {numbers[second]}"
         figure, axes = panel(title, 4.4, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         middle = 0.5e3 * (its[["x_m", "y_m"]].min() + its[["x_m", "y_m"]].max()).to_numpy()
@@ -110,10 +98,10 @@ def ways_panel(results: SkinResults) -> list[Figure]:
 
 
 @styled
-def force_panel(results: SkinResults) -> list[Figure]:
+def force_panel(runs: SkinRuns) -> list[Figure]:
     """Force of the scale, and read off the skin by what was learned from another run."""
-    numbers, figures = results.runs.numbers, []
-    for (first, second), its in results.tables["traces"].groupby(["learned_from", "asked_about"]):
+    numbers, figures = runs.numbers, []
+    for (first, second), its in runs.tables["traces"].groupby(["learned_from", "asked_about"]):
         its = its[its["time_s"] - its["time_s"].iloc[0] < STROKES_S].iloc[::2]
         title = f"{numbers[first].capitalize()} {ARROW} {numbers[second]}"
         figure, axes = panel(title, xlabel="time (s)", ylabel="force (N)")

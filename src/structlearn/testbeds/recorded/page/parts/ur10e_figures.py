@@ -10,7 +10,7 @@ from structlearn.ground.block_bootstrap import percentiles
 from structlearn.palette import BLACK, BLUE, CATEGORICAL_COLOURS, GREY, LIGHT_GREY, VERMILION
 from structlearn.reporting.figure_style import Drawing, styled
 from structlearn.reporting.panels import legend, panel
-from structlearn.testbeds.recorded.page.parts.arm_figures import joint_errors_panel, torque_panel
+from structlearn.testbeds.recorded.page.parts.panda_part import joint_errors_panel, torque_panel
 from structlearn.testbeds.recorded.page.parts.ur10e_results import Ur10eResults, chosen
 
 TRACED_JOINTS = (2, 5)
@@ -25,7 +25,7 @@ STAGES = {
 
 def ur10e_pictures(results: Ur10eResults) -> dict[str, Drawing | Sequence[Drawing]]:
     """All figures by name."""
-    test = results.parameters.test
+    test = results.tested
     traces = [
         torque_panel(results["traces"], joint, f"Joint {joint}, test motion", "time of the motion (s)")
         for joint in TRACED_JOINTS
@@ -45,7 +45,7 @@ def load_panel(results: Ur10eResults, log: str) -> Figure:
     """Mass in the hand over time, as it is found while the arm moves."""
     title = f"Log {results.load_logs.index(log) + 1}: the load found over time"
     figure, axes = panel(title, 3.6, xlabel="time (s)", ylabel="mass in the hand (kg)")
-    its, true = chosen(results["carried"], log=log), results.parameters.load_kg
+    its, true = chosen(results["carried"], log=log), results.of_load.known_kg
     top = 1.25 * max(true, its["mass_kg"].max())
     for stage, part in its.groupby("stage", sort=False):
         words, ground = STAGES[stage]
@@ -55,7 +55,7 @@ def load_panel(results: Ur10eResults, log: str) -> Figure:
         if stage == "with the load":
             axes.fill_between([start, end], 0.95 * true, 1.05 * true, color=GREY, alpha=0.35, linewidth=0)
             axes.plot([start, end], [true, true], color=BLACK, linewidth=2.0, label=f"published: {true:g} kg")
-            settled = start + results.parameters.carried.settled_s
+            settled = start + results.of_load.settled_s
             if settled < end:
                 axes.axvline(settled, ymax=0.9, color=BLACK, linestyle=":", linewidth=1.0)  # below the words
     axes.plot(its["time_s"], its["mass_kg"], color=VERMILION, linewidth=1.8, label="found so far")
@@ -68,7 +68,7 @@ def load_panel(results: Ur10eResults, log: str) -> Figure:
 def weighed_panel(results: Ur10eResults) -> Figure:
     """The load by least squares, by logs and gains, with intervals."""
     figure, axes = panel("The load by least squares", 3.5, xlabel="mass (kg)")
-    true, loads = results.parameters.load_kg, results["loads"]
+    true, loads = results.of_load.known_kg, results["loads"]
     axes.axvspan(0.98 * true, 1.02 * true, color=GREY, alpha=0.35, linewidth=0)
     axes.axvline(true, color=BLACK, linewidth=1.5)
     pairs = list(dict.fromkeys(loads["pair"]))
@@ -91,10 +91,10 @@ def delay_panel(results: Ur10eResults) -> Figure:
     figure, axes = panel(
         "How late the currents are", 3.4, xlabel="delay assumed (ms)", ylabel="squares / least"
     )
-    its = chosen(results["delay_curves"], log=results.parameters.train)
+    its = chosen(results["delay_curves"], log=results.train)
     for colour, (joint, curve) in zip(CATEGORICAL_COLOURS, its.groupby("joint"), strict=False):
         axes.plot(1e3 * curve["delay_s"], curve["squares"], color=colour, label=f"joint {joint}")
-        found = results.drive("delay", results.parameters.train, joint, 1e3)
+        found = results.drive("delay", results.train, joint, 1e3)
         axes.plot(found.value, 1.0, "o", color=colour, markersize=5)
     axes.set_ylim(0.99, 1.0 + 0.7 * (its["squares"].max() - 1.0))
     return legend(figure, 3)
@@ -104,10 +104,10 @@ def delay_panel(results: Ur10eResults) -> Figure:
 def gain_panel(results: Ur10eResults) -> Figure:
     """Gains found at rest and in motion, and those quoted."""
     figure, axes = panel("Gains of the drives", 3.4, xlabel="joint", ylabel="gain (N m/A)")
-    gains, train = results["gains"], results.parameters.train
+    gains, train = results["gains"], results.train
     known = gains[~gains["assumed"]]
     axes.plot(gains["joint"] + 0.2, gains["quoted"], "x", color=VERMILION, label="quoted")
-    if results.parameters.rest is not None:
+    if results.of_drives.rest is not None:
         axes.plot(known["joint"] - 0.2, known["found"], "o", color=BLUE, label="at rest")
     assumed = gains[gains["assumed"]]
     if len(assumed):

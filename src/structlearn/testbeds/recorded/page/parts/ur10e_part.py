@@ -8,20 +8,24 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.prose import interval, rounded
 from structlearn.testbeds.recorded.files import SETS
 from structlearn.testbeds.recorded.page.parts.part import Part, of
-from structlearn.testbeds.recorded.page.parts.ur10e_evidence import RIVALS, ur10e_evidence
 from structlearn.testbeds.recorded.page.parts.ur10e_figures import ur10e_pictures
 from structlearn.testbeds.recorded.page.parts.ur10e_results import (
     BEST,
     BOUNDS,
+    RIVALS,
     Ur10eResults,
     chosen,
     model_words,
+    ur10e_evidence,
     ur10e_metrics,
 )
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
 
 KEY = "recorded_ur10e"
+
+MOTIONS = ["log", "part", "start_s", "end_s", "length_s"]
+"""Columns of the table of motions that are shown."""
 
 NUMBERS = {"mass_kg": ".2f", "viscous": ".1f", "coulomb": ".1f"}
 """How parameters of a link are written; others with three digits behind the point."""
@@ -47,8 +51,8 @@ def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
     choice, empty = results["choice"], chosen(results["carried"], stage="empty, another motion")
     return {
         "chosen": own,
-        "load_kg": own.load_kg,
-        "settled_s": own.carried.settled_s,
+        "load_kg": results.of_load.known_kg,
+        "settled_s": results.of_load.settled_s,
         "worst": test.loc[BEST].max(),
         "best": test.loc[BEST].min(),
         "worst_least_squares": test.loc[BOUNDS].max(),
@@ -66,7 +70,8 @@ def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
         "quoted_percent": results.load("all pairs", "quoted").value if first else np.nan,
         "gain_factors": gains["quoted"] / gains["found"],
         "stand_in": {
-            joint: own.assumed_gains[joint] for joint in gains.loc[gains["assumed"], "joint"].tolist()
+            joint: results.of_drives.assumed_gains[joint]
+            for joint in gains.loc[gains["assumed"], "joint"].tolist()
         },
         "further_worst": {log: results.errors[log].loc[BEST] for log in results.further},
         "further_bounds": {log: results.errors[log].loc[BOUNDS] for log in results.further},
@@ -80,9 +85,9 @@ def ur10e_facts(results: Ur10eResults) -> dict[str, object]:
 def ur10e_tables(results: Ur10eResults) -> dict[str, Table]:
     """By name."""
     return {
-        "ur10e_nmse": _errors(results, results.parameters.test),
+        "ur10e_nmse": _errors(results, results.tested),
         "ur10e_nmse_further": _further(results),
-        "ur10e_motions": shown(results["motions"], start_s=".1f", end_s=".1f", length_s=".1f"),
+        "ur10e_motions": shown(results["motions"][MOTIONS], start_s=".1f", end_s=".1f", length_s=".1f"),
         "ur10e_joints": _joints(results),
         "ur10e_weighed": _weighed(results),
         "ur10e_followed": _followed(results),
@@ -110,16 +115,13 @@ def _further(results: Ur10eResults) -> Table:
 
 def _joints(results: Ur10eResults) -> Table:
     """Gains and delays of every joint, with intervals as text."""
-    parameters = results.parameters
     rows = []
     for row in results["gains"].itertuples():
         its = {"joint": row.joint, "quoted": rounded(row.quoted, ".2f")}
-        if parameters.rest is not None:
-            its["at rest"] = (
-                "assumed" if row.assumed else _text(results, "gain at rest", parameters.rest, row.joint)
-            )
+        if (rest := results.of_drives.rest) is not None:
+            its["at rest"] = "assumed" if row.assumed else _text(results, "gain at rest", rest, row.joint)
         its["used"] = rounded(row.found, ".3f")
-        for log, words in ((parameters.train, "learned from"), (parameters.test, "asked about")):
+        for log, words in ((results.train, "learned from"), (results.tested, "asked about")):
             its[f"in motion, {words}"] = _text(results, "gain in motion", log, row.joint)
             its[f"delay (ms), {words}"] = _text(results, "delay", log, row.joint, 1e3, ".1f")
         rows.append(its)
@@ -159,7 +161,7 @@ def _followed(results: Ur10eResults) -> Table:
         rows.append(
             {
                 "log": log,
-                "settled_s": float(len(its) * results.parameters.carried.batch / results.parameters.rate_hz),
+                "settled_s": float(len(its) * results.of_load.batch / results.parameters.rate_hz),
                 "mass_kg": its["mass_kg"].mean(),
                 "least_kg": its["mass_kg"].min(),
                 "most_kg": its["mass_kg"].max(),

@@ -5,14 +5,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
-from structlearn.recordings.eflesh import ProbeRun
 from structlearn.tactile.latent_parameters import STRUCTURES, InverseModel
-from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, pressed_skin, servo_on_table
+from structlearn.tactile.pressed_skin import PLANE, STEP_S, PressedSkin, servo_on_table
 from structlearn.tactile.resting_servo import Caution, RestingServo
 from structlearn.tactile.servo_controller import ServoParameters, TactileServo
-from structlearn.tactile.touch_dataset import TEST
-from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
-from structlearn.testbeds.recorded.protocol.skin_map import NEVER_VARIES, PLAIN, STRUCTURED, LearnedSkin
+from structlearn.tasks.skin_readings import PLAIN, STRUCTURED
+from structlearn.tasks.skin_touches import NEVER_VARIES, LearnedSkin, Touches
+from structlearn.tasks.touch_parameters import TouchParameters
 
 TEXT: tuple[InverseModel, ...] = ("LL", "NG", "NJ")
 CORRECTED = "NJ, corrected"
@@ -23,25 +22,20 @@ SPREAD = 0.5
 
 
 def servo_trials(
-    learned: LearnedSkin, run: ProbeRun, others: Sequence[ProbeRun], parameters: SkinParameters
+    work: tuple[LearnedSkin, Touches, Sequence[Touches]], parameters: TouchParameters
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Closed loops of all controllers, from press to press of other runs.
-
-    Args:
-        learned: from `run`, with dynamics.
-        run: that was learned from.
-        others: on whose tables the controllers act.
-        parameters: see there.
 
     Returns:
         Trials: `learned_from`, `asked_about`, `model`, `controller`, `seed`, `trial`, `arrived`, `left_mm`,
         `length_ratio`, `straight_mm`. Paths of the corrected controller of the first seed with structure:
         `learned_from`, `asked_about`, `trial`, `step`, `x_m`, `y_m`, `target_x_m`, `target_y_m`.
     """
-    chosen = parameters.servo
+    (learned, run, others), chosen = work, parameters.servo
+    assert chosen is not None
     trials, paths = [], []
     for other in others:
-        table, rng = table_of(learned, run, other, parameters), np.random.default_rng(chosen.seed)
+        table, rng = table_of(run, other, parameters), np.random.default_rng(chosen.seed)
         starts, targets = rng.integers(0, len(table.pressure), (2, chosen.trials))
         straight = np.linalg.norm(table.place[starts, :PLANE] - table.place[targets, :PLANE], axis=1)
         names = {"learned_from": run.name, "asked_about": other.name}
@@ -73,17 +67,21 @@ def servo_trials(
     return tuple(joined)
 
 
-def table_of(learned: LearnedSkin, run: ProbeRun, other: ProbeRun, parameters: SkinParameters) -> PressedSkin:
+def table_of(run: Touches, other: Touches, parameters: TouchParameters) -> PressedSkin:
     """Presses of another run; of those that the learned run knows the depth of, where it knows one only."""
+    assert parameters.servo is not None
     kept = np.full(len(other.counts), True)
     if np.std(run.place[:, PLANE]) < NEVER_VARIES:
         away = np.abs(other.place[:, PLANE] - run.place[:, PLANE].mean())
         kept = away <= max(1e-3 * parameters.servo.depth_mm, away.min())
-    return pressed_skin(learned.sensor, other.counts[kept], other.place[kept], np.full(kept.sum(), TEST))
+    return other.skin(np.flatnonzero(kept))
 
 
-def controllers(learned: LearnedSkin, parameters: SkinParameters) -> Iterator[tuple[bool, str, TactileServo]]:
+def controllers(
+    learned: LearnedSkin, parameters: TouchParameters
+) -> Iterator[tuple[bool, str, TactileServo]]:
     """Structure, name and controller of all that are compared."""
+    assert parameters.servo is not None
     compared: list[tuple[str, InverseModel]] = [*((one, one) for one in TEXT), (CORRECTED, "NJ")]
     chosen, beta = parameters.servo, parameters.spaces.training.action_penalty
     for structure in STRUCTURES:
