@@ -73,7 +73,7 @@ from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.drive_log import DriveLog
+from structlearn.recordings.joint_log import DriveLog
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
@@ -89,12 +89,11 @@ from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.testbeds.own.protocol import own_feedback, own_motion, own_touch
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+from structlearn.testbeds.own.task import OwnFeedbackParameters
 from structlearn.testbeds.recorded.protocol import (
     avoidance_representations,
-    correction_splits,
-    human_reaches,
     latent_touch,
+    movement,
     panda_identification,
     skin_map,
     slides,
@@ -105,9 +104,8 @@ from structlearn.testbeds.recorded.protocol.arm_parameters import (
     RecordedDynamicsParameters,
     RecordedUr10eParameters,
 )
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
-from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
+from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.corrections import _split, corrected_reaches, learn_corrections
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.scraping.files import read_datasets
@@ -259,12 +257,12 @@ def higher(place: int | None = None) -> list[Demonstration]:
 
 @of_stage("recorded/reaches")
 def reaches(monkeypatch, tmp_path):
-    parameters = committed(human_reaches.ReachParameters, "recorded_reaches", fold=2)
+    parameters = committed(movement.ReachParameters, "recorded_reaches", fold=2)
     learn = each(
         monkeypatch,
-        human_reaches,
+        movement,
         "learn_primitive",
-        lambda its: human_reaches.learn_reaches(its, parameters),
+        lambda its: movement.learn_reaches(its, parameters),
     )
     second = 2 + LEFT_OUT  # two are learned from all
     return Case(lambda its: learn(its)[second], higher(), higher(2 * LEFT_OUT), higher(2 * ANOTHER))
@@ -274,7 +272,7 @@ def reaches(monkeypatch, tmp_path):
 def corrections(monkeypatch, tmp_path):
     arcs = test_recorded_corrected_reaches
     nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
-    learned, left_out = correction_splits._split(len(higher()), arcs.PARAMETERS, 0)
+    learned, left_out = _split(len(higher()), arcs.PARAMETERS, 0)
 
     def learn(demonstrations):
         found = corrected_reaches(demonstrations, nominal, 20.0)

@@ -11,7 +11,7 @@ from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 from structlearn.testbeds.recorded.protocol import avoidance_representations, avoidance_samples
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
 
 ROWS = 12
 

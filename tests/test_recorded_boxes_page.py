@@ -19,8 +19,13 @@ from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.recorded.names import BOX_WAYS
 from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.boxes_part import KEY, PART, boxes_evidence
-from structlearn.testbeds.recorded.page.parts.boxes_results import BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page.parts.boxes_part import (
+    KEY,
+    PART,
+    BoxesFound,
+    boxes_evidence,
+    boxes_metrics,
+)
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
 

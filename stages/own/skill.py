@@ -6,7 +6,7 @@ from structlearn.feedback.supervision import sensor_channels
 from structlearn.ground.artefacts import publish
 from structlearn.testbeds.own.files import SKILL, TaskFiles, run_for_task
 from structlearn.testbeds.own.protocol.own_feedback import read_own_feedback
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+from structlearn.testbeds.own.task import OwnFeedbackParameters
 
 
 def main(files: TaskFiles) -> None:

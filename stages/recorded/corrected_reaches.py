@@ -5,12 +5,13 @@ from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.corrected_reaches import (
+from structlearn.testbeds.recorded.protocol.corrections import (
+    CorrectionParameters,
     complete,
     completeness,
     corrected_reaches,
+    learn_corrections,
 )
-from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, learn_corrections
 
 
 def main() -> None:

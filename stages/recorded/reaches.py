@@ -5,7 +5,7 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import segment_paths, whole
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.human_reaches import (
+from structlearn.testbeds.recorded.protocol.movement import (
     ReachParameters,
     learn_reaches,
     own_spread_mm,

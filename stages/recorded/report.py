@@ -11,14 +11,13 @@ from structlearn.testbeds.recorded.protocol.arm_parameters import (
     RecordedDynamicsParameters,
     RecordedUr10eParameters,
 )
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
-from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
+from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.corrections import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import (
     LatentTouchParameters,
     SkinParameters,
 )
-from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
+from structlearn.testbeds.recorded.protocol.movement import ExecutionParameters, ReachParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 
 PARAMETERS = {

@@ -5,7 +5,7 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.sequence import sequence_table
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.scraping_execution import (
+from structlearn.testbeds.recorded.protocol.movement import (
     ExecutionParameters,
     learn_execution,
     learn_traces,

@@ -5,7 +5,7 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol.unscrewing import learn_unscrewing
+from structlearn.testbeds.recorded.protocol.movement import learn_unscrewing
 
 
 def main() -> None:

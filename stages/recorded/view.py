@@ -8,13 +8,13 @@ from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.recordings import synchronise
 from structlearn.testbeds.recorded import files
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
-from structlearn.testbeds.recorded.protocol.corrected_reaches import complete
+from structlearn.testbeds.recorded.protocol.corrections import complete
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
+from structlearn.testbeds.recorded.recordings.movement_recordings import write_unscrewing
 from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
-from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
 from structlearn.testbeds.recorded.recordings.ur10e_recording import write_carried
 
 

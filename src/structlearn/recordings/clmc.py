@@ -37,16 +37,9 @@ def read_reaches(
     """Reaches of one end-effector, 1000 Hz, named by their number.
 
     The orientation was not recorded: poses have the identity and twists no rotation, and the provenance says
-    so (`"orientation": "not recorded"`), which makes both None in a demonstration.
-
-    Args:
-        folder: the data set's folder.
-        dataset: the reaches' folder in `cart_coord_dmp`, or in a folder there; of several that a pattern
-            means, such as `dataset2*`, the first in alphabetical order.
-        left_out: gets why a file cannot be read; None: that is an error.
-
-    Returns:
-        Recordings in the order of their numbers, with pose and twist.
+    so (`"orientation": "not recorded"`), which makes both None in a demonstration. `dataset` is their folder
+    in `cart_coord_dmp`, or in a folder there; of several that a pattern means, the first by the alphabet.
+    `left_out`: see `text_log.read_each`.
 
     Raises:
         MissingInputError: there are no numbered files.
@@ -67,13 +60,6 @@ def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) 
     Times are printed with five digits, up to 0.03 ms off the 300 Hz at which the robot ran; the exact times
     are restored.
 
-    Args:
-        folder: the data set's folder.
-        left_out: gets why a file cannot be read; None: that is an error.
-
-    Returns:
-        Recordings named after their files: "01", "02", ...
-
     Raises:
         MissingInputError: there is no file.
         InputError: a file is not a table of 93 columns whose times are those of 300 Hz.
@@ -88,13 +74,8 @@ def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) 
 def read_scraping_execution(folder: str | Path, trial: str | None = None) -> list[Recording]:
     """One robot execution of the scraping primitives on a tilted board, 300 Hz, without times.
 
-    Args:
-        folder: the data set's folder.
-        trial: the execution's folder in `scraping`; None: the first that holds primitives.
-
-    Returns:
-        Recordings "prim1", "prim2", ... with pose, twist, joint positions and two fingers' electrodes (left,
-        right); each starts at time 0.
+    Recordings "prim1", "prim2", ... have pose, twist, joint positions and two fingers' electrodes (left,
+    right); each starts at time 0. `trial` is a folder in `scraping`; None: the first that holds primitives.
 
     Raises:
         MissingInputError: there is no such execution.

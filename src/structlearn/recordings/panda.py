@@ -8,8 +8,6 @@ Torques are those of the links, gravity included.
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.joint_log import JointLog
@@ -27,17 +25,10 @@ SIGNALS = {"positions": "positions", "velocities": "velocity", "torques": "torqu
 
 
 def read_trajectories(folder: str | Path, left_out: dict[str, str] | None = None) -> list[JointLog]:
-    """Read all motions of a folder; the one of the repository has 21 s at about 1 kHz.
+    """All motions of a folder of NAME_{positions,velocity,torques,time}.txt, or of folders of them.
 
-    The logger wrote positions in five or six significant digits and its times by hundredths of a millisecond;
-    nothing is done about either here.
-
-    Args:
-        folder: holds NAME_{positions,velocity,torques,time}.txt, or folders of them.
-        left_out: gets why a file cannot be read; None: that is an error.
-
-    Returns:
-        The logs by their names, such as `exciting_traj`, with the folders' before it where there are some.
+    The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
+    significant digits. Names of folders stand before those of their motions. `left_out`: see `read_each`.
 
     Raises:
         MissingInputError: there is no file of positions.
@@ -66,4 +57,4 @@ def _read(folder: Path, positions: Path) -> JointLog:
         signals[signal] = values.reshape(len(stamps), len(JOINTS))
     provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [times, *paths.values()])
     whole_name = "_".join([*times.parent.relative_to(folder).parts, name])
-    return JointLog(whole_name, JOINTS, np.asarray(stamps), **signals, provenance=provenance)
+    return JointLog(whole_name, JOINTS, stamps, **signals, provenance=provenance)

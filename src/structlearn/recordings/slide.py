@@ -28,15 +28,10 @@ FIRST_ELECTRODE = 25
 def read_slides(
     folder: str | Path, trials: int | None = None, left_out: dict[str, str] | None = None
 ) -> list[Recording]:
-    """Trials of a folder: pose, joint positions, velocities and torques, wrench and 19 electrodes.
+    """The first trials of each material: pose, joint signals, wrench and 19 electrodes, by Unix time.
 
-    Args:
-        folder: holds MATERIAL_TRIAL_STREAM.csv files, or folders of them, as the repository has.
-        trials: the first so many of each material; None: all.
-        left_out: gets why a file cannot be read; None: that is an error.
-
-    Returns:
-        Recordings named "MATERIAL_TRIAL", e.g. "mat9_1", by material and trial; stamps are Unix time.
+    The folder holds MATERIAL_TRIAL_STREAM.csv files, or folders of them; recordings are named like "mat9_1".
+    `left_out`: see `read_each`.
 
     Raises:
         MissingInputError: there is no trial.
@@ -57,20 +52,8 @@ def material_of(trial: str) -> str:
     return trial.rpartition("_")[0]
 
 
-def read_slide(folder: str | Path, name: str) -> Recording:
-    """One trial; see `read_slides`.
-
-    Args:
-        folder: holds the trial's six files.
-        name: "MATERIAL_TRIAL", e.g. "mat9_1".
-
-    Returns:
-        The recording with that name.
-
-    Raises:
-        InputError: a stream is missing or not a table of its columns.
-    """
-    folder = Path(folder)
+def read_slide(folder: Path, name: str) -> Recording:
+    """One trial, e.g. "mat9_1", from its six files in a folder; see `read_slides`."""
     files = {stream: folder / f"{name}_{stream}.csv" for stream in COLUMNS}
     tables = {
         stream: read_stamped_table(path, COLUMNS[stream], separator=",", header_lines=1)

@@ -22,7 +22,7 @@ from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import execution_cuts
 from structlearn.testbeds.own.files import ABSENT
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+from structlearn.testbeds.own.task import OwnFeedbackParameters
 
 NETWORKS = "networks.safetensors"
 

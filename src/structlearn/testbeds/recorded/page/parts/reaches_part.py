@@ -22,7 +22,7 @@ from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
 
 SPREAD_SAMPLES = 500
-"""Of a reach in normalised time, as in `human_reaches.own_spread_mm`."""
+"""Of a reach in normalised time, as in `movement.own_spread_mm`."""
 
 
 def by_level(results: RecordedResults) -> pd.DataFrame:
