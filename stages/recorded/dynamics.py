@@ -11,6 +11,7 @@ from structlearn.rigid_body.dynamics_models import DynamicsModels, write_dynamic
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.panda_identification import identify, panda_motion
@@ -22,7 +23,7 @@ Found = tuple[dict[str, DynamicsModels], dict[str, pd.DataFrame]]
 
 def identified() -> Found:
     """Of the first motion of the Panda."""
-    parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters)
+    parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters, PARAMETER_FILE)
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
     log = read_log_table(filled("data/raw/recorded/panda") / "logs.parquet")[0]
     panda = read_urdf(urdf_path(parameters.urdf), parameters.locked_joints)

@@ -4,6 +4,7 @@ from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
@@ -36,7 +37,7 @@ PARAMETERS = {
 
 
 def main() -> None:
-    parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
+    parameters = {key: stage_parameters(key, model, PARAMETER_FILE) for key, model in PARAMETERS.items()}
     results = read_results(RecordedFiles(), parameters)
     report, drawn = recorded_report(results), recorded_pictures(results)
     publish_report("reports/recorded", report.pages, drawn, report.tables, report.metrics, report.headlines)

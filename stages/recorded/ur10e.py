@@ -10,12 +10,13 @@ from structlearn.rigid_body.arm_identification import write_identified
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.testbeds.recorded.protocol.ur10e_identification import identify_ur10e
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_ur10e", RecordedUr10eParameters)
+    parameters = stage_parameters("recorded_ur10e", RecordedUr10eParameters, PARAMETER_FILE)
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
     raw = filled("data/raw/recorded/ur10e")
     logs = {log.name: log for log in read_log_table(raw / "logs.parquet", DriveLog)}
