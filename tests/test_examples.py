@@ -21,8 +21,8 @@ from structlearn.ground.artefacts import write_table
 from structlearn.primitives.sequence import sequence_table, unroll
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.own.world.pick_and_place import takes, write_takes
-from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
+from structlearn.testbeds.scraping.protocol.executions import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 ROOT = Path(__file__).parents[1]

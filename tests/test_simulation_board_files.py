@@ -15,7 +15,7 @@ from structlearn.primitives.primitive_files import write_primitives, write_vecto
 from structlearn.recordings import synchronise
 from structlearn.recordings.runs import read_runs, write_runs
 from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_files import read_board
+from structlearn.testbeds.scraping.protocol.board_rollouts import read_board
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
 

@@ -9,8 +9,8 @@ from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skil
 
 from structlearn.feedback.skill import Limits
 from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
+from structlearn.testbeds.scraping.protocol.executions import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 EVALUATION = EvaluationParameters(settings_deg=(0.0, 8.8), runs=2)

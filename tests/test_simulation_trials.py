@@ -19,8 +19,7 @@ from structlearn.testbeds.scraping.protocol.executions import (
 )
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
-from structlearn.testbeds.scraping.world.recorder import RecorderParameters
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters
+from structlearn.testbeds.scraping.world.testbed import RecorderParameters, TestbedParameters
 
 KINDS = ["pose", "joint_positions", "joint_velocities", "joint_torques", "wrench"]
 KINDS += ["tactile", "tactile", "tool_to_board"]

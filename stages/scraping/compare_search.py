@@ -12,9 +12,8 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search import refinement
 from structlearn.policy_search.sample_efficiency import ComparisonParameters, compare
 from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.board_rollouts import Board, read_board
 from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 

@@ -12,8 +12,8 @@ from structlearn.recordings.runs import read_runs, write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
 from structlearn.testbeds.scraping.protocol import execution_scores
-from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
+from structlearn.testbeds.scraping.protocol.executions import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"

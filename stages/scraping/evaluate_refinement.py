@@ -8,9 +8,9 @@ from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.runs import write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol import execution_scores
-from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
+from structlearn.testbeds.scraping.protocol.board_rollouts import read_board
+from structlearn.testbeds.scraping.protocol.executions import executed_set
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"

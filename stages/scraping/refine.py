@@ -6,8 +6,8 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.refinement import Progress
 from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
+from structlearn.testbeds.scraping.protocol.board_rollouts import read_board
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 

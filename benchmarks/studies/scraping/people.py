@@ -21,9 +21,8 @@ from structlearn.testbeds.scraping.page.execution_results import ExecutionResult
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
-from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
 from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
-from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
+from structlearn.testbeds.scraping.protocol.executions import executed_set, executions, nominal_runs
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

@@ -26,7 +26,7 @@ from structlearn.testbeds.scraping.protocol.execution_scores import (
     execution_scores,
     nominal_orientation,
 )
-from structlearn.testbeds.scraping.world.recorder import FINGERS
+from structlearn.testbeds.scraping.world.testbed import FINGERS
 
 SAMPLES = 101  # Points over normalised time on which curves are compared
 MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLED: "unrolled"}

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.skill import Limits, ReactiveSkill, on_axis
+from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, on_axis
 from structlearn.feedback.supervision import SupervisionParameters, corrected_primitive, coupling_samples
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
@@ -19,7 +20,8 @@ from structlearn.recordings.clock import synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.protocol.execution_scores import orientation_cost
+from structlearn.testbeds.scraping.files import ScrapingFiles
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation, orientation_cost
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
@@ -117,3 +119,35 @@ def _samples(board: Board, demonstration: Demonstration) -> CouplingDataset:
     primitive, expected = board.primitives[board.place], board.expected[board.name]
     done = corrected_primitive(demonstration, cut, primitive, expected, own)
     return coupling_samples(done, board.setting_deg, 0, own)[own.axis]
+
+
+def read_board(
+    data: str | Path,
+    settings_deg: Sequence[float],
+    setting_deg: float,
+    supervision: SupervisionParameters,
+    testbed: TestbedParameters,
+    clock: ClockParameters,
+) -> tuple[Board, dict[str, CouplingDataset]]:
+    """The board of the first primitive with feedback, and the demonstrations.
+
+    `settings_deg`: rolls that demonstrations are read of; their coupling terms bound those of the feedback.
+    Returns the board and the demonstrations by primitive. Raises InputError: a file is missing or not
+    readable, or a setting was not recorded.
+    """
+    files = ScrapingFiles(Path(data))
+    datasets = files.datasets(settings_deg)
+    largest = largest_coupling([one.target for one in datasets.values()])
+    board = Board(
+        primitives=files.primitives(),
+        expected=files.expected(),
+        preceding={},
+        name=supervision.primitives[0],
+        setting_deg=setting_deg,
+        nominal=nominal_orientation(files.runs("unrolls")),
+        supervision=supervision,
+        testbed=testbed,
+        limits=Limits(largest_coupling={supervision.axis: largest}),
+        clock=clock,
+    )
+    return board, datasets

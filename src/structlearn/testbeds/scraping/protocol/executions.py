@@ -18,13 +18,22 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.primitives.sequence import default_start
+from structlearn.recordings.clock import synchronise
 from structlearn.recordings.recording import Recording
+from structlearn.recordings.source import ClockParameters
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.simulation.fingers import FingerPair
+from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet
 from structlearn.testbeds.scraping.world.corrector import corrector
 from structlearn.testbeds.scraping.world.demonstrator import first_stamp
 from structlearn.testbeds.scraping.world.execution import Engine, execute
-from structlearn.testbeds.scraping.world.recorder import provenance, recorded
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finger_rate, run_conditions
+from structlearn.testbeds.scraping.world.testbed import (
+    TestbedParameters,
+    finger_rate,
+    provenance,
+    recorded,
+    run_conditions,
+)
 
 HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
 
@@ -155,3 +164,27 @@ def _segments(primitive: np.ndarray, rate_hz: float, duration: float) -> np.ndar
     switches = np.flatnonzero(np.diff(primitive)) + 1
     edges = np.concatenate([[0.0], switches / rate_hz, [duration]])
     return np.column_stack([edges[:-1], edges[1:]])
+
+
+def executed_set(
+    model: str,
+    skill: ReactiveSkill,
+    parameters: EvaluationParameters,
+    testbed: TestbedParameters,
+    clock: ClockParameters,
+) -> ExecutedSet:
+    """Execute a skill in every setting.
+
+    `skill`: with the networks of that model, or with none. `parameters`: settings and number of runs; runs of
+    equal number meet equal conditions in every set.
+    """
+    runs = evaluation_runs(parameters.settings_deg, parameters.runs, feedback=bool(skill.networks))
+    recordings = executions(skill, runs, testbed)
+    names = [primitive.name for primitive in skill.primitives]
+    by_setting, cuts = {}, {}
+    for place, setting in enumerate(parameters.settings_deg):
+        its = recordings[place * parameters.runs : (place + 1) * parameters.runs]
+        by_setting[setting] = [synchronise(one, clock.rate_hz, clock.max_gap_s) for one in its]
+        cuts[setting] = commanded_cuts(by_setting[setting], names)
+    networks = {name: one for name, by_axis in skill.networks.items() for one in by_axis.values()}
+    return ExecutedSet(model, networks, by_setting, cuts)

@@ -22,11 +22,12 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     orientation_of,
 )
 from structlearn.testbeds.scraping.world.execution import Reference, execute
-from structlearn.testbeds.scraping.world.recorder import provenance, recorded
 from structlearn.testbeds.scraping.world.testbed import (
     GuidanceParameters,
     TestbedParameters,
     finger_rate,
+    provenance,
+    recorded,
     run_conditions,
 )
 
