@@ -26,13 +26,12 @@ from primitive_inputs import DT, NETWORK, SEED, demonstrations, orientation_demo
 from timing import machine
 
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.runtime import Controller
+from structlearn.feedback.runtime import Controller, TickLatency, tick_latency
 from structlearn.feedback.skill import ReactiveSkill, on_axis
-from structlearn.feedback.tick_latency import TickLatency, tick_latency
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
-from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.vector import fit_expected_traces
 
 RATE_HZ, TICKS = 1000.0, 1_000_000
 WARM_UP = 10_000  # what is used first is slow

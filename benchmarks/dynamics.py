@@ -14,7 +14,7 @@ import torch
 from timing import Case, Contender
 
 from structlearn.rigid_body.inertia_parameters import draw, link_inertias
-from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
+from structlearn.rigid_body.network_models import StackedLagrangianNetworks
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import Robot, read_urdf

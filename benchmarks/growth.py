@@ -36,7 +36,7 @@ from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.vector import fit_vector
 from structlearn.reporting.figure_style import canvas, save, styled
 from structlearn.rigid_body.regressor import torque_regressor
-from structlearn.tactile.autoencoder import StackedAutoencoders, latent_losses
+from structlearn.tactile.latent_models import StackedAutoencoders, latent_losses
 
 Run = Callable[[], Any]
 

@@ -5,7 +5,7 @@ import pandas as pd
 
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.ground.artefacts import write_csv
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings.joint_log import JointLog

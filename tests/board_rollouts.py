@@ -4,13 +4,13 @@ import numpy as np
 from committed import committed
 from scraping_motions import NAMES, scraping_skill
 
-from structlearn.feedback.limits import Limits
+from structlearn.feedback.skill import Limits
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 RATE_HZ = 300.0

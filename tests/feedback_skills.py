@@ -5,13 +5,12 @@ from itertools import pairwise
 import numpy as np
 from primitives_movements import reach, wobbly_turn
 
-from structlearn.feedback.limits import Limits
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import Limits, ReactiveSkill
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
-from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
+from structlearn.primitives.vector import fit_expected_traces
 
 NAMES = ("down", "tilt", "scrape")
 POINTS = np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.05], [0.3, 0.1, 0.05], [0.3, 0.3, 0.25]])

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.policy_search.rollouts import Rollout
+from structlearn.policy_search.refinement import Rollout
 from structlearn.primitives import canonical, kernels
 
 TICKS, CHANNELS, KERNELS = 60, 3, 6

@@ -44,14 +44,6 @@ def product_of_ones(size):
     return float((torch.ones(400 + size, 400) @ torch.ones(400, 400)).sum())
 
 
-def process_alone(item, door):
-    """The process, which must not meet another one."""
-    door.mkdir()
-    time.sleep(0.02)
-    door.rmdir()
-    return os.getpid()
-
-
 def missing(item):
     return "lost", item
 

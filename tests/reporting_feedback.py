@@ -8,14 +8,14 @@ import pandas as pd
 from reporting_scraping import DT, ease
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS, paired_orderings
+from structlearn.feedback.feedback_models import REPRESENTATIONS, STOPPINGS, paired_orderings
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.feedback.supervision import learn_expected
 from structlearn.ground import quaternion
 from structlearn.primitives import canonical
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.studies import Study
-from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
 from structlearn.testbeds.scraping.page.people_results import VARIANT
 from structlearn.testbeds.scraping.world.demonstrator import FLAT_ORIENTATION

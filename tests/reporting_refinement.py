@@ -9,12 +9,12 @@ import pandas as pd
 from committed import committed
 from reporting_feedback import ADAPTED, AXIS, execution
 
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 
 REFINED_DEG = 10.0

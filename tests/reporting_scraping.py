@@ -10,9 +10,9 @@ from structlearn.ground import quaternion
 from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
-from structlearn.segmentation.result import METHODS
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 from structlearn.testbeds.scraping.protocol.cut_sweep import EFFECT

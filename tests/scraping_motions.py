@@ -8,9 +8,9 @@ from structlearn.feedback.skill import ReactiveSkill, on_axis
 from structlearn.ground import quaternion
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
-from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
+from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.world.demonstrator import (
     CONTACT_M,
     DemonstratorParameters,

@@ -14,10 +14,11 @@ from scraping_motions import CHANNELS, NAMES, constant_network, scraping_skill, 
 
 from structlearn.feedback.coupling_dataset import to_table
 from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.training_parameters import MODELS
+from structlearn.feedback.feedback_models import MODELS
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
-from structlearn.recordings import write_recordings
+from structlearn.recordings import synchronise
+from structlearn.recordings.runs import write_runs
 
 TOPIC = "/tool"
 
@@ -133,7 +134,7 @@ def test_recordings_that_cannot_be_cut(root, project, capsys, stamps, rows, word
         ("segment", {"extention_s": 0.2}, "segment.extention_s: unknown parameter"),
         ("segment", {"extension_s": -1.0}, "segment.extension_s: Input should be greater than 0 (got -1.0)"),
         ("segment", {"downsampling": 1.5}, "segment.downsampling"),
-        ("clock", {"rate_hz": float("nan")}, "clock.rate_hz"),
+        ("segment", {"cut_cutoff_hz": float("nan")}, "segment.cut_cutoff_hz"),
     ],
 )
 def test_parameters(root, project, capsys, key, values, words):
@@ -141,24 +142,8 @@ def test_parameters(root, project, capsys, key, values, words):
     assert words in complaint(root, "scraping/segment.py", capsys)
 
 
-def test_wrong_column_count_in_a_text_log(root, project, capsys, monkeypatch):
-    folder = project / "public" / "clmc" / "cart_coord_dmp" / "dataset1"
-    folder.mkdir(parents=True)
-    (folder / "1.txt").write_text("0 1 2 3 4 5 6 7 8 9\n0.001 1 2 3\n")
-    monkeypatch.setenv("RECORDED_DATA", str(project / "public"))
-    assert "1.txt: line 2" in complaint(root, "recorded/import_recordings.py", capsys)
-
-
-def test_missing_public_recordings(root, project, capsys, monkeypatch):
-    monkeypatch.setenv("RECORDED_DATA", str(project / "nowhere"))
-    assert "nowhere" in complaint(root, "recorded/import_recordings.py", capsys)
-
-
 def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
-    write_recordings(
-        simulated(count=2),
-        "data/raw/scraping/nominal",
-    )
+    touchless("data/runs/scraping/nominal.parquet")
     message = complaint(root, "scraping/fit_primitives.py", capsys)
     assert "data/segments/scraping/cuts.parquet: no such file" in message
 
@@ -188,32 +173,24 @@ def feedback(project) -> Path:
     return project
 
 
-def touchless(folder: Path | str) -> None:
-    write_recordings(simulated(count=1), folder)
+def touchless(path: Path | str) -> None:
+    write_runs([synchronise(one) for one in simulated(count=1)], path)
 
 
-CORRECTIONS = Path("data/raw/scraping/corrections")
+CORRECTIONS = Path("data/runs/scraping/corrections")
 
 
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
         ("5", "error: 01: has no tactile stream, which feedback is learned from"),
-        ("five", f"{CORRECTIONS}/five: a setting's folder has a number as its name"),
         (None, f"{CORRECTIONS}: no such folder; run the stage that writes it"),
     ],
 )
 def test_corrections_that_cannot_be_learned_from(root, feedback, capsys, setting, words):
     if setting is not None:
-        touchless(CORRECTIONS / setting)
+        touchless(CORRECTIONS / f"{setting}.parquet")
     assert words in complaint(root, "scraping/coupling_dataset.py", capsys)
-
-
-@pytest.mark.parametrize("stage", ["train_feedback", "compare_models"])
-def test_a_setting_to_learn_from_that_was_not_recorded(root, feedback, capsys, stage):
-    change_parameters(feedback, "coupling_dataset", settings_deg=[5, 6.3])
-    message = complaint(root, f"scraping/{stage}.py", capsys)
-    assert "scrape.parquet: has no corrections in the settings 6.3" in message
 
 
 @pytest.mark.parametrize("stage", ["train_feedback", "compare_models", "evaluate_feedback"])
@@ -246,24 +223,13 @@ def test_a_models_file_that_cannot_be_used(root, feedback, capsys, change, words
     assert f"{NETWORKS}: {words}" in complaint(root, "scraping/evaluate_feedback.py", capsys)
 
 
-def test_networks_of_another_sensor(root, feedback, capsys):
-    three = constant_network(channels=3)
-    write_networks([(name, three) for name in NAMES[1:]], NETWORKS)
-    change_parameters(feedback, "evaluate_feedback", settings_deg=[0], runs=1)
-    message = complaint(root, "scraping/evaluate_feedback.py", capsys)
-    assert "the network of 'scrape' for ry takes 3 channels, but its expected traces have 38" in message
-
-
 @pytest.mark.parametrize(
     ("key", "values", "stage", "words"),
     [
         ("coupling_dataset", {"axes": ["z"]}, "coupling_dataset", "the board tilts about one axis"),
         ("coupling_dataset", {"sensors": ["eyes"]}, "coupling_dataset", "coupling_dataset.sensors"),
-        ("coupling_dataset", {"rate_hz": 0}, "coupling_dataset", "coupling_dataset.rate_hz"),
-        ("train_feedback", {"validation_share": 1.0}, "train_feedback", "train_feedback.validation_share"),
         ("train_feedback", {"pointwise": {"step": 3}}, "train_feedback", "pointwise.step: unknown parameter"),
         ("compare_models", {"dropout": 1.0}, "compare_models", "compare_models.dropout"),
-        ("evaluate_feedback", {"runs": 0}, "evaluate_feedback", "evaluate_feedback.runs"),
         ("testbed", {"world": {"board_n_m": -1}}, "evaluate_feedback", "testbed.world.board_n_m"),
     ],
 )

@@ -38,8 +38,12 @@ from structlearn.segmentation.cut_errors import downsampling_effect
 from structlearn.testbeds.dynamics.page.evidence import evidence as dynamics_evidence
 from structlearn.testbeds.obstacles.page.evidence import evidence as obstacles_evidence
 from structlearn.testbeds.recorded.page import assembly, calibration_results
-from structlearn.testbeds.scraping.page.evidence import sweep_evidence
-from structlearn.testbeds.scraping.page.people_results import People, feedback_evidence, segmentation_evidence
+from structlearn.testbeds.scraping.page.people_results import (
+    People,
+    feedback_evidence,
+    segmentation_evidence,
+    sweep_evidence,
+)
 from structlearn.testbeds.servoing.page.evidence import evidence as servoing_evidence
 from structlearn.testbeds.servoing.page.results import AS_IT_STANDS, STUDIES
 

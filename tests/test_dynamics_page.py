@@ -11,19 +11,18 @@ from dynamics_tables import SEEDS, dynamics_results, iiwa, payload_table
 
 from structlearn.reporting.document import render, words_in_view
 from structlearn.reporting.publishing import HEADLINES
-from structlearn.rigid_body.agreement import agreement_with_pinocchio
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.model_names import DEFAULT, GROUND_TRUTH, NAMES
 from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
 from structlearn.rigid_body.training_grid import OURS, TEXT
 from structlearn.testbeds.dynamics import page
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.evidence import evidence
+from structlearn.testbeds.dynamics.page.evidence import evidence, headlines, metrics, published
 from structlearn.testbeds.dynamics.page.page import dynamics_page
-from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
 from structlearn.testbeds.dynamics.page.tables import tables
-from structlearn.testbeds.dynamics.protocol.robot_behind_log import (
+from structlearn.testbeds.dynamics.protocol.scored_results import (
     friction_table,
     known_errors,
     residual_torques,

@@ -14,15 +14,15 @@ from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.operational_space_velocity import tool_motion
 from structlearn.rigid_body.training_grid import OURS
 from structlearn.testbeds.dynamics.names import ROBOT, colour
-from structlearn.testbeds.dynamics.protocol.tracked_reaches import tracked_reaches
-from structlearn.testbeds.dynamics.recordings.payload import write_payload
-from structlearn.testbeds.dynamics.recordings.reaches_recording import write_reaches
-from structlearn.testbeds.dynamics.recordings.shown_motions import (
+from structlearn.testbeds.dynamics.protocol.tracking import tracked_reaches
+from structlearn.testbeds.dynamics.recordings.log_recordings import (
     DynamicsViewParameters,
     shown_payload,
     shown_torques,
+    write_payload,
+    write_torques,
 )
-from structlearn.testbeds.dynamics.recordings.torques import write_torques
+from structlearn.testbeds.dynamics.recordings.reaches_recording import write_reaches
 from structlearn.testbeds.dynamics.world.joint_logs import PayloadParameters
 from structlearn.viewer.arm_meshes import send_arm
 from structlearn.viewer.notes import COLOUR_NAMES

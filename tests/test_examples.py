@@ -13,17 +13,16 @@ from own_skills import pick_skill, slower
 from scraping_motions import CHANNELS, CONTACT_M, NAMES, scraping_skill
 
 from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.feedback_models import train_models
+from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.runtime import Controller
 from structlearn.feedback.skill import demonstrated_workspace
 from structlearn.feedback.skill_file import read_skill, write_skill
-from structlearn.feedback.training_parameters import FeedbackParameters
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.sequence import sequence_table, unroll
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.own.world.pick_and_place import takes, write_takes
 from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
-from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 ROOT = Path(__file__).parents[1]
@@ -95,7 +94,7 @@ def test_a_network_of_ones_own_is_trained_runs_on_the_board_and_stands_in_the_sk
         skill = scraping_skill(read_networks(tmp_path / f"{model}.safetensors"))
         board = EvaluationParameters(settings_deg=(8.8,), runs=1)
         testbed, clock = committed(TestbedParameters, "testbed"), committed(ClockParameters, "clock")
-        _, executed = executed_set(model, skill, board, testbed, clock)
+        executed = executed_set(model, skill, board, testbed, clock)
         assert {type(network).__name__ for network in executed.networks.values()} == {"LinearFeedback"}
         assert np.isfinite(executed.runs[8.8][0].orientation).all()
     write_skill(

@@ -5,10 +5,15 @@ from feedback_runs import Y, cuts, execution
 from feedback_skills import random_network
 
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.primitives.sensor_traces import fit_expected_traces
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL, ExecutedSet, scores, traces
-from structlearn.testbeds.scraping.protocol.execution_scores import cost_ratios, execution_scores
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
+from structlearn.primitives.vector import fit_expected_traces
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    NOMINAL,
+    ExecutedSet,
+    execution_scores,
+    nominal_orientation,
+    scores,
+    traces,
+)
 
 PARAMETERS = committed(
     SupervisionParameters,
@@ -47,12 +52,6 @@ def test_scores_of_all_sets_settings_runs_and_primitives_with_feedback(sets):
     alone = execution_scores(runs, cuts(runs, ("turn", "scrape")), MEAN, Y)
     np.testing.assert_allclose(part["end_roll_deg"], alone["end_roll_deg"])
     np.testing.assert_allclose(part["cost_rad"], alone["cost_rad"])
-
-
-def test_scores_and_ratios_fit_together(sets):
-    ratios = cost_ratios(scores(sets, MEAN, PARAMETERS), "pointwise")
-    np.testing.assert_allclose(ratios["ratio"], 1 / 3)
-    assert (ratios["lower_rad"] > 0).all()
 
 
 def test_traces_of_all_sets_and_primitives_with_feedback(sets):

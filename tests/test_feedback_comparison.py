@@ -4,8 +4,8 @@ import pytest
 from committed import committed
 from feedback_toy import toy_dataset
 
-from structlearn.feedback import model_comparison
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback import feedback_models
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features
 
 QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every=20, batch_size=16)
@@ -13,11 +13,11 @@ QUICK = committed(TrainingParameters, "compare_models", steps=40, evaluate_every
 
 @pytest.fixture(scope="module")
 def table():
-    return model_comparison.compare_representations({"turn": toy_dataset()}, QUICK)["turn"]
+    return feedback_models.compare_representations({"turn": toy_dataset()}, QUICK)["turn"]
 
 
 def test_every_representation_is_tested_on_every_fold_with_both_stoppings(table):
-    assert list(table["representation"].unique()) == list(model_comparison.REPRESENTATIONS)
+    assert list(table["representation"].unique()) == list(feedback_models.REPRESENTATIONS)
     for _, rows in table.groupby(["representation", "stopping"]):
         assert rows["fold"].tolist() == [0, 1, 2, 3]
     errors = table[["train", "validation", "test", "generalization"]].to_numpy()
@@ -41,7 +41,7 @@ def made_up(errors):
     """A table with given generalisation errors per representation and fold."""
     rows = [
         (name, fold, stopping, error)
-        for stopping in model_comparison.STOPPINGS
+        for stopping in feedback_models.STOPPINGS
         for name, values in errors.items()
         for fold, error in enumerate(values)
     ]
@@ -57,9 +57,9 @@ def test_orderings_are_told_in_pairs_over_the_folds():
         "pca": level - 0.05 + 0.01 * rng.normal(size=15),
         "autoencoder": level + 0.02 * np.resize([-1.0, 1.0], 15),
     }
-    found = model_comparison.paired_orderings(made_up(errors)).set_index(["stopping", "better", "worse"])
+    found = feedback_models.paired_orderings(made_up(errors)).set_index(["stopping", "better", "worse"])
     assert len(found) == 2 * 5
-    for stopping in model_comparison.STOPPINGS:
+    for stopping in feedback_models.STOPPINGS:
         rows = found.loc[stopping]
         assert rows["verdict"].to_dict() == {
             ("pmnn_100", "pmnn_6"): "better",
@@ -70,7 +70,7 @@ def test_orderings_are_told_in_pairs_over_the_folds():
         }
         assert rows.loc[("pmnn_100", "pmnn_6"), "p_value"] == pytest.approx(2 / 2**15)  # all 15 agree
         assert rows.loc[("pmnn_100", "pmnn_6"), "difference"] == pytest.approx(0.05, abs=0.01)
-    same = model_comparison.paired_orderings(made_up({"pmnn_100": level, "pmnn_0": level}))
+    same = feedback_models.paired_orderings(made_up({"pmnn_100": level, "pmnn_0": level}))
     assert same["verdict"].eq("undecided").all()
     assert same["p_value"].eq(1.0).all()
 

@@ -99,16 +99,6 @@ def test_a_turn_that_needs_no_correction_has_no_target(rng):
 
 @few
 @given(rngs)
-def test_the_target_is_what_the_forcing_lacks(rng):
-    nominal, path = vector_pair(rng)
-    goal = path.position[-1]
-    lacking = transformation.forcing_target(path, canonical.time_constant(path.duration))
-    lacking -= nominal.forcing(path.time, path.position[0], goal, path.duration)
-    np.testing.assert_allclose(position_target(path, nominal, goal), lacking, atol=1e-9)
-
-
-@few
-@given(rngs)
 def test_the_sign_of_a_quaternion_does_not_matter(rng):
     nominal, path = orientation_pair(rng)
     flipped = replace(path, orientation=-path.orientation)

@@ -8,14 +8,14 @@ from feedback_skills import random_network
 from structlearn.feedback.supervision import SupervisionParameters, executed_primitive
 from structlearn.ground.metrics import mean_interval
 from structlearn.primitives import canonical
-from structlearn.primitives.sensor_traces import fit_expected_traces
+from structlearn.primitives.vector import fit_expected_traces
 from structlearn.testbeds.scraping.protocol.execution_scores import (
     SETTLED_S,
     cost_ratios,
     execution_scores,
     feedback_traces,
+    nominal_orientation,
 )
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
 SCORED = ("turn", "scrape")
 NOMINAL = nominal_orientation([execution()])
@@ -94,12 +94,6 @@ def test_runs_are_paired_by_name_whatever_their_order():
     pd.testing.assert_frame_equal(cost_ratios(shuffled, "ours"), cost_ratios(table, "ours"))
 
 
-def test_a_model_beside_itself_costs_the_same():
-    ratios = cost_ratios(hand_made(), "nominal")
-    np.testing.assert_allclose(ratios["ratio"], 1.0)
-    np.testing.assert_allclose(ratios[["lower_rad", "half_width"]], 0.0, atol=1e-12)
-
-
 @pytest.fixture(scope="module")
 def expected():
     waves = 10 * np.sin(np.linspace(0, 3, 201)[:, None] * np.arange(1, 7))
@@ -122,10 +116,3 @@ def test_traces_hold_what_the_model_made_of_the_deviations(expected):
         exact = network.coupling(deviation[::2], p, u)
         np.testing.assert_allclose(rows["coupling"], exact)
     assert len(table) == 3 * 101
-
-
-def test_without_a_model_there_is_no_coupling(expected):
-    run = execution()
-    table = feedback_traces({5.0: [run]}, {5.0: cuts([run])["turn"]}, expected, None, PARAMETERS)
-    assert (table["coupling"] == 0.0).all()
-    assert table["channel_03"].abs().max() > 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from feedback_toy import toy_dataset
 
-from structlearn.feedback.folds import leave_one_out, without_generalization
+from structlearn.feedback.coupling_dataset import leave_one_out, without_generalization
 from structlearn.ground.errors import InputError
 
 FRACTIONS = (0.075, 0.075)
@@ -51,13 +51,6 @@ def test_a_chunk_is_split_as_a_whole_and_ends_with_its_demonstration():
                 assert len(set(rows[start : start + 7])) == 1
             seen |= set(rows)
     assert seen == {0, 1, 2}
-
-
-def test_splits_differ_between_folds_and_seeds_only():
-    data = toy_dataset()
-    first, again, other = (without_generalization(data, FRACTIONS, 1, seed) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(first.validation, again.validation)
-    assert not np.array_equal(first.validation, other.validation)
 
 
 def test_too_little_data_is_named():

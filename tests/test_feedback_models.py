@@ -6,15 +6,9 @@ from committed import committed
 from feedback_toy import toy_dataset
 
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
-from structlearn.feedback.coupling_model import train_final
-from structlearn.feedback.feedback_models import train_models
+from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
+from structlearn.feedback.feedback_models import MODELS, FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import (
-    MODELS,
-    FeedbackParameters,
-    TrainingParameters,
-    UnrolledTrainingParameters,
-)
 from structlearn.ground.errors import InputError
 
 FEW = FeedbackParameters(
@@ -61,13 +55,6 @@ def test_every_model_has_a_network_for_every_primitive(trained, datasets):
             assert all(np.isfinite(array).all() for array in arrays(network))
 
 
-def test_the_same_data_and_seed_give_the_same_networks(trained, datasets, level):
-    for model, networks in train_models(datasets, level, FEW).items():
-        for (_, again), (_, network) in zip(networks, trained[model], strict=True):
-            for one, other in zip(arrays(again), arrays(network), strict=True):
-                np.testing.assert_array_equal(one, other)
-
-
 def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):
     alone = train_final(PhaseModulatedNetwork, datasets["turn"], FEW.pointwise, FEW.hidden)
     for one, other in zip(arrays(alone), arrays(dict(trained["pointwise"])["turn"]), strict=True):
@@ -107,11 +94,6 @@ def test_path_errors_are_in_degrees_by_model_primitive_and_demonstration(trained
     rows = table[(table["model"] == "unrolled") & (table["primitive"] == "turn")]
     np.testing.assert_allclose(rows["error_deg"], exact)
     np.testing.assert_array_equal(rows["setting_deg"], paths.setting)
-
-
-def test_without_data_there_are_no_networks():
-    """A task without corrections goes through the pipeline."""
-    assert train_models({}, {}, FEW) == {model: [] for model in MODELS}
 
 
 def test_one_demonstration_is_too_few():

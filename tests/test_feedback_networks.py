@@ -8,20 +8,20 @@ from committed import committed
 from feedback_skills import random_skill
 from feedback_toy import toy_dataset
 
+from structlearn.feedback.coupling_dataset import FRACTIONS, leave_one_out
 from structlearn.feedback.coupling_model import (
     Compiled,
     CouplingModel,
     Trained,
+    TrainingParameters,
     kernel,
     named_model,
     read_networks,
     write_networks,
 )
-from structlearn.feedback.folds import FRACTIONS, leave_one_out
-from structlearn.feedback.limits import Limits
-from structlearn.feedback.model_comparison import NETWORKS
+from structlearn.feedback.feedback_models import NETWORKS
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.skill import Limits
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 

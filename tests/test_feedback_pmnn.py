@@ -93,12 +93,3 @@ def test_foreign_files_are_named(tmp_path):
         coupling_model.read_networks(tmp_path / "text.safetensors")
     with pytest.raises(InputError, match="no such file"):
         coupling_model.read_networks(tmp_path / "missing.safetensors")
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_weight_that_is_not_finite_is_named(tmp_path, bad):
-    network = random_network()
-    network.phase_weights[0, 0] = bad
-    coupling_model.write_networks([("turn", network)], tmp_path / "n.safetensors")
-    with pytest.raises(InputError, match=r"turn\.phase_weights holds a value that is not finite"):
-        coupling_model.read_networks(tmp_path / "n.safetensors")

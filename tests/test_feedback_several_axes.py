@@ -6,17 +6,15 @@ import pytest
 from committed import committed
 from scraping_motions import minimum_jerk, turn
 
-from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.limits import Limits, demonstrated_limits
+from structlearn.feedback.feedback_models import POINTWISE, FeedbackParameters, train_models
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import ReactiveSkill
+from structlearn.feedback.skill import Limits, ReactiveSkill, demonstrated_limits
 from structlearn.feedback.supervision import (
     CorrectionParameters,
     coupling_dataset,
     learn_expected,
     sensor_channels,
 )
-from structlearn.feedback.training_parameters import POINTWISE, FeedbackParameters
 from structlearn.ground import quaternion
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position

@@ -8,10 +8,9 @@ import pytest
 from feedback_skills import random_network, random_skill
 
 from structlearn import __version__
-from structlearn.feedback.limits import Limits
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.feedback.runtime import Controller
-from structlearn.feedback.skill import demonstrated_workspace
+from structlearn.feedback.skill import Limits, demonstrated_workspace
 from structlearn.feedback.skill_file import provenance, read_provenance, read_skill, write_skill
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
@@ -97,15 +96,9 @@ def changed(file, tensors=None, **description):
     [
         ({"networks": {"tilt": {"y": "pmnn"}}}, r"no skill of this version \(missing 'input_mean'"),
         ({"networks": {"tilt": {"rx": "os"}}}, "there is no feedback network 'os'"),
-        (
-            {"expected": ["down"]},
-            "'tilt' for z takes 6 channels, but there are no expected traces",
-        ),
+        ({"expected": ["down"]}, "'tilt' for z takes 6 channels, but there are no expected traces"),
         ({"limits": {"largest_coupling": {"z": 1.0}}}, "the limits say no largest coupling term for rx"),
-        (
-            {"limits": {"largest_coupling": {"z": -1.0}}},
-            "its limits are none: Input should be greater",
-        ),
+        ({"limits": {"largest_coupling": {"z": -1.0}}}, "its limits are none: Input should be greater"),
         ({"sensors": None}, "no skill of this version"),
         ({"primitives": [{"name": "up"}]}, "no skill of this version"),
         ({"tensors": {"workspace": np.zeros((2, 3))}}, "a workspace needs a low and a high corner"),

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from committed import committed
 from feedback_toy import toy_dataset
 from recordings_bags import make_recording
 
@@ -8,56 +7,23 @@ from structlearn.feedback.coupling_dataset import to_table
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import write_vector_primitive
-from structlearn.primitives.sensor_traces import fit_expected_traces
-from structlearn.recordings import write_recordings
-from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_sets
-
-CLOCK = committed(ClockParameters, "clock", rate_hz=100.0)
+from structlearn.primitives.vector import fit_expected_traces
+from structlearn.recordings import synchronise
+from structlearn.recordings.runs import write_runs
+from structlearn.testbeds.scraping.files import read_datasets, read_expected, read_settings
 
 
-def write_set(folder, names=("01", "02")):
-    write_recordings([make_recording(name, seed=seed) for seed, name in enumerate(names)], folder)
-
-
-def test_sets_are_read_by_their_number_in_rising_order(tmp_path):
-    for name in ("10", "2.5", "-5", "0"):
-        write_set(tmp_path / name)
-    (tmp_path / "notes.txt").write_text("beside the folders")
-    sets = read_sets(tmp_path, CLOCK)
+def test_settings_are_read_by_their_number_in_rising_order(tmp_path):
+    for setting in (10.0, 2.5, -5.0, 0.0):
+        runs = [synchronise(make_recording(name, seed=seed)) for seed, name in enumerate(("01", "02"))]
+        write_runs(runs, tmp_path / f"{setting:g}.parquet")
+    sets = read_settings(tmp_path)
     assert list(sets) == [-5.0, 0.0, 2.5, 10.0]
     for runs in sets.values():
         assert [run.name for run in runs] == ["01", "02"]
-        assert all(run.dt == pytest.approx(0.01) for run in runs)
 
 
-def test_where_nothing_was_recorded_there_are_no_sets(tmp_path):
-    assert read_sets(tmp_path, CLOCK) == {}
-
-
-@pytest.mark.parametrize("name", ["five", "5 deg", "nan", "inf", ".ipynb_checkpoints"])
-def test_a_folder_of_another_name_is_named(tmp_path, name):
-    write_set(tmp_path / "5")
-    (tmp_path / name).mkdir()
-    with pytest.raises(InputError, match="a setting's folder has a number as its name") as error:
-        read_sets(tmp_path, CLOCK)
-    assert str(tmp_path / name) in str(error.value)
-
-
-def test_two_folders_of_one_setting_are_refused(tmp_path):
-    write_set(tmp_path / "5")
-    write_set(tmp_path / "5.0")
-    with pytest.raises(InputError, match=r"5\.0: the setting 5 has another folder too"):
-        read_sets(tmp_path, CLOCK)
-
-
-def test_an_empty_set_is_named(tmp_path):
-    (tmp_path / "5").mkdir()
-    with pytest.raises(InputError, match="5: holds no bag"):
-        read_sets(tmp_path, CLOCK)
-
-
-@pytest.mark.parametrize("read", [lambda folder: read_sets(folder, CLOCK), read_expected, read_datasets])
+@pytest.mark.parametrize("read", [read_settings, read_expected, read_datasets])
 def test_a_folder_that_no_stage_has_written_is_not_an_empty_one(tmp_path, read):
     with pytest.raises(InputError, match="nowhere: no such folder; run the stage that writes it"):
         read(tmp_path / "nowhere")

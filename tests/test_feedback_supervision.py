@@ -13,7 +13,7 @@ from primitives_movements import few
 from pydantic import ValidationError
 from scraping_motions import minimum_jerk
 
-from structlearn.feedback.axes import AXES, direction
+from structlearn.feedback.coupling import AXES
 from structlearn.feedback.supervision import (
     CorrectionParameters,
     SupervisionParameters,
@@ -32,11 +32,10 @@ from structlearn.ground.frames import local_frame
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import fit_quaternion
 from structlearn.primitives.position import fit_position
-from structlearn.primitives.sensor_traces import expected as expected_traces
-from structlearn.primitives.sensor_traces import fit_expected_traces
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.twist_swing import fit_twist_swing
+from structlearn.primitives.vector import expected_traces, fit_expected_traces
 from structlearn.recordings.demonstration import Demonstration
 
 DT = 1 / 300
@@ -111,19 +110,6 @@ def demonstration(primitive, expected, name="01", duration=2.4, axis=Y, size=8.0
     return run, pd.Series({"start_s": BEFORE, "end_s": BEFORE + duration})
 
 
-@pytest.mark.parametrize("duration", [2.0, 2.4])
-def test_the_known_coupling_term_comes_back(primitive, expected, duration):
-    run, cut = demonstration(primitive, expected, duration=duration)
-    corrected = corrected_primitive(run, cut, primitive, expected, PARAMETERS)
-    exact = known_coupling(corrected.time, duration)
-    assert corrected.target.shape == (len(exact), 6)
-    error = corrected.target[:, 4] - exact
-    assert np.mean(error**2) < 1e-3 * np.var(exact)
-    assert np.abs(corrected.target[:, [0, 1, 2, 3, 5]]).max() < 1e-3
-    np.testing.assert_allclose(corrected.target[0], 0.0, atol=1e-2)
-    assert corrected.point is None  # what no axis asks for is not worked out
-
-
 def test_the_known_deviation_comes_back_without_the_offset(primitive, expected):
     run, cut = demonstration(primitive, expected)
     time, deviation = executed_primitive(run, cut, expected, FELT)
@@ -132,12 +118,6 @@ def test_the_known_deviation_comes_back_without_the_offset(primitive, expected):
     np.testing.assert_allclose(deviation, known_deviation(time), atol=1e-9)
     corrected = corrected_primitive(run, cut, primitive, expected, PARAMETERS)
     np.testing.assert_array_equal(corrected.deviation, deviation)
-
-
-def test_a_run_that_was_not_corrected_asks_for_nothing(primitive, expected):
-    run, cut = demonstration(primitive, expected, duration=2.0, size=0.0)
-    corrected = corrected_primitive(run, cut, primitive, expected, PARAMETERS)
-    assert np.abs(corrected.target).max() < 0.05  # of 8 above
 
 
 @pytest.fixture(scope="module")
@@ -260,21 +240,6 @@ def test_known_coupling_terms_on_any_axes_come_back(primitive, expected, chosen,
         assert checks["others_position"][0] < 0.05
 
 
-def test_a_correction_is_the_same_whichever_way_the_reach_goes(primitive, expected):
-    """Its axes are those of the base frame, not of the reach."""
-    turned = replace(primitive, position=fit_position([minimum_jerk([0, 0, 0], [0.1, 0.1, 0.05], 2.0)]))
-
-    def coupling(time, duration):
-        return known_coupling(time, duration, 1.0)[:, None] * np.eye(6)[2]
-
-    for one in (primitive, turned):
-        run, cut, exact = corrected_pose(one, expected, coupling)
-        found = corrected_primitive(run, cut, one, expected, on_axes("z", smoothing_hz=30.0, target_hz=30.0))
-        inside = slice(0, -10)  # at its end the recording breaks off, which low-passes feel
-        np.testing.assert_allclose(found.target[inside, :3] @ direction("z"), exact[inside, 2], atol=0.05)
-        assert np.abs(found.target[inside, :2]).max() < 0.05
-
-
 @pytest.mark.parametrize(
     ("sensors", "groups", "counts"),
     [
@@ -345,11 +310,7 @@ def test_cuts_a_little_outside_the_recording_end_at_its_ends(primitive, expected
     [
         ({"tactile": None}, fit_quaternion, "07: has no tactile stream"),
         ({"orientation": None}, fit_quaternion, "07: 'turn' needs orientations"),
-        (
-            {"tactile": np.zeros((1321, 3))},
-            fit_quaternion,
-            "07: has 3 channels of tactile, the expected",
-        ),
+        ({"tactile": np.zeros((1321, 3))}, fit_quaternion, "07: has 3 channels of tactile, the expected"),
         ({}, fit_twist_swing, "07: 'turn' needs orientations, and a turn of less than half"),
     ],
 )
@@ -358,12 +319,6 @@ def test_what_is_missing_is_named(primitive, expected, change, turn, complaint):
     other = replace(primitive, orientation=turn([turn_path(2.0)]))
     with pytest.raises(InputError, match=complaint):
         corrected_primitive(replace(run, **change), cut, other, expected, PARAMETERS)
-
-
-def test_expected_traces_need_fingers(primitive, expected):
-    run, cut = demonstration(primitive, expected, "07")
-    with pytest.raises(InputError, match="07: has no tactile stream"):
-        learn_expected([replace(run, tactile=None)], {"turn": pd.DataFrame([cut], index=["07"])}, 5.0, FELT)
 
 
 def test_primitives_that_cannot_get_feedback_are_named(primitive, expected):

@@ -5,16 +5,13 @@ import pytest
 import torch
 from committed import committed
 from primitives_movements import ramp, wobbly_turn
-from pydantic import ValidationError
 
 from structlearn.feedback.corrected_paths import corrected_paths, split, unrolled_error
 from structlearn.feedback.coupling import orientation_target
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import train_final
+from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks
-from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
-from structlearn.feedback.unrolled_training import train_unrolled
+from structlearn.feedback.stacked_pmnn import StackedPhaseModulatedNetworks, train_unrolled
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, transformation
@@ -156,16 +153,6 @@ def test_the_unrolled_error_is_that_of_the_primitive_in_the_loop():
     assert expected > 0
 
 
-def test_no_demonstration_number_is_trained_and_validated_on():
-    paths = random_paths()
-    training, validation = split(paths, 0.3, seed=4)
-    assert not set(training.demonstration) & set(validation.demonstration)
-    assert len(training.target) + len(validation.target) == len(paths.target)
-    assert len(np.unique(validation.demonstration)) == 2
-    again, _ = split(paths, 0.3, seed=4)
-    np.testing.assert_array_equal(training.target, again.target)
-
-
 QUICK = committed(
     UnrolledTrainingParameters, "train_feedback.unrolled", steps=300, learning_rate=3e-3, dropout=0.0
 )
@@ -227,9 +214,3 @@ def test_without_any_correction_there_is_nothing_to_learn():
     idle = dataclasses.replace(paths, target=nothing, correction=nothing)
     with pytest.raises(InputError, match="nothing was corrected"):
         train_unrolled(idle, idle, untrained(paths), QUICK)
-
-
-@pytest.mark.parametrize("wrong", [{"dropout": 1.0}, {"steps": 0}, {"coupling_loss_weight": -0.1}])
-def test_parameters_out_of_range_are_refused(wrong):
-    with pytest.raises(ValidationError):
-        committed(UnrolledTrainingParameters, "train_feedback.unrolled", **wrong)

@@ -46,18 +46,25 @@ from test_recorded_avoidance import phase_dependent
 from structlearn.avoidance import scene_folds
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
+from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.feedback import feedback_models
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, split
-from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated, to_table
-from structlearn.feedback.feedback_models import train_models
-from structlearn.feedback.folds import FRACTIONS, leave_one_out, without_generalization
-from structlearn.feedback.model_comparison import compare_representations
-from structlearn.feedback.training_parameters import (
+from structlearn.feedback.coupling_dataset import (
+    FRACTIONS,
+    CouplingDataset,
+    concatenated,
+    leave_one_out,
+    to_table,
+    without_generalization,
+)
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.feedback_models import (
     LEVEL,
     POINTWISE,
     UNROLLED,
     FeedbackParameters,
-    TrainingParameters,
+    compare_representations,
+    train_models,
 )
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.parallel import BACKEND
@@ -66,16 +73,11 @@ from structlearn.primitives.fitting import FitParameters, cross_validation
 from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import differentiated
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.drive_log import DriveLog
+from structlearn.recordings.joint_log import DriveLog
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.training_grid import (
-    DynamicsTrainingParameters,
-    EpochLimits,
-    train,
-    trainings,
-)
+from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, EpochLimits, train, trainings
 from structlearn.segmentation.segments import cut
 from structlearn.simulation.touch_demonstrator import ToucherParameters
 from structlearn.tactile import latent_comparison
@@ -87,13 +89,11 @@ from structlearn.testbeds.obstacles.protocol import avoidance_fits, people
 from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 from structlearn.testbeds.own.protocol import own_feedback, own_motion, own_touch
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
-from structlearn.testbeds.own.protocol.own_obstacles import learn_past_obstacles
+from structlearn.testbeds.own.task import OwnFeedbackParameters
 from structlearn.testbeds.recorded.protocol import (
     avoidance_representations,
-    correction_splits,
-    human_reaches,
     latent_touch,
+    movement,
     panda_identification,
     skin_map,
     slides,
@@ -104,10 +104,8 @@ from structlearn.testbeds.recorded.protocol.arm_parameters import (
     RecordedDynamicsParameters,
     RecordedUr10eParameters,
 )
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.boxes_people import learn_past_boxes
-from structlearn.testbeds.recorded.protocol.corrected_reaches import corrected_reaches
-from structlearn.testbeds.recorded.protocol.correction_splits import learn_corrections
+from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.corrections import _split, corrected_reaches, learn_corrections
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.skin import learn_recorded_skin
 from structlearn.testbeds.scraping.files import read_datasets
@@ -129,6 +127,10 @@ HOLDS_NOTHING_OUT = {
     "recorded/unscrewing": "a primitive of every log, and one of all logs",
     "scraping/record_nominal": "simulates",
     "scraping/record_corrections": "simulates",
+    "scraping/import_nominal": "reads recordings",
+    "scraping/import_corrections": "reads recordings",
+    "dynamics/import_logs": "reads recordings",
+    "servoing/import_touch": "reads recordings",
     "scraping/segment": "cuts demonstrations",
     "scraping/sweep": "cuts demonstrations",
     "scraping/expected_traces": "traces of all runs that it is given; the further ones go to other files",
@@ -255,12 +257,12 @@ def higher(place: int | None = None) -> list[Demonstration]:
 
 @of_stage("recorded/reaches")
 def reaches(monkeypatch, tmp_path):
-    parameters = committed(human_reaches.ReachParameters, "recorded_reaches", fold=2)
+    parameters = committed(movement.ReachParameters, "recorded_reaches", fold=2)
     learn = each(
         monkeypatch,
-        human_reaches,
+        movement,
         "learn_primitive",
-        lambda its: human_reaches.learn_reaches(its, parameters),
+        lambda its: movement.learn_reaches(its, parameters),
     )
     second = 2 + LEFT_OUT  # two are learned from all
     return Case(lambda its: learn(its)[second], higher(), higher(2 * LEFT_OUT), higher(2 * ANOTHER))
@@ -270,7 +272,7 @@ def reaches(monkeypatch, tmp_path):
 def corrections(monkeypatch, tmp_path):
     arcs = test_recorded_corrected_reaches
     nominal = fit_position([differentiated(higher()[0].position, 0.004, 20.0)])
-    learned, left_out = correction_splits._split(len(higher()), arcs.PARAMETERS, 0)
+    learned, left_out = _split(len(higher()), arcs.PARAMETERS, 0)
 
     def learn(demonstrations):
         found = corrected_reaches(demonstrations, nominal, 20.0)
@@ -452,7 +454,7 @@ def unhindered_reach(monkeypatch, tmp_path):
     scene = committed(SceneParameters, "obstacle_scene", settings=1)
     person = committed(AvoiderParameters, "obstacle_demonstrator", count=2, baseline_count=3)
     parameters = committed(AvoidanceDataParameters, "obstacle_dataset")
-    sets = people.demonstrations([None, *scenarios(scene)], scene, person)
+    sets = [people.demonstrations(place, scene, person) for place in (None, *scenarios(scene))]
 
     def learn(data):
         monkeypatch.setattr(people, "_demonstrated", lambda *_: data)
@@ -511,7 +513,7 @@ def reaches_past_boxes(monkeypatch, tmp_path):
             for number, (bow, x) in enumerate(((0.12, 0.0), (0.01, -0.2)))
         ]
 
-    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_boxes(its, boxes.PARAMETERS))
+    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, boxes.PARAMETERS))
     return Case(lambda its: learn(its)[0][0], trials(), trials(1), trials(2))
 
 
@@ -528,12 +530,7 @@ def own_reaches_past_obstacles(monkeypatch, tmp_path):
             found[2 * number] = own.made_up(f"blocked {number}", bow + more, 0.0, 0.01 * number)
         return found
 
-    learn = each(
-        monkeypatch,
-        scene_folds,
-        "learn",
-        lambda its: learn_past_obstacles({own.EVERYBODY: its}, own.chosen()),
-    )
+    learn = each(monkeypatch, scene_folds, "learn", lambda its: learn_past_obstacles(its, own.chosen()))
     return Case(lambda its: learn(its)[0][1], recordings(), recordings(2), recordings(1))
 
 

@@ -45,13 +45,6 @@ def test_spread_of_parallel_curves_is_their_mean_distance():
     assert pairwise_spread(np.stack([curve, curve])) == 0.0
 
 
-@given(rngs)
-@quick
-def test_spread_does_not_depend_on_the_order_of_the_curves(rng):
-    curves = rng.normal(size=(5, 12, 3))
-    assert pairwise_spread(rng.permutation(curves)) == pytest.approx(pairwise_spread(curves))
-
-
 def test_a_verdict_needs_an_interval_on_one_side_of_zero():
     low, high = np.array([0.1, -0.2, -0.1, 0.0, np.nan]), np.array([0.2, -0.1, 0.1, 0.1, np.nan])
     assert verdict(low, high).tolist() == [BETTER, WORSE, UNDECIDED, UNDECIDED, UNDECIDED]

@@ -5,11 +5,11 @@ from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.ground.errors import InputError
-from structlearn.recordings import read_demonstrations, write_recordings
 from structlearn.testbeds.obstacles.world.reaching_person import (
     FIXED_POINTS,
     AvoiderParameters,
-    demonstrate,
+    captured,
+    demonstrations,
     jerk_metric,
     reaches,
 )
@@ -98,16 +98,6 @@ def test_each_demonstration_can_be_repeated_alone():
     np.testing.assert_equal(reaches(scenario, SCENE, person(count=2)), many[:2])
 
 
-def test_demonstrations_differ_between_trials_scenarios_and_seeds():
-    first, second = scenarios(SCENE)[38:40]
-    two = person(count=2)
-    starts = [
-        reaches(scenario, SCENE, two)[number][1][0] for scenario in (first, second) for number in (0, 1)
-    ]
-    starts.append(reaches(first, SCENE, person(count=2, seed=2))[0][1][0])
-    assert len({tuple(start) for start in starts}) == 5
-
-
 def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
     quiet = person(marker_noise_m=0, motor_noise_m=0)
     marker = person(motor_noise_m=0)
@@ -119,24 +109,17 @@ def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
     assert np.std([path[[0, -1]] for path in moved]) < 5e-4  # a hand at rest is still
 
 
-def test_recordings_carry_their_provenance_and_survive_a_file(tmp_path):
-    three = person(count=3, baseline_count=2)
+def test_captured_reaches_carry_their_provenance_and_stamps_in_ns():
+    three = person(count=3)
     scenario = scenarios(SCENE)[45]
-    nominal, avoiding = demonstrate([None, scenario], SCENE, three)
-    assert [recording.name for recording in nominal] == ["01", "02"]
-    assert [recording.provenance["setting"] for recording in avoiding] == ["cube/06"] * 3
-    assert avoiding[0].provenance["origin"] == "simulated"
-    write_recordings(avoiding, tmp_path)
-    for read, (time, position) in zip(
-        read_demonstrations(tmp_path), reaches(scenario, SCENE, three), strict=True
-    ):
-        np.testing.assert_allclose(read.time, time, atol=1e-9)
-        np.testing.assert_allclose(read.position, position, atol=1e-9)
-        assert read.orientation is None
-        assert read.simulated
-    content = [path.read_bytes() for path in sorted(tmp_path.glob("*.mcap"))]
-    write_recordings(demonstrate([scenario], SCENE, three)[0], tmp_path)
-    assert [path.read_bytes() for path in sorted(tmp_path.glob("*.mcap"))] == content
+    made, stamped = demonstrations(scenario, SCENE, three), captured(scenario, SCENE, three)
+    assert [one.name for one in stamped] == ["01", "02", "03"]
+    for one, same, (time, position) in zip(made, stamped, reaches(scenario, SCENE, three), strict=True):
+        assert same.simulated
+        assert same.provenance["setting"] == "cube/06"
+        np.testing.assert_array_equal(one.time, time)
+        np.testing.assert_array_equal(same.position, position)
+        np.testing.assert_allclose(same.time, time, atol=1e-15)
 
 
 def test_least_jerk_metric_is_the_inverse_of_the_jerk_form():
@@ -149,19 +132,9 @@ def test_least_jerk_metric_is_the_inverse_of_the_jerk_form():
     assert not metric[:, -FIXED_POINTS:].any()
 
 
-def test_a_reach_along_gravity_is_demonstrated_too():
-    scene = committed(SceneParameters, "obstacle_scene", start_m=(0, 0, 0), goal_m=(0, 0, 0.7))
-    scenario = Scenario(1, obstacle("sphere", np.array([0.01, 0.0, 0.35])))
-    paths = reaches(scenario, scene, person(count=3))
-    assert closest(scenario, paths) > 0.05
-    np.testing.assert_allclose(
-        np.mean([position[-1] for _, position in paths], axis=0), [0, 0, 0.7], atol=0.02
-    )
-
-
 def test_bad_scenes_and_people_are_refused():
     blocked = Scenario(1, obstacle("cube", SCENE.goal))
     with pytest.raises(InputError, match=r"the cube at .* contains the goal of the reach"):
-        demonstrate([blocked], SCENE, person())
+        captured(blocked, SCENE, person())
     with pytest.raises(ValidationError, match="low <= high"):
         person(rest_s=(0.4, 0.1))

@@ -79,12 +79,6 @@ def test_a_baseline_through_a_sphere_hits_it():
     assert (table["detour_m"] == 0).all()
 
 
-def test_unrolls_that_end_too_early_are_refused():
-    clouds = spheres([[0.3, 0.2, 0.0]])
-    with pytest.raises(InputError, match="too short to score"):
-        scores(unroll(baseline(), no_coupling, [clouds], DT, until_factor=1.0), [clouds], np.zeros(3))
-
-
 def test_demonstrations_of_any_length_are_scored():
     obstacles = [spheres([[0.5, 0.15, 0.0]]), spheres([[0.2, 0.0, 0.0]])]
     table = demonstration_scores([TIME, TIME[:61]], [LINE[0], LINE[0, :61]], [1.0, 0.0, 0.0], obstacles)

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from primitives_movements import quick, random_orientations, rngs
+from primitives_movements import quick, rngs
 
 from structlearn.avoidance import features as module
-from structlearn.avoidance.features import NAMES, closest_distance, displaced, features
-from structlearn.ground import quaternion
+from structlearn.avoidance.features import NAMES, displaced, features
 from structlearn.ground.errors import InputError
 
 RECORDED = "clmc/obs_avoid/pmnn_unroll_test_dataset/subsampled_test_unroll_prim_1_X_raw_obs_avoid.txt"
@@ -50,19 +49,6 @@ def test_features_are_their_definition(rng):
 
 @given(rngs)
 @quick
-def test_distance_and_cosine_do_not_depend_on_the_frame(rng):
-    position, velocity, cloud, centre = random_states(rng)
-    turn, shift = quaternion.matrix(random_orientations(rng)), rng.normal(size=3)
-    here = features(position, velocity, 2.0, cloud, centre)
-    there = features(
-        position @ turn + shift, velocity @ turn, 2.0, cloud @ turn + shift, centre @ turn + shift
-    )
-    np.testing.assert_allclose(here[:, [15, 16]], there[:, [15, 16]], atol=1e-10)
-    np.testing.assert_allclose(here[:, module.TO_CENTRE] @ turn, there[:, module.TO_CENTRE], atol=1e-10)
-
-
-@given(rngs)
-@quick
 def test_the_same_movement_at_another_speed_has_the_same_features(rng):
     position, velocity, cloud, centre = random_states(rng)
     slow = features(position, velocity, 4.0, cloud, centre)
@@ -96,13 +82,6 @@ def test_what_is_not_finite_is_refused_by_name(place, bad):
         features(position, velocity, 1.0, cloud, centre)
 
 
-def test_a_single_bad_point_far_down_the_cloud_is_found():
-    position, velocity, cloud, centre = random_states(np.random.default_rng(3))
-    cloud[2, 7, 1] = np.nan
-    with pytest.raises(InputError, match="not finite: cloud"):
-        features(position, velocity, 1.0, cloud, centre)
-
-
 @pytest.mark.parametrize(
     ("shapes", "message"),
     [
@@ -117,20 +96,6 @@ def test_wrong_shapes_are_refused(shapes, message):
     position, velocity, cloud, centre = (np.zeros(shape) for shape in shapes)
     with pytest.raises(InputError, match=message):
         features(position, velocity, 1.0, cloud, centre)
-
-
-@pytest.mark.parametrize("tau", [0.0, -1.0, np.nan, np.inf])
-def test_a_time_constant_that_is_none_is_refused(tau):
-    position, velocity, cloud, centre = random_states(np.random.default_rng(4))
-    with pytest.raises(InputError, match="tau"):
-        features(position, velocity, tau, cloud, centre)
-
-
-def test_closest_distance_is_that_of_the_closest_point():
-    rng = np.random.default_rng(5)
-    position, cloud = rng.normal(size=(4, 1, 3)), rng.normal(size=(4, 9, 3))
-    expected = np.linalg.norm(cloud - position, axis=-1).min(axis=1)
-    np.testing.assert_allclose(closest_distance(position[:, 0], cloud), expected)
 
 
 def test_recorded_features_have_the_same_columns(recorded_data):

@@ -34,17 +34,6 @@ def test_effect_is_the_equation():
     np.testing.assert_allclose(found[:, GRID + place], [0.0, -size, 0.0], atol=1e-6)
 
 
-def test_effects_are_across_the_velocity_and_away_from_the_point():
-    states = random_states(50)
-    effects = human_inspired.steering_features(states)
-    velocity = states[:, 12:15]
-    along = np.einsum("si,sif->sf", velocity, effects)
-    np.testing.assert_allclose(along, 0.0, atol=1e-9)
-    towards = np.einsum("si,sif->sf", states[:, 0:3], effects[..., :GRID])
-    assert (towards <= 1e-12).all()
-    assert (towards < 0.0).any()
-
-
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
 def test_no_effect_at_rest_or_straight_ahead(velocity):
     found = human_inspired.steering_features(seen([1.0, 0.0, 0.0], velocity))
@@ -86,11 +75,6 @@ def test_model_of_each_sample():
         np.testing.assert_allclose(found[index], alone[index])
     with pytest.raises(ValueError, match="3 samples for 4 models"):
         stack(states[:3], zero[:3], zero[:3])
-
-
-def test_one_sample_is_too_few():
-    with pytest.raises(InputError, match="too few"):
-        human_inspired.fit_human_inspired(random_states(1), np.ones((1, 3)))
 
 
 def test_files_hold_the_models(tmp_path):

@@ -3,11 +3,9 @@ import pytest
 from committed import committed
 from test_obstacles_models import toy_dataset
 
-from structlearn.avoidance.learned_models import read_models, write_models
 from structlearn.avoidance.network_training import NetworkParameters, held_out_rows
 from structlearn.avoidance.shapes import obstacle
-from structlearn.feedback.training_parameters import TrainingParameters
-from structlearn.ground.errors import InputError
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.metrics import nmse
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
@@ -81,22 +79,3 @@ def test_errors_are_those_of_the_models_on_the_named_samples(learned, datasets):
         expected = nmse(network(its.features, its.phase, its.phase_velocity), its.target)
         found = errors.loc[key, ["nmse_x", "nmse_y", "nmse_z"]]
         np.testing.assert_allclose(found.to_numpy(float), expected)
-
-
-def test_models_come_back_from_their_files(learned, tmp_path):
-    models, _ = learned
-    state = np.random.default_rng(0).normal(size=(1, 17)), np.array([0.5]), np.array([-3.0])
-    for person, its in models.items():
-        (tmp_path / str(person)).mkdir()
-        write_models(its, tmp_path / str(person))
-        back = read_models(tmp_path / str(person))
-        for kind in ("networks", "ensembles", "human_inspired", "phase_modulated"):
-            ours, theirs = getattr(its, kind), getattr(back, kind)
-            assert set(ours) == set(theirs)
-            for name in set(ours) - {"setting"}:
-                np.testing.assert_allclose(ours[name](*state), theirs[name](*state), rtol=1e-9)
-
-
-def test_samples_of_other_scenarios_are_refused(datasets):
-    with pytest.raises(InputError, match="not those of 3 scenarios"):
-        learn(datasets, SCENARIOS[:3], PARAMETERS, modulated=7)

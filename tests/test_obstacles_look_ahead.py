@@ -9,13 +9,13 @@ from scipy.sparse.csgraph import dijkstra
 from structlearn.avoidance import look_ahead
 from structlearn.avoidance.features import MIRROR
 from structlearn.avoidance.scene_folds import nearest_path_distance, same_gaps
+from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.avoidance.shapes import Obstacle, recorded_obstacle
 from structlearn.ground.errors import InputError
 from structlearn.ground.frames import local_frame
 from structlearn.recordings.recording import NamedShape
-from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters
 
-PARAMETERS = committed(BoxesParameters, "recorded_boxes").look_ahead
+PARAMETERS = committed(ScenePeopleParameters, "recorded_boxes").look_ahead
 START, GOAL = np.array([0.0, -0.25, 0.8]), np.array([0.02, 0.17, 0.78])
 
 
@@ -84,12 +84,6 @@ def features_of(shapes, start=START, goal=GOAL, seed=3):
     arguments = (start, frame, to_goal, PARAMETERS.ahead_m)
     mirrored = look_ahead.scene_features(scene, position * MIRROR, velocity * MIRROR, *arguments)
     return look_ahead.scene_features(scene, position, velocity, *arguments), mirrored
-
-
-def test_the_order_of_shapes_does_not_matter_nor_twins():
-    first, _ = features_of(WALL)
-    assert first.shape == (6, len(look_ahead.mirror_signs(PARAMETERS)))
-    assert np.array_equal(first, features_of([*reversed(WALL), WALL[0]])[0])
 
 
 def test_a_mirrored_scene_has_mirrored_features():

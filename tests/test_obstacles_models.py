@@ -1,4 +1,3 @@
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,15 +6,13 @@ from committed import committed
 
 from structlearn.avoidance import network_training
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
-from structlearn.avoidance.features import displaced
 from structlearn.avoidance.learned_models import (
     read_phase_modulated,
     train_phase_modulated,
     write_phase_modulated,
 )
 from structlearn.avoidance.network_training import EnsembleParameters, NetworkParameters, SplitParameters
-from structlearn.feedback.coupling_model import write_networks
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters, write_networks
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
 
@@ -70,15 +67,6 @@ def test_a_fifth_of_the_demonstrations_of_every_scenario_tests():
     )
 
 
-def test_one_demonstration_cannot_be_split():
-    dataset = toy_dataset(demonstrations=1)
-    with pytest.raises(InputError, match="scenario 0 has one demonstration only"):
-        network_training.held_out_rows(dataset, SPLIT)
-    parameters = chosen(training={"rule": "validation"})
-    with pytest.raises(InputError, match="none would be left to validate"):
-        network_training.train_member(by_scenario(dataset)[0], parameters, (0, 0))
-
-
 @pytest.mark.parametrize("rule", ["validation", "evidence"])
 def test_a_network_learns_the_same_alone_and_among_others(rule):
     sets = by_scenario(toy_dataset())
@@ -125,17 +113,6 @@ def test_a_member_sees_whole_demonstrations_from_elsewhere_across_the_reach():
     assert off[:, 13:15].std() == pytest.approx(ensemble().displaced_velocity_m, rel=0.15)
     other = network_training.lesson(dataset, ensemble(demonstrations=8, displaced_m=0.1), (0, 2))
     assert not np.array_equal(seen.features, other.features)
-
-
-def test_an_ensemble_of_one_that_sees_all_as_it_was_is_the_network():
-    dataset = toy_dataset(scenarios=1)
-    sets = [replace(dataset, features=displaced(dataset.features, np.zeros(3), np.zeros(3)))]
-    common = {"hidden": (6, 4), "members": 1, "training": QUICK}
-    still = ensemble(**common, demonstrations=99, displaced_m=0.0, displaced_velocity_m=0.0)
-    single = committed(NetworkParameters, "obstacle_training.across_settings", **common)
-    ours, text = (network_training.fit_networks(sets, one, "test") for one in (still, single))
-    states = sets[0].features, sets[0].phase, sets[0].phase_velocity
-    np.testing.assert_allclose(ours(*states), text(*states), rtol=1e-6, atol=1e-9)
 
 
 def test_errors_tell_fit_from_generalisation_and_the_phase_helps():
@@ -190,14 +167,6 @@ def test_demonstrations_that_validate_do_not_train(monkeypatch):
     assert not trains & validates
     assert len(trains | validates) == len(dataset)
     assert len(validates) == 2 * 25  # 15 % of ten demonstrations, whole ones
-
-
-def test_human_inspired_models_stack():
-    sets = by_scenario(toy_dataset(scenarios=3))
-    stack = network_training.fit_human_inspired_models(sets, "test")
-    assert len(stack) == 3
-    alone = network_training.fit_human_inspired_models(sets[2:], "test")
-    np.testing.assert_array_equal(stack.weights[2], alone.weights[0])
 
 
 def test_phase_modulated_avoidance_rests_with_the_phase(tmp_path):

@@ -16,9 +16,7 @@ from structlearn.avoidance.shapes import SHAPES
 from structlearn.ground.artefacts import write_metrics
 from structlearn.reporting.claims import read_claims
 from structlearn.reporting.document import render, words_in_view
-from structlearn.reporting.studies import Study
 from structlearn.testbeds.obstacles.page import figures as drawn
-from structlearn.testbeds.obstacles.page import page
 from structlearn.testbeds.obstacles.page.evidence import evidence
 from structlearn.testbeds.obstacles.page.page import HEADLINES, PACKAGE, document, read_published
 from structlearn.testbeds.obstacles.page.results import ObstacleResults, example_setting, metrics
@@ -159,15 +157,6 @@ def test_the_text_s_form_decides_what_the_text_says_and_ours_what_this_project_s
             assert {hit[one] for one in other} == {"yes"}
 
 
-def test_a_rate_is_undecided_where_people_differ_or_are_few(results):
-    clean = with_scores(results, hit=False)
-    # of 40 times as many reaches none hits either, but people are two
-    for none in (verdicts(clean), verdicts(many(clean))):
-        assert {none[name] for name in none if "hits" in name} == {"undecided"}
-    own = {"model": "network", "protocol": "unseen", "rules": PUBLISHED, "person": 11}
-    assert verdicts(many(with_scores(clean, own, hit=True)))["single_hits_unseen"] == "undecided"
-
-
 def test_claims_on_rai_et_al_are_held_against_what_is_printed(results):
     printed = read_published()["per_setting"]["human_inspired"]
     hits, goal = (
@@ -233,14 +222,6 @@ def test_tables_hold_what_the_scores_say_beside_what_is_printed(results):
     both = limits(results).set_index(["obstacles", "model"])
     assert both.loc[("unseen", "network, per shape"), "unrolls"] == 2 * 189
     assert ("unseen", "network, per setting") not in both.index  # they know one scenario each
-
-
-def test_studies_are_quoted_where_they_were_run(results, tmp_path, monkeypatch):
-    columns = {f"hits_unseen_{shape}_worst_person": [3, 1, 0, 0] for shape in SHAPES}
-    table = pd.DataFrame({"variant": ["1", "1", "4", "4"], "repeat": [1, 2, 1, 2]} | columns)
-    monkeypatch.setattr(page, "read_study", lambda name: Study(table) if name.endswith("members") else None)
-    assert "repeats: 1: 2.0; 4: 0.0 (made by unknown code, not re-run)." in rendered(results)
-    assert 'studies/index.html">displaced' not in rendered(results)
 
 
 def test_what_is_shown_is_in_the_way(results):

@@ -8,12 +8,13 @@ from obstacles_unrolls import baseline
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.errors import InputError
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.testbeds.obstacles.files import read_baselines, record_scenarios, write_baselines
+from structlearn.recordings.runs import write_runs
+from structlearn.testbeds.obstacles.files import BASELINE, read_baselines, write_baselines
 from structlearn.testbeds.obstacles.protocol.people import taught
-from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters
+from structlearn.testbeds.obstacles.world.reaching_person import AvoiderParameters, captured
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios
 
 SCENE = committed(SceneParameters, "obstacle_scene", settings=1)
@@ -21,10 +22,12 @@ PERSON = committed(AvoiderParameters, "obstacle_demonstrator", seed=3, baseline_
 PARAMETERS = committed(AvoidanceDataParameters, "obstacle_dataset")
 
 
-def test_bags_teach_what_the_person_does(tmp_path):
-    record_scenarios(scenarios(SCENE), SCENE, PERSON, tmp_path)
+def test_runs_teach_what_the_person_does(tmp_path):
+    for place in (None, *scenarios(SCENE)):
+        name = BASELINE if place is None else place.name
+        write_runs(captured(place, SCENE, PERSON), tmp_path / f"{name}.parquet")
     read = taught(3, tmp_path, SCENE, PERSON, PARAMETERS)
-    nobody = PERSON.model_copy(update={"seed": 99})  # whose bags these are not
+    nobody = PERSON.model_copy(update={"seed": 99})  # whose runs these are not
     simulated, other = (taught(seed, tmp_path, SCENE, nobody, PARAMETERS) for seed in (3, 4))
     np.testing.assert_allclose(read[0].goal, simulated[0].goal, atol=1e-9)
     for ours, theirs in zip(read[1:], simulated[1:], strict=True):

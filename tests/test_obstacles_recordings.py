@@ -9,7 +9,6 @@ from obstacles_world import PLACES, POPULATION, PRIMITIVE, TESTED, evaluation, p
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.avoidance.shapes import SHAPES
-from structlearn.ground.errors import InputError
 from structlearn.testbeds.obstacles.names import DEMONSTRATIONS, FREE, HIT, KINDS, SOURCES, model_name
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols
 from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
@@ -70,21 +69,6 @@ def test_reaches_are_those_of_the_tables(reaches):
     x = (PRIMITIVE.goal - PRIMITIVE.start) / np.linalg.norm(PRIMITIVE.goal - PRIMITIVE.start)
     np.testing.assert_allclose(its[1].coupling_in_base @ x, its[1].coupling[:, 0], atol=1e-9)
     assert np.abs(its[1].coupling).max() > 0.1
-
-
-def test_scenarios_are_chosen_by_name_in_the_order_asked_for():
-    chosen = chosen_scenarios(PLACES, ["cylinder/02", "sphere/01"])
-    assert {number: place.name for number, place in chosen.items()} == {7: "cylinder/02", 0: "sphere/01"}
-    assert list(chosen) == [7, 0]
-    with pytest.raises(InputError, match="no 'sphere/3'; names are 'sphere/01' to 'cylinder/03'"):
-        chosen_scenarios(PLACES, ["sphere/01", "sphere/3"])
-
-
-def test_arrows_keep_their_direction_and_are_of_bounded_length():
-    vectors = drawn.arrow_vectors(np.array([[0.0, 0.0, 0.0], [0.0, 30.0, -40.0], [0.0, 3e4, -4e4]]))
-    np.testing.assert_allclose(vectors[1], drawn.ARROW_SCALE * np.array([0.0, 30.0, -40.0]))
-    np.testing.assert_allclose(vectors[2], drawn.LONGEST_ARROW_M * np.array([0.0, 0.6, -0.8]))
-    np.testing.assert_array_equal(vectors[0], 0.0)
 
 
 def test_demonstrations_stand_beside_their_obstacle_and_the_bare_reach(tmp_path, shown):

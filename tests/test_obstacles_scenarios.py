@@ -5,7 +5,6 @@ from pydantic import ValidationError
 
 from structlearn.avoidance.shapes import SHAPES, obstacle
 from structlearn.ground.errors import InputError
-from structlearn.testbeds.obstacles.files import read_scenarios
 from structlearn.testbeds.obstacles.world.scenarios import (
     END_CLEARANCE_M,
     FAR_CLEARANCE_M,
@@ -62,11 +61,6 @@ def test_positions_follow_the_seed_only():
         assert (one.obstacle.centre != different.obstacle.centre).any()
 
 
-@pytest.mark.parametrize("share", [0.0, 1.0])
-def test_all_settings_may_be_far_or_near(share):
-    assert len(scenarios(scene(settings=5, near_share=share), ("cube",))) == 5
-
-
 def test_unseen_grid_lies_along_the_reach_with_its_ends_outside():
     axes = reach_frame(SCENE.start, SCENE.goal)
     local = (unseen_centres(SCENE.start, SCENE.goal) - SCENE.start) @ axes
@@ -79,26 +73,11 @@ def test_unseen_grid_lies_along_the_reach_with_its_ends_outside():
     np.testing.assert_allclose(np.linalg.norm(clouds[:, 0] - clouds[:, -1], axis=-1), UNSEEN_RADIUS_M)
 
 
-def test_unseen_spheres_leave_start_and_goal_free():
-    for centre in unseen_centres(SCENE.start, SCENE.goal):
-        for end in (SCENE.start, SCENE.goal):
-            assert np.linalg.norm(centre - end) > UNSEEN_RADIUS_M
-
-
 @pytest.mark.parametrize(("end", "point"), [("start", SCENE.start), ("goal", SCENE.goal)])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_an_obstacle_on_start_or_goal_is_refused(shape, end, point):
     with pytest.raises(InputError, match=f"the {shape} at .* m contains the {end} of the reach"):
         check_clear(obstacle(shape, point + np.array([0.01, 0, 0])), SCENE.start, SCENE.goal)
-
-
-def test_a_reach_without_length_is_refused():
-    with pytest.raises(InputError, match="a reach of 0 m has no direction"):
-        reach_frame(SCENE.start, SCENE.start)
-    with pytest.raises(InputError, match="has no direction"):
-        scenarios(scene(goal_m=SCENE.start_m))
-    with pytest.raises(InputError, match=r"no obstacle fits between start and goal of a reach of 0\.1 m"):
-        scenarios(scene(start_m=(0, 0, 0), goal_m=(0.1, 0, 0)))
 
 
 @pytest.mark.parametrize("height", [0.7, -0.7])
@@ -108,11 +87,6 @@ def test_a_reach_along_gravity_anchors_the_side(height):
     np.testing.assert_allclose(axes[:, 1], [0, 1, 0])
     np.testing.assert_allclose(np.linalg.det(axes), 1.0)
     assert len(scenarios(scene(start_m=(0, 0, 0), goal_m=(0, 0, height), settings=5))) == 15
-
-
-def test_recordings_that_are_missing_are_named(tmp_path):
-    with pytest.raises(InputError, match=r"/0\d: no such file or folder"):
-        read_scenarios(scenarios(scene(settings=1)), tmp_path)
 
 
 def test_nothing_is_judged_in_the_scene_that_constants_were_chosen_on():

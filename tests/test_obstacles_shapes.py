@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
@@ -9,6 +8,8 @@ from structlearn.avoidance.shapes import (
     SHAPES,
     Obstacle,
     check_cloud,
+    cloud_batch,
+    constant_velocity,
     obstacle,
     ringed_sphere,
     virtual_radius,
@@ -63,21 +64,6 @@ def test_normal_is_the_gradient_of_the_distance(solid):
     np.testing.assert_array_equal(distance, solid.signed_distance(points))
 
 
-def test_batches_keep_their_shape_and_the_centre_has_a_normal(solid):
-    distance, normal = solid.distance_and_normal(np.broadcast_to(CENTRE, (2, 5, 3)))
-    assert distance.shape == (2, 5)
-    assert (distance < 0).all()
-    np.testing.assert_allclose(np.linalg.norm(normal, axis=-1), 1.0)
-
-
-@settings(deadline=None, max_examples=50)
-@given(places, places, st.sampled_from(SHAPES))
-def test_distance_never_changes_faster_than_the_way(first, second, shape):
-    solid = obstacle(shape, np.zeros(3), yaw=0.7)
-    change = abs(solid.signed_distance(first) - solid.signed_distance(second))
-    assert change <= np.linalg.norm(first - second) + 1e-12
-
-
 @pytest.mark.parametrize("count", [30, 100, 400])
 def test_clouds_cover_the_surface_evenly(solid, count):
     cloud = solid.cloud(count)
@@ -128,3 +114,42 @@ def test_bad_clouds_are_refused():
         check_cloud(np.full((4, 3), np.nan))
     with pytest.raises(InputError, match="at least 6 points, not 5"):
         obstacle("cube", CENTRE).cloud(5)
+
+
+CORNERS = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1.0, 1) for z in (-1.0, 1)])
+
+
+def test_the_centre_is_the_mean_and_the_radius_the_mean_distance():
+    batch = cloud_batch(np.stack([CORNERS, 0.1 * CORNERS + 2.0]))
+    np.testing.assert_allclose(batch.centre, [[0, 0, 0], [2, 2, 2]], atol=1e-12)
+    np.testing.assert_allclose(batch.radius, [np.sqrt(3), 0.1 * np.sqrt(3)])
+    np.testing.assert_array_equal(cloud_batch(CORNERS[None], radius=0.05).radius, [0.05])
+    known = cloud_batch(CORNERS[None], centre=np.ones((1, 3)))
+    np.testing.assert_array_equal(known.centre, [[1, 1, 1]])
+    np.testing.assert_allclose(known.radius, [np.sqrt(3)])
+
+
+def test_a_cloud_stays_or_moves_as_told():
+    times = np.array([0.0, 0.5, 2.0])
+    np.testing.assert_array_equal(cloud_batch(CORNERS[None]).path(times), np.zeros((1, 3, 3)))
+    moving = cloud_batch(np.stack([CORNERS, CORNERS]), motion=constant_velocity([[1, 0, 0], [0, -2, 0]]))
+    np.testing.assert_allclose(
+        moving.path(times)[:, :, :2], [[[0, 0], [0.5, 0], [2, 0]], [[0, 0], [0, -1], [0, -4]]]
+    )
+
+
+@pytest.mark.parametrize(
+    ("points", "options", "message"),
+    [
+        (np.zeros((2, 0, 3)), {}, "no points"),
+        (CORNERS, {}, "scenarios, points, 3"),
+        (np.where(CORNERS > 0, np.nan, CORNERS)[None], {}, "not finite"),
+        (np.zeros((1, 4, 3)), {}, "no extent"),
+        (CORNERS[None], {"radius": 0.0}, "no extent"),
+        (CORNERS[None], {"centre": np.zeros(3)}, r"finite \(1, 3\)"),
+        (CORNERS[None], {"centre": np.full((1, 3), np.nan)}, r"finite \(1, 3\)"),
+    ],
+)
+def test_clouds_that_are_none_are_refused(points, options, message):
+    with pytest.raises(InputError, match=message):
+        cloud_batch(points, **options)

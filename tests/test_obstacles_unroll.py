@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
-from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from obstacles_unrolls import (
     DT,
     DURATION,
     GOAL,
-    LIMITS,
     START,
     baseline,
     beside_the_reach,
@@ -19,7 +17,7 @@ from primitives_movements import few, quick, rngs
 
 from structlearn.avoidance.avoiding_unroll import GoalChange, no_coupling, strongest_pushes
 from structlearn.avoidance.features import SCALED_VELOCITY, TO_CENTRE, features
-from structlearn.avoidance.postprocessing import TEXT_ONLY, PostprocessingParameters
+from structlearn.avoidance.postprocessing import TEXT_ONLY
 from structlearn.avoidance.shapes import constant_velocity
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical
@@ -100,45 +98,12 @@ def test_the_goal_is_reached_whatever_the_model_and_wherever_the_obstacle(rng, s
     np.testing.assert_allclose(paths.path.position[..., 0], own.position[..., 0], atol=1e-12)
 
 
-def test_the_text_s_rules_alone_do_not_bring_it_to_the_goal():
-    level_with_goal = spheres([[0.64, 0.1, 0.0]])
-
-    def miss(parameters):
-        paths = unroll(PRIMITIVE, constant(0, 10.0, 0), [level_with_goal], DT, parameters)
-        return np.linalg.norm(paths.path.position[0, -1] - paths.goal[0])
-
-    assert miss(TEXT_ONLY) > 0.05  # 10 / (ALPHA BETA) = 64 mm
-    assert miss(LIMITS) < 0.005
-
-
-def test_a_model_that_leads_back_in_time_is_not_held_back():
-    def model(features, phase, phase_velocity):
-        beside = np.exp(-0.5 * (features[:, 0] / 0.08) ** 2)
-        return 30.0 * beside[:, None] * np.array([0.0, 1.0, -0.5])
-
-    bounds = {"end_limit_m": 0.035, "late_limit_m": 0.0035, "return_coupling": 10.0}
-    limits = committed(PostprocessingParameters, "obstacle_evaluation.postprocessing", **bounds)
-    paths = unroll(PRIMITIVE, model, [spheres([[0.3, -0.02, 0.0]])], DT, limits)
-    assert paths.path.position[0, :, 1].max() > 0.05
-    np.testing.assert_array_equal(paths.asked[:, :END], paths.coupling[:, :END])
-
-
 def test_nothing_acts_at_the_first_sample_which_the_initial_goal_would_absorb():
     paths = unroll(PRIMITIVE, constant(0, 20.0, 0), [spheres([[0.3, 0.1, 0.0]])], DT)
     assert (paths.coupling[:, 0] == 0.0).all()
     assert (paths.coupling[:, 1, 1] == 20.0).all()
     own = baseline_path()
     assert (paths.path.position[0, 2:END, 1] > own.position[0, 2:END, 1]).all()  # never the other way
-
-
-def test_a_batch_is_its_scenarios_one_by_one():
-    rng = np.random.default_rng(3)
-    centres, model = beside_the_reach(rng, 5), random_network(rng, 40.0)
-    together = unroll(PRIMITIVE, model, [spheres(centres)], DT)
-    for b in range(5):
-        alone = unroll(PRIMITIVE, model, [spheres(centres[b : b + 1])], DT)
-        np.testing.assert_allclose(together.path.position[b], alone.path.position[0], atol=1e-9)
-        np.testing.assert_allclose(together.coupling[b], alone.coupling[0], atol=1e-6)
 
 
 def test_the_model_is_shown_the_phase_and_what_acts_is_recorded():
@@ -176,22 +141,6 @@ def test_pushes_to_one_side_are_not_added_up_and_those_to_either_side_are():
     np.testing.assert_array_equal(strongest_pushes(terms), [[5.0, 4.0 - 7.0, -2.0]])
     np.testing.assert_array_equal(strongest_pushes(terms[:1]), terms[0])
     np.testing.assert_array_equal(strongest_pushes(np.repeat(terms[:1], 4, axis=0)), terms[0])
-
-
-def test_a_second_obstacle_at_the_same_place_makes_no_second_detour():
-    obstacle, model = spheres([[0.3, 0.02, -0.03]]), random_network(np.random.default_rng(2), 30.0)
-    once, twice = (unroll(PRIMITIVE, model, [obstacle] * count, DT) for count in (1, 2))
-    np.testing.assert_array_equal(once.path.position, twice.path.position)
-
-
-def test_obstacles_on_either_side_act_together():
-    first, second = spheres([[0.2, 0.1, 0.0]]), spheres([[0.45, -0.1, 0.0]])
-    model, shown = recorder(lambda features, phase, rate: 20.0 * features[:, TO_CENTRE])
-    paths = unroll(PRIMITIVE, model, [first, second], DT, TEXT_ONLY)
-    np.testing.assert_allclose(shown[0][0][:, 0] - shown[1][0][:, 0], 0.2 - 0.45)
-    k = 5  # neither is passed yet
-    expected = strongest_pushes(np.stack([shown[2 * k - 2 + number][0][0, TO_CENTRE] for number in (0, 1)]))
-    np.testing.assert_allclose(paths.coupling[0, k], 20.0 * expected * [0, 1, 1])
 
 
 def test_a_change_of_goal_adds_the_step_response_of_a_triple_pole():

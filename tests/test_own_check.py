@@ -21,7 +21,7 @@ from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page import check_section
 from structlearn.testbeds.own.protocol import check_results, skill_check
 from structlearn.testbeds.own.protocol.arm_parameters import Placement, RobotParameters
-from structlearn.testbeds.own.protocol.skill_unrolls import Unroll, unrolls
+from structlearn.testbeds.own.protocol.skill_check import Unroll, unrolls
 
 RATE_HZ = skill_check.RATE_HZ
 

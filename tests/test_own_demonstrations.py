@@ -110,7 +110,7 @@ def test_a_task_goes_through_to_its_page(root, folder):
 
 def test_what_is_in_a_source_counts_and_nothing_else_changes_what_the_import_wrote(root, folder):
     parameters, recording = (
-        Path(f"data/own/reach/{name}") for name in ("parameters.yaml", "demonstrations/take_2.mcap")
+        Path(f"data/own/reach/{name}") for name in ("parameters.yaml", "demonstrations/runs.parquet")
     )
     run_stages(root, "reach", "import_task")
     once = parameters.read_bytes(), recording.read_bytes()

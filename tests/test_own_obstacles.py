@@ -1,29 +1,28 @@
 """Reaches of one's own past obstacles: made-up hands that pass beside boxes."""
 
-from dataclasses import replace
-from functools import lru_cache
-
 import numpy as np
 import pytest
 from committed import NO_TOPICS, _tree, merged
 
+from structlearn.avoidance.scene_people import learn_past_obstacles
 from structlearn.ground.errors import InputError
 from structlearn.ground.minimum_jerk import progress
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import NamedShape
-from structlearn.testbeds.own.protocol.own_obstacles import EVERYBODY, learn_past_obstacles, own_reaches
-from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
+from structlearn.testbeds.own.task import ObstacleParameters
 
 REST_S, MOVE_S, RATE_HZ = 0.6, 1.2, 90.0
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def chosen(**changes) -> ObstacleParameters:
-    values = {key: value for key, value in _tree()["recorded_boxes"].items() if key != "tuned_on"}
+    values = _tree()["recorded_boxes"]
     own = {
         "source": "reaches",
         "topics": NO_TOPICS | {"pose": "/hand", "obstacles": None},
         "ignored": ["target"],
+        "walls": [],
+        "tuned_on": [],
     }
     quick = {
         "folds": 2,
@@ -42,7 +41,7 @@ def made_up(name: str, bow: float, x: float, side: float = 0.0) -> Demonstration
         NamedShape("crate", "cube", np.array([x, 0.2, 0.8]), UPRIGHT, np.array([0.1, 0.05, 0.12])),
         NamedShape("target", "sphere", np.array([side, 0.4, 0.8]), UPRIGHT, np.full(3, 0.05)),
     )
-    return Demonstration(name, time, position, shapes=shapes)
+    return Demonstration(name, time, position, shapes=shapes, provenance={"person": name})
 
 
 def recordings() -> list[Demonstration]:
@@ -54,53 +53,12 @@ def recordings() -> list[Demonstration]:
     return found
 
 
-@lru_cache
-def results():
-    return learn_past_obstacles({EVERYBODY: recordings()}, chosen())
-
-
-def test_a_reach_is_the_motion_between_rests_and_targets_are_in_nobodys_way():
-    (reach,), left_out = own_reaches({"ann": [made_up("one", 0.1, 0.0)]}, chosen())
-    assert left_out.empty
-    assert (reach.name, reach.person) == ("ann one", "ann")
-    assert reach.duration_s == pytest.approx(MOVE_S, abs=0.2)
-    assert len(reach.obstacles) == 1
-    np.testing.assert_allclose(reach.in_base_frame[[0, -1], :2], [[0.0, 0.0], [0.0, 0.4]], atol=5e-3)
-
-
-def test_every_recording_is_judged_by_what_was_learned_from_others():
-    rows = results().reaches
+def test_reaches_of_a_task_are_learned_from_without_times_and_people():
+    rows = learn_past_obstacles(recordings(), chosen()).reaches
     assert rows.groupby("way").size().eq(6).all()
-    folds = rows.groupby("person")["fold"].nunique()
-    assert folds.eq(1).all()
+    assert rows.groupby("person")["fold"].nunique().eq(1).all()
     assert set(rows["fold"]) == {0, 1}
-
-
-def test_ways_are_told_apart():
-    rows = results().reaches.set_index(["way", "reach"]).sort_index()
-    none, planned = rows.loc["none"], rows.loc["planned"]
-    assert none["hit"].tolist() == [True] * 3 + [False] * 3
-    assert not planned["hit"].any()
-    assert rows.loc["scene", "left_mm"].max() < 25.0
-    free = none.loc[[f"free {number}" for number in range(3)]]
-    assert free["path_mm"].max() < 15.0
-    assert results().shapes["reach"].nunique() == 3
-
-
-def test_people_are_left_out_whole():
-    its = recordings()
-    found = learn_past_obstacles({"ann": its[:2], "bob": its[2:4], "eve": its[4:]}, chosen(folds=5))
-    assert found.reaches.groupby("person")["fold"].nunique().eq(1).all()
-    assert found.reaches["fold"].nunique() == 3  # no more than there are people
-
-
-def test_what_cannot_be_learned_from_is_refused():
-    one = made_up("one", 0.1, 0.0)
-    in_the_open = replace(one, name="free", shapes=one.shapes[1:])
-    with pytest.raises(InputError, match=r"^free: has no obstacles, nor have the others; name"):
-        own_reaches({EVERYBODY: [in_the_open]}, chosen())
-    reaches, left_out = own_reaches({EVERYBODY: [one, in_the_open]}, chosen())
-    assert [reach.name for reach in reaches] == ["one"]
-    assert left_out[["trial", "reason"]].to_numpy().tolist() == [["free", "has no obstacles"]]
-    with pytest.raises(InputError, match=r"^reaches: of 1 people or recordings with reaches none"):
-        learn_past_obstacles({EVERYBODY: [one]}, chosen())
+    none = rows.set_index("way").loc["none"]
+    assert none["hit"].to_numpy().sum() == 3
+    with pytest.raises(InputError, match=r"^reaches of 1 people, 1 of them"):
+        learn_past_obstacles(recordings()[:1], chosen())

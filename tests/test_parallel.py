@@ -9,15 +9,12 @@ from functools import partial
 from pathlib import Path
 
 import dask
-import numpy as np
 import pytest
-from board_rollouts import POLICY, SEED, same, small_board
 from distributed import Client, LocalCluster
 from parallel_work import (
     missing,
     noisy_matrix,
     noisy_mean,
-    process_alone,
     process_of,
     processes_within,
     product_of_ones,
@@ -26,13 +23,9 @@ from parallel_work import (
     square_at_the_second_try,
 )
 
-from structlearn.feedback.models.pmnn import open_loop
 from structlearn.ground import parallel
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-
-POLICIES = [open_loop(POLICY), open_loop(np.zeros(25)), open_loop(-POLICY)]
-SEEDS = [SEED, SEED, (1, 0, 3)]
 
 
 def expected(count, deadly):
@@ -85,19 +78,6 @@ def on_cluster(chosen, cluster):
         yield
 
 
-@pytest.fixture(scope="module")
-def board():
-    return small_board()
-
-
-@pytest.fixture(scope="module")
-def rollouts(board):
-    """In a loop."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("STRUCTLEARN_BACKEND", "sequential")
-        return board.rollouts(POLICIES, SEEDS)
-
-
 def test_processes_give_what_a_loop_gives(count):
     seeds = range(20)
     assert parallel_map(noisy_mean, seeds, "means") == [noisy_mean(seed) for seed in seeds]
@@ -109,17 +89,6 @@ def test_the_number_of_processes_does_not_change_a_bit(monkeypatch):
         monkeypatch.setenv("STRUCTLEARN_PROCESSES", number)
         found.append(parallel_map(noisy_matrix, range(4), "matrices"))
     assert found[0] == found[1]
-
-
-def test_rollouts_do_not_depend_on_the_number_of_processes(board, rollouts, count):
-    for one, other in zip(board.rollouts(POLICIES, SEEDS), rollouts, strict=True):
-        assert same(one, other)
-
-
-def test_one_process_is_one_at_a_time_and_not_this_one(monkeypatch, tmp_path):
-    monkeypatch.setenv("STRUCTLEARN_PROCESSES", "1")
-    found = parallel_map(partial(process_alone, door=tmp_path / "door"), range(8), "alone")
-    assert os.getpid() not in found
 
 
 def test_the_order_is_kept_whoever_finishes_first():
@@ -163,11 +132,6 @@ def test_only_what_ends_its_process_is_lost(deadly):
     assert found == expected(12, deadly)
 
 
-def test_one_process_loses_no_more(monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_PROCESSES", "1")
-    assert parallel_map(partial(square, deadly={0, 1}), range(3), "squares", missing) == expected(3, {0, 1})
-
-
 def test_what_ends_its_process_once_is_tried_again(tmp_path):
     work = partial(square_at_the_second_try, marker=tmp_path / "marker")
     assert parallel_map(work, range(6), "squares", lost=missing) == expected(6, {})
@@ -193,36 +157,15 @@ def test_a_cluster_gives_what_a_loop_gives(on_cluster):
     assert Client.current() is first
 
 
-def test_a_cluster_gives_the_bits_of_this_machine(on_cluster, monkeypatch):
-    found = parallel_map(noisy_matrix, range(4), "matrices")
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
-    assert found == parallel_map(noisy_matrix, range(4), "matrices")
-
-
-def test_rollouts_on_a_cluster_are_those_of_a_loop(on_cluster, board, rollouts):
-    for one, other in zip(board.rollouts(POLICIES, SEEDS), rollouts, strict=True):
-        assert same(one, other)
-
-
 def test_items_reach_a_cluster_as_they_are(on_cluster):
     """Dask would take a tuple that begins with a function for a call."""
     items = [(abs, -1), "text", ["text", {"key": (1, 2)}], None]
     assert parallel_map(repr, items, "items") == [repr(item) for item in items]
 
 
-def test_an_error_on_a_cluster_is_the_callers(on_cluster):
-    with pytest.raises(TypeError, match="unsupported operand"):
-        parallel_map(square, [1, "text"], "squares", lost=missing)
-
-
 def test_a_cluster_loses_only_what_ends_its_process(on_cluster):
     found = parallel_map(partial(square, deadly={0, 5}), range(12), "squares", lost=missing)
     assert found == expected(12, {0, 5})
-
-
-def test_a_dead_worker_is_named_where_nothing_stands_in(on_cluster):
-    with pytest.raises(RuntimeError, match=r"^squares: a process died; of 1 items number 1 has no result"):
-        parallel_map(partial(square, deadly={0}), [0], "squares")
 
 
 def test_work_on_files_of_this_machine_stays_here(chosen):
@@ -243,12 +186,6 @@ def test_the_environment_alone_chooses_the_cluster(cluster):
     )
     assert done.stderr == ""
     assert done.stdout == f"{list(range(9, 0, -1))}\n"
-
-
-def test_dask_that_is_not_installed(chosen, monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match="STRUCTLEARN_BACKEND=dask needs the package `distributed`"):
-        parallel_map(square, range(3), "squares")
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", "localhost"])

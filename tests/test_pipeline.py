@@ -16,7 +16,10 @@ from reduced_pipeline import artefacts, by_hand, clone, environment, repro
 from structlearn.ground.wall_clock import TIMES, read_times
 from structlearn.reporting.document import words_in_view
 
-CUTTING = ["code", "scraping_record_nominal", "scraping_segment", "scraping_fit_primitives"]
+CUTTING = [
+    *("code", "scraping_record_nominal", "scraping_import_nominal"),
+    *("scraping_segment", "scraping_fit_primitives"),
+]
 """Stages on which DVC itself is tried."""
 
 TESTBEDS = {"scraping": 6, "obstacles": 4, "dynamics": 4, "servoing": 3}

@@ -76,22 +76,34 @@ def test_the_pipeline_goes_on_with_what_there_is(few):
     assert "No scraping execution" in (few / "reports/calibration/index.html").read_text()
 
 
-def test_a_damaged_file_stops_the_import_and_leaves_what_was_there(few, tmp_path):
+def test_what_cannot_be_read_is_left_out_and_named_and_the_rest_goes_on(few, source, tmp_path):
+    def imported(folder: Path) -> subprocess.CompletedProcess[str]:
+        variables = os.environ | {"RECORDED_DATA": str(folder)}
+        script = [sys.executable, "stages/recorded/import_recordings.py"]
+        return subprocess.run(script, cwd=few, env=variables, capture_output=True, text=True)
+
     damaged = tmp_path / "clmc/cart_coord_dmp/dataset1/1.txt"
     damaged.parent.mkdir(parents=True)
     damaged.write_text("0 1 2\n")
-    script = [sys.executable, "stages/recorded/import_recordings.py"]
-    for source, complaint in (
-        (tmp_path, "1.txt: line 1 has 3 columns"),
-        (tmp_path / "none", "no such folder"),
-    ):
-        done = subprocess.run(
-            script, cwd=few, env=os.environ | {"RECORDED_DATA": str(source)}, capture_output=True, text=True
-        )
+    for folder, complaint in ((tmp_path, "line 1 has 3 columns"), (tmp_path / "none", "no such folder")):
+        done = imported(folder)
         assert done.returncode == 1
         assert complaint in done.stderr
-        assert len(done.stderr.splitlines()) == 1
-    assert len(list((few / "data/raw/recorded/reaches").iterdir())) == 4
+    assert len(RecordedFiles(few / "data").runs("reaches")) == 4  # nothing could be read, all stays
+    shutil.copytree(source / "clmc", tmp_path / "clmc", dirs_exist_ok=True)
+    (tmp_path / "ur10e").mkdir()
+    (tmp_path / "ur10e/ur-1.csv").write_text("1e99" + ",0" * 30 + "\n")
+    done = imported(tmp_path)
+    assert done.returncode == 0
+    assert len(done.stderr.splitlines()) == 3
+    assert len(RecordedFiles(few / "data").runs("reaches")) == 4
+    left_out = RecordedFiles(few / "data").left_out()
+    assert left_out["set"].tolist() == ["reaches", "ur10e", "ur10e"]
+    assert left_out["reason"][0].startswith("clmc/cart_coord_dmp/dataset1/1.txt: line 1 has 3 columns")
+    assert "line 1: time out of range" in left_out["reason"][1]
+    script = [sys.executable, "stages/recorded/report.py"]
+    subprocess.run(script, cwd=few, check=True)
+    assert "line 1 has 3 columns" in (few / "reports/recorded/index.html").read_text()
 
 
 def test_everything_is_shown(project):

@@ -13,7 +13,7 @@ from made_up_environment import KERNELS, MadeUp
 from structlearn.feedback.models.pmnn import open_loop
 from structlearn.ground.errors import InputError
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution, update
-from structlearn.policy_search.rollouts import Rollout, kernel_activation
+from structlearn.policy_search.refinement import Rollout, kernel_activation
 from structlearn.policy_search.sample_efficiency import (
     CMA_ES,
     JUDGED,
@@ -112,25 +112,6 @@ def test_all_begin_with_the_same_policy_distribution_and_random_numbers(table, e
         np.testing.assert_allclose(asked, [first[0]] * 2, rtol=1e-4)
 
 
-def test_equal_numbers_meet_equal_conditions(table, environment):
-    seeds = [seed for _, seed in environment.calls]
-    for seed in range(PARAMETERS.seeds):
-        numbers = [number for first, kind, number in seeds if (first, kind) == (seed, SEARCHED)]
-        per_method = table[table["seed"] == seed].groupby("method")["rollouts"].max()
-        expected = [n for used in per_method for n in range(used)]
-        assert sorted(numbers) == sorted(expected)
-    judged = [seed for seed in seeds if seed[1] == JUDGED]
-    means = (table["update"] > 0).sum() + 1  # the start is executed once for all
-    assert judged == [(0, JUDGED, number) for _ in range(means) for number in range(3)]
-
-
-def test_all_searches_share_a_call_per_update(environment):
-    both, alone = SEARCH.samples + POPULATION, POPULATION
-    *updates, judged = environment.batches
-    assert updates == [2 * both] * 6 + [2 * alone] * 7
-    assert judged == 3 * (1 + 2 * 6 + 2 * 13)
-
-
 def test_the_mean_policies_are_those_of_the_searches(environment, table):
     """The first update of PI2-CMA by hand: the cost of its mean is in the table."""
     search = PathIntegralSearch(
@@ -202,12 +183,6 @@ def test_failed_rollouts_count_and_have_no_cost():
     assert np.isfinite(table.loc[table["update"] > 0, "best_rad"]).all()
     last = table.groupby(["method", "seed"])["cost_rad"].last()
     assert (last < 0.5 * table["cost_rad"].iloc[0]).all()
-
-
-def test_a_mean_policy_that_fails_once_has_no_cost():
-    table = compared(MadeUp(lambda seed: seed == (0, JUDGED, 1)))
-    assert table["cost_rad"].isna().all()
-    assert np.isfinite(table.loc[table["update"] > 0, "best_rad"]).all()
 
 
 @pytest.mark.parametrize(("method", "count"), [(PI2, SEARCH.samples), (CMA_ES, POPULATION)])

@@ -7,7 +7,6 @@ from committed import committed
 from hypothesis import given
 from hypothesis import strategies as st
 from primitives_movements import reach
-from pydantic import ValidationError
 from scipy.optimize import minimize_scalar
 
 from structlearn.ground.errors import InputError
@@ -19,7 +18,7 @@ from structlearn.policy_search.pi2 import (
     time_weights,
     update,
 )
-from structlearn.policy_search.rollouts import kernel_activation
+from structlearn.policy_search.refinement import kernel_activation
 from structlearn.primitives.vector import fit_vector
 
 rngs = st.integers(0, 2**32 - 1).map(np.random.default_rng)
@@ -135,22 +134,6 @@ def test_two_samples_at_a_fixed_temperature():
     np.testing.assert_allclose(found.effective_samples, 1 / (p**2 + (1 - p) ** 2))
 
 
-def test_equal_costs_make_the_mean_of_the_samples():
-    distribution, policies, _ = random_rollouts(np.random.default_rng(0))
-    found = update(distribution, policies, np.full((12, 6), 0.1), DEFAULT)
-    np.testing.assert_allclose(found.distribution.mean, policies.mean(axis=0))
-    np.testing.assert_allclose(found.weights, 1 / 12)
-    np.testing.assert_allclose(found.effective_samples, 12)
-
-
-def test_the_best_sample_wins_at_a_low_temperature():
-    distribution, policies, costs = random_rollouts(np.random.default_rng(1))
-    costs[7] = -1.0
-    found = update(distribution, policies, costs, committed(PI2Parameters, "refine.search", temperature=1e-6))
-    np.testing.assert_allclose(found.distribution.mean, policies[7])
-    np.testing.assert_allclose(found.effective_samples, 1.0)
-
-
 @given(rng=rngs, scale=st.floats(1e-3, 1e3), shift=st.floats(-10.0, 10.0))
 def test_scale_and_shift_of_the_costs_do_not_matter(rng, scale, shift):
     distribution, policies, costs = random_rollouts(rng)
@@ -234,25 +217,6 @@ def test_an_activation_of_another_shape_is_named():
         update(*random_rollouts(np.random.default_rng(0)), DEFAULT, np.ones((3, 6)))
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"samples": 1},
-        {"kl_bound": 0.0},
-        {"temperature": 0.0},
-        {"temperature_floor": 0.0},
-        {"horizon": 0.0},
-        {"averaging": "per_step"},
-        {"covariance": {"mode": "diagonal"}},
-        {"covariance": {"damping": 0.5}},
-        {"covariance": {"eigenvalue_floor": 0.0}},
-    ],
-)
-def test_parameters_out_of_range_are_refused(wrong):
-    with pytest.raises(ValidationError):
-        PI2Parameters.model_validate(wrong)
-
-
 def test_samples_have_the_moments_of_the_distribution():
     distribution = SearchDistribution(np.array([1.0, -2.0]), np.array([[2.0, 0.6], [0.6, 0.5]]))
     policies = sample(distribution, 200_000, np.random.default_rng(0))
@@ -277,11 +241,6 @@ def shifted_quadratic(dimensions, condition):
     axes = np.linalg.qr(rng.normal(size=(dimensions, dimensions)))[0]
     optimum, curvatures = rng.normal(size=dimensions), np.geomspace(1.0, condition, dimensions)
     return lambda policies: np.sum(curvatures * ((policies - optimum) @ axes) ** 2, axis=1)
-
-
-def rosenbrock(policies):
-    x, y = policies[:, :-1], policies[:, 1:]
-    return np.sum(100.0 * (y - x**2) ** 2 + (1.0 - x) ** 2, axis=1)
 
 
 def search(function, start, std, updates, seed, parameters):
@@ -310,15 +269,6 @@ def medians(function, start, std, updates, parameters):
     return np.median(ours), np.median(peer)
 
 
-@pytest.mark.parametrize("updates", [4, 10])
-def test_few_updates_of_25_parameters_get_lower_than_cma_es(updates):
-    """With costs of one time step; `rescaled` needs no time to learn a covariance."""
-    function = shifted_quadratic(25, 10.0)
-    ours, peer = medians(function, np.zeros(25), 1.0, updates, parameters_of("rescaled"))
-    assert ours < peer
-    assert ours < (0.3 if updates == 4 else 0.15) * function(np.zeros((1, 25)))[0]
-
-
 def test_a_full_covariance_learns_an_ill_conditioned_quadratic_as_fast_as_cma_es():
     """6 parameters; by the 40th update both are far below what a covariance of fixed shape reaches."""
     function = shifted_quadratic(6, 1000.0)
@@ -328,27 +278,6 @@ def test_a_full_covariance_learns_an_ill_conditioned_quadratic_as_fast_as_cma_es
     )
     assert ours < 10.0 * peer
     assert ours < 1e-3 * of_fixed_shape
-
-
-def test_the_valley_of_rosenbrock_is_followed_to_its_end():
-    """From 58 to the minimum at (1, 1), in 40 updates."""
-    full = parameters_of("full")
-    costs = [search(rosenbrock, np.full(2, -0.5), 0.5, 40, seed, full) for seed in range(5)]
-    assert np.median(costs) < 1e-6
-
-
-def test_failing_rollouts_do_not_end_a_search():
-    """A quarter of the policies, all of one side, diverge: the minimum on the other side is found."""
-    function = shifted_quadratic(5, 10.0)
-
-    def with_faults(policies):
-        costs = function(policies)
-        return np.where(policies[:, 0] < np.quantile(policies[:, 0], 0.25), np.nan, costs)
-
-    parameters = parameters_of("rescaled")
-    whole, faulty = (search(each, np.zeros(5), 1.0, 30, 0, parameters) for each in (function, with_faults))
-    assert whole < 1e-3
-    assert faulty < 1e-2
 
 
 @pytest.fixture(scope="module")
@@ -363,18 +292,6 @@ def tracking():
         return abs(replace(primitive, weights=weights).unroll(0.01).position - wanted.position)[..., 0]
 
     return primitive.weights.ravel(), costs
-
-
-@pytest.mark.parametrize(
-    "parameters",
-    [DEFAULT, parameters_of("rescaled"), parameters_of("kept")],
-    ids=["ours", "rescaled", "kept"],
-)
-def test_a_movement_primitive_learns_to_follow_a_path(tracking, parameters):
-    """The accumulated cost, mean over searches, falls with every update."""
-    curve = np.mean(learning_curves(*tracking, parameters, updates=8), axis=0)
-    assert np.all(np.diff(curve) < 0), curve
-    assert curve[3] < 0.5 * curve[0], curve
 
 
 def test_with_equal_rollouts_ours_follows_a_path_closer_than_the_text_s_form_and_cma_es(tracking):

@@ -99,18 +99,3 @@ def test_a_plateau_between_two_scales_of_cost_is_crossed(gap):
     temperatures = bounded_temperatures(costs, 3.0, FLOOR)
     assert FLOOR < temperatures[0] < 2 * gap
     assert divergence(probabilities(costs, temperatures)) == pytest.approx(3.0, abs=1e-6)
-
-
-@given(rng=rngs)
-def test_neighbouring_time_steps_and_the_order_of_samples_do_not_matter(rng):
-    costs = random_costs(rng, 20, 12)
-    together = bounded_temperatures(costs, 1.0, FLOOR)
-    shuffled = bounded_temperatures(rng.permutation(costs)[:, ::-1], 1.0, FLOOR)[::-1]
-    np.testing.assert_allclose(shuffled, together, rtol=1e-6)
-
-
-@given(rng=rngs, bounds=st.tuples(st.floats(0.01, 2.9), st.floats(0.01, 2.9)))
-def test_a_tighter_bound_is_warmer(rng, bounds):
-    costs = random_costs(rng, 38, 5)
-    tight, loose = (bounded_temperatures(costs, bound, FLOOR) for bound in sorted(bounds))
-    assert np.all(tight >= loose * (1 - 1e-6))

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 
 
 def test_tuning_and_test_seeds_are_apart():

@@ -31,16 +31,6 @@ def test_the_phase_is_spent_when_the_movement_ends():
     assert u[2] == pytest.approx(0.0, abs=1e-100)
 
 
-def test_the_phase_falls_steadily_and_its_velocity_is_its_derivative():
-    tau = time_constant(2.0)
-    times = np.linspace(0.0, 4.0, 4001)
-    p, u = phase(times, tau)
-    assert (np.diff(p) < 0).all()
-    assert (u[1:] < 0).all()
-    np.testing.assert_allclose(tau * np.gradient(p, times, edge_order=2), u, atol=2e-4)
-    assert u.min() == pytest.approx(-ALPHA_U / (2 * np.e), rel=1e-6)  # -4.6, at t = tau / 12.5
-
-
 @given(st.floats(0.05, 50.0))
 @quick
 def test_only_the_fraction_of_the_movement_matters(duration):

@@ -48,22 +48,10 @@ def test_features_share_out_the_phase_velocity(rng, count):
     assert (np.abs(shares @ weights) <= np.abs(u) + 1e-300).all()  # so bounded weights fade with u
 
 
-def test_each_kernel_leads_at_its_own_time():
-    leaders = unit_features(KERNEL_COUNT).argmin(axis=1)  # features are negative
-    np.testing.assert_array_equal(leaders[1:], np.arange(1, KERNEL_COUNT))
-
-
 @pytest.mark.parametrize("count", [2, 25, 300])
 def test_the_last_kernel_leads_ever_after(count):
     p, u = phase(np.array([1.0, 1.5, 3.0, 9.0]), time_constant(1.0))
     assert (features(p, u, count).argmin(axis=-1) == count - 1).all()
-
-
-@given(st.floats(0.1, 30.0), st.integers(2, 300))
-@quick
-def test_features_of_a_movement_do_not_depend_on_its_duration(duration, samples):
-    p, u = phase(np.linspace(0.0, duration, samples), time_constant(duration))
-    np.testing.assert_allclose(features(p, u), unit_features(samples), rtol=1e-7, atol=1e-10)
 
 
 def test_shared_arrays_cannot_be_changed():

@@ -67,32 +67,6 @@ def test_the_path_starts_in_the_state_asked_for(random_primitive, rng):
 
 
 @BOTH
-@given(rng=rngs, factor=st.floats(0.2, 5.0))
-@quick
-def test_another_duration_gives_the_same_shape(random_primitive, rng, factor):
-    primitive = random_primitive(rng)
-    dt = primitive.duration / 200
-    path = primitive.unroll(dt)
-    scaled = primitive.unroll(factor * dt, duration=factor * primitive.duration)
-    assert quaternion.angle_between(scaled.orientation, path.orientation).max() < 1e-6
-    np.testing.assert_allclose(factor * scaled.angular_velocity, path.angular_velocity, atol=1e-6)
-
-
-@BOTH
-@given(rng=rngs)
-@quick
-def test_turning_the_body_frame_turns_nothing_else(random_primitive, rng):
-    primitive, turn = random_primitive(rng), random_orientations(rng)
-    path = primitive.unroll(0.01)
-    moved = primitive.unroll(
-        0.01, quaternion.product(primitive.start, turn), quaternion.product(primitive.goal, turn)
-    )
-    expected = quaternion.product(path.orientation, turn)
-    assert quaternion.angle_between(moved.orientation, expected).max() < 1e-6
-    np.testing.assert_allclose(moved.angular_velocity, path.angular_velocity, atol=1e-6)
-
-
-@BOTH
 @given(rng=rngs)
 @quick
 def test_turning_the_base_frame_with_the_primitive_turns_the_path(random_primitive, rng):
@@ -230,32 +204,6 @@ def test_a_batch_is_its_movements_one_by_one(rng):
 
 @given(rngs)
 @quick
-def test_coupling_of_zero_is_no_coupling_and_constant_coupling_is_forcing(rng):
-    primitive = random_quaternion_primitive(rng)
-    plain = primitive.unroll(0.02)
-    coupled = primitive.unroll(0.02, coupling=lambda k, q, w: np.zeros(3))
-    np.testing.assert_array_equal(coupled.orientation, plain.orientation)
-    start, goal = random_orientations(rng, 2)
-    c = rng.uniform(-20, 20, size=3)
-    by_coupling = orientation.unroll(start, goal, np.zeros((80, 3)), 0.02, 2.0, coupling=lambda *_: c)
-    by_forcing = orientation.unroll(start, goal, np.tile(c, (80, 1)), 0.02, 2.0)
-    np.testing.assert_allclose(by_coupling.orientation, by_forcing.orientation, atol=1e-10)
-
-
-def test_coupling_sees_every_sample_of_the_path():
-    seen = {}
-
-    def coupling(k, q, w):
-        seen[k] = np.concatenate([q, w])
-        return -3.0 * w
-
-    path = random_quaternion_primitive(np.random.default_rng(5)).unroll(0.02, coupling=coupling)
-    expected = np.concatenate([path.orientation, path.angular_velocity], axis=1)
-    np.testing.assert_allclose(np.stack([seen[k] for k in range(len(path.time))]), expected, atol=1e-12)
-
-
-@given(rngs)
-@quick
 def test_the_compiled_helpers_agree_with_the_batched_ones(rng):
     a, b = random_orientations(rng, 2)
     for target in (a, -a, b, -b, quaternion.product(quaternion.exp(1e-13 * np.ones(3)), b)):
@@ -265,10 +213,3 @@ def test_the_compiled_helpers_agree_with_the_batched_ones(rng):
         vector = random_vectors(rng, length)
         expected = quaternion.product(quaternion.from_rotation_vector(vector), a)
         np.testing.assert_allclose(orientation.turned(a, vector), expected, atol=1e-14)
-
-
-@pytest.mark.parametrize("dt", [0.01, 0.2])
-def test_the_norm_stays_one_through_a_long_unroll(dt):
-    primitive = random_quaternion_primitive(np.random.default_rng(7), bound=100.0)
-    path = primitive.unroll(dt, duration=1.0, until=10000 * dt)
-    np.testing.assert_allclose(np.linalg.norm(path.orientation, axis=1), 1.0, atol=1e-12)

@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
-from primitives_movements import fading_coupling, normalised_error, quick, random_orientations, reach, rngs
+from primitives_movements import normalised_error, quick, random_orientations, reach, rngs
 
 from structlearn.ground import quaternion
 from structlearn.ground.frames import local_frame
@@ -48,44 +47,6 @@ def random_primitive(rng, goal=LEVEL):
 
 
 @REACHES
-@pytest.mark.parametrize("coupled", [False, True])
-@given(rng=rngs)
-@quick
-def test_the_goal_is_reached_whatever_the_weights(goal, kind, coupled, rng):
-    primitive = random_primitive(rng, goal)
-    start, new_goal, duration = rng.normal(size=3), rng.normal(size=3), rng.uniform(0.3, 4.0)
-    dt = duration / 100
-    state = {"velocity": rng.normal(size=3), "acceleration": rng.normal(size=3)}
-    coupling = fading_coupling(rng, duration, dt, bound=300.0) if coupled else None
-    path = primitive.unroll(dt, start, new_goal, duration, coupling=coupling, until=5 * duration, **state)
-    np.testing.assert_allclose(path.position[-1], new_goal, atol=1e-6)
-
-
-@REACHES
-@given(rng=rngs, factor=st.floats(0.2, 5.0))
-@quick
-def test_another_duration_gives_the_same_shape(goal, kind, rng, factor):
-    primitive = random_primitive(rng, goal)
-    path = primitive.unroll(DT)
-    scaled = primitive.unroll(factor * DT, duration=factor * primitive.duration)
-    np.testing.assert_allclose(scaled.position, path.position, atol=1e-9)
-
-
-@given(rngs)
-@quick
-def test_turning_the_world_about_the_vertical_turns_the_path(rng):
-    primitive = random_primitive(rng)
-    turn = quaternion.from_rotation_vector([0.0, 0.0, rng.uniform(-3, 3)])
-    shift = rng.normal(size=3)
-    path = primitive.unroll(DT)
-    start, goal = (quaternion.rotate(turn, end) + shift for end in (primitive.start, primitive.goal))
-    moved = primitive.unroll(DT, start, goal)
-    np.testing.assert_allclose(moved.position, quaternion.rotate(turn, path.position) + shift, atol=1e-9)
-    np.testing.assert_allclose(moved.velocity, quaternion.rotate(turn, path.velocity), atol=1e-8)
-    np.testing.assert_allclose(moved.acceleration, quaternion.rotate(turn, path.acceleration), atol=1e-7)
-
-
-@REACHES
 @given(rng=rngs)
 @quick
 def test_turning_start_goal_and_frame_together_turns_the_path(goal, kind, rng):
@@ -123,20 +84,6 @@ def test_the_local_frame_sees_the_reach_along_x():
     np.testing.assert_allclose(
         np.linalg.norm(local.velocity, axis=1), np.linalg.norm(taught.velocity, axis=1)
     )
-
-
-@given(rngs)
-@quick
-def test_a_scaled_reach_grows_as_a_whole(rng):
-    taught = demonstration(rng, LEVEL)
-    primitive = fit_position([taught], scaled=(True, True, True))
-    rest = {"velocity": 0.0, "acceleration": 0.0}
-    path = primitive.unroll(DT, **rest)
-    twice = primitive.unroll(DT, primitive.start, 2 * primitive.goal - primitive.start, **rest)
-    frame = local_frame(primitive.start, primitive.goal)
-    along = (path.position - primitive.start) @ frame[:, 0]
-    along_twice = (twice.position - primitive.start) @ frame[:, 0]
-    np.testing.assert_allclose(along_twice, 2 * along, atol=1e-9)
 
 
 def test_coupling_acts_in_the_local_frame_relative_to_the_start():

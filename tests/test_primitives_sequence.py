@@ -87,42 +87,6 @@ def test_the_reported_derivatives_hold_across_the_switches(turns, rng):
         np.testing.assert_allclose(found, mean_acceleration, atol=2e-2 * np.abs(accelerations).max())
 
 
-@pytest.mark.parametrize("turns", TURNS.values(), ids=TURNS)
-@given(rng=rngs)
-@few
-def test_quaternions_stay_unit_and_sign_continuous_through_the_whole_path(turns, rng):
-    primitives = learned(rng, turns)
-    path = sequence.unroll(primitives, DT, **new_situation(rng, primitives))
-    q = path.orientation.orientation
-    np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-9)
-    assert (np.sum(q[1:] * q[:-1], axis=1) > 0.9).all()
-
-
-@given(rngs)
-@few
-def test_the_sequence_starts_from_rest_where_asked(rng):
-    primitives = learned(rng, TURNS["short"])
-    start = PoseGoal(rng.normal(size=3), random_orientations(rng))
-    for asked, expected in ((start, start), (None, sequence.default_start(primitives))):
-        path = sequence.unroll(primitives, DT, asked)
-        np.testing.assert_allclose(path.position.position[0], expected.position, atol=1e-12)
-        np.testing.assert_allclose(path.orientation.orientation[0], expected.orientation, atol=1e-12)
-        for pose, name in (SIGNALS[1], SIGNALS[2], SIGNALS[4], SIGNALS[5]):
-            np.testing.assert_allclose(getattr(getattr(path, pose), name)[0], 0.0, atol=1e-9)
-
-
-@given(rngs, st.floats(-0.2, 0.2))
-@few
-def test_every_goal_is_nearly_reached_at_its_switch(rng, offset):
-    primitives = learned(rng, TURNS["short"])
-    goals = sequence.moved_goals(sequence.default_goals(primitives), np.array([offset, -offset, 0.1]))
-    path = sequence.unroll(primitives, DT, goals=goals)
-    for goal, switch in zip(goals, path.switches[1:], strict=True):
-        assert np.linalg.norm(path.position.position[switch] - goal.position) < 0.01
-        error = quaternion.angle_between(path.orientation.orientation[switch], goal.orientation)
-        assert error < np.radians(2.0)
-
-
 @given(rngs)
 @few
 def test_all_parts_share_one_clock(rng):
@@ -133,17 +97,6 @@ def test_all_parts_share_one_clock(rng):
     assert len(path.position.time) == len(path.position.position) == path.switches[-1] + 1
     np.testing.assert_allclose(np.diff(path.position.time), DT, rtol=1e-9)
     np.testing.assert_array_equal(path.orientation.time, path.position.time)
-
-
-@given(rngs)
-@few
-def test_shifting_every_goal_and_the_start_shifts_the_path(rng):
-    primitives, shift = learned(rng), rng.normal(size=3)
-    path = sequence.unroll(primitives, DT)
-    start = PoseGoal(primitives[0].position.start + shift)
-    goals = sequence.moved_goals(sequence.default_goals(primitives), shift)
-    moved = sequence.unroll(primitives, DT, start, goals)
-    np.testing.assert_allclose(moved.position.position, path.position.position + shift, atol=1e-8)
 
 
 @pytest.mark.parametrize(

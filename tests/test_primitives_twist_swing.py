@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -98,16 +96,6 @@ def test_angular_rates_are_the_derivatives_of_the_orientation(swing):
     np.testing.assert_allclose(change / h**2, acceleration, atol=1e-5)
 
 
-def test_the_series_near_zero_swing_meet_the_closed_forms():
-    axes, rates, accelerations = np.eye(3), np.array([2.0, -1.0, 0.7]), np.array([-3.0, 2.0, 1.0])
-    gap = 1e-9  # the series end at a swing of 0.1
-    below, above = (
-        np.concatenate(angular_rates(np.array([1.0, swing, 0.0]), rates, accelerations, axes))
-        for swing in (0.1 - gap, 0.1 + gap)
-    )
-    np.testing.assert_allclose(below, above, atol=2e-8)
-
-
 @given(rngs, st.floats(0.3, 14.0))
 @quick
 def test_the_dominant_axis_is_the_one_turned_about(rng, turn):
@@ -179,12 +167,3 @@ def test_the_twist_of_a_demonstration_has_no_jump_and_ends_at_the_goal(rng):
     assert np.abs(np.diff(chart.position, axis=0)).max() < 0.5
     rate = np.gradient(chart.position, DT, axis=0)[1:-1]
     np.testing.assert_allclose(chart.velocity[1:-1], rate, atol=0.02 * np.abs(chart.velocity).max())
-
-
-def test_a_batch_of_weights_is_its_members_one_by_one():
-    primitive = random_twist_swing(np.random.default_rng(0), 3)
-    batch = primitive.unroll(DT)
-    for i in range(3):
-        chart = dataclasses.replace(primitive.chart, weights=primitive.chart.weights[i])
-        member = dataclasses.replace(primitive, chart=chart).unroll(DT)
-        np.testing.assert_allclose(batch.orientation[i], member.orientation, atol=1e-11)

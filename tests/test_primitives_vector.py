@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -50,16 +48,6 @@ def test_another_duration_gives_the_same_shape(rng, factor):
     np.testing.assert_allclose(scaled.position, path.position, atol=1e-9)
     np.testing.assert_allclose(factor * scaled.velocity, path.velocity, atol=1e-8)
     np.testing.assert_allclose(factor**2 * scaled.acceleration, path.acceleration, atol=1e-6)
-
-
-@given(rngs)
-@quick
-def test_shifting_start_and_goal_shifts_the_path(rng):
-    primitive, shift = random_primitive(rng), rng.normal(size=3)
-    path = primitive.unroll(0.01)
-    shifted = primitive.unroll(0.01, primitive.start + shift, primitive.goal + shift)
-    np.testing.assert_allclose(shifted.position, path.position + shift, atol=1e-10)
-    np.testing.assert_allclose(shifted.velocity, path.velocity, atol=1e-10)
 
 
 @pytest.mark.parametrize("method", ["joint", "local"])
@@ -126,25 +114,6 @@ def test_scaled_axes_keep_their_shape_for_any_distance(rng):
 def test_an_axis_that_hardly_moves_is_never_scaled():
     found = relative_scale(np.full(3, 3.0), np.array([1e-4, 2.0, 2.0]), np.array([True, True, False]))
     np.testing.assert_array_equal(found, [1.0, 1.5, 1.0])
-
-
-@given(rngs)
-@quick
-def test_a_batch_of_weights_is_its_members_one_by_one(rng):
-    primitive = random_primitive(rng, 4, axes=2)
-    batch = primitive.unroll(0.05)
-    for i in range(4):
-        alone = dataclasses.replace(primitive, weights=primitive.weights[i]).unroll(0.05)
-        np.testing.assert_allclose(batch.position[i], alone.position, atol=1e-11)
-
-
-@given(rngs)
-@quick
-def test_the_sampling_rate_does_not_change_the_movement(rng):
-    primitive = random_primitive(rng, bound=100.0)
-    duration = primitive.duration
-    coarse, fine = primitive.unroll(duration / 150), primitive.unroll(duration / 1200)
-    np.testing.assert_allclose(coarse.position, fine.position[::8], atol=5e-3 * np.ptp(fine.position))
 
 
 @pytest.mark.parametrize(("duration", "samples"), [(1.0, 301), (0.9999, 301), (1.0018, 302)])

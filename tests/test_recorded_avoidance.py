@@ -7,11 +7,11 @@ from recordings_bags import recorded_data
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataset
 from structlearn.avoidance.network_training import NetworkParameters
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.primitives import canonical, kernels
 from structlearn.testbeds.recorded.protocol import avoidance_representations, avoidance_samples
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
 
 ROWS = 12
 

@@ -14,20 +14,23 @@ from recordings_bags import recorded_data
 from structlearn.avoidance import scene_folds, scene_models
 from structlearn.avoidance.features import features
 from structlearn.avoidance.scene_models import displaced_states, samples_of_scene, scene_states
+from structlearn.avoidance.scene_people import (
+    ScenePeopleParameters,
+    folds_of_people,
+    reaches_past_obstacles,
+)
 from structlearn.avoidance.scene_unroll import nearest_seen, unroll_through
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.minimum_jerk import progress
 from structlearn.primitives.position import fit_position
-from structlearn.recordings import synchronise, write_recordings
+from structlearn.recordings import synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.reaches_past_boxes import read_reaches_past_boxes
 from structlearn.recordings.recording import NamedShape
 from structlearn.testbeds.recorded.files import RecordedFiles
-from structlearn.testbeds.recorded.protocol import boxes_people
-from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters, reaches_past_boxes
 
 PARAMETERS = committed(
-    BoxesParameters,
+    ScenePeopleParameters,
     "recorded_boxes",
     tuned_on=["p0"],
     folds=2,
@@ -65,18 +68,18 @@ def made_up_reaches():
             made_up_trial(f"p{place}", 1, 0.01, x=-0.2),
             made_up_trial(f"p{place}", 2, -bow, x=0.08),
         ]
-    return reaches_past_boxes(trials, PARAMETERS.reaches)
+    return reaches_past_obstacles(trials, PARAMETERS)
 
 
 @lru_cache
 def made_up_results():
     reaches, left_out = made_up_reaches()
-    folds = boxes_people.folds_of_people(reaches, PARAMETERS)
+    folds = folds_of_people(reaches, PARAMETERS)
     return scene_folds.judge_folds(reaches, left_out, folds, PARAMETERS)
 
 
 def test_a_reach_begins_at_its_onset_and_ends_at_the_target():
-    (reach,), left_out = reaches_past_boxes([made_up_trial("p1", 0, 0.1)], PARAMETERS.reaches)
+    (reach,), left_out = reaches_past_obstacles([made_up_trial("p1", 0, 0.1)], PARAMETERS)
     assert left_out.empty
     speed = np.gradient(progress(np.linspace(0.0, 1.0, 2001)))
     begins = MOVE_S * np.argmax(speed > PARAMETERS.reaches.onset_share * speed.max()) / 2000
@@ -97,7 +100,7 @@ def test_jumps_and_long_reaches_are_left_out_with_their_reason():
     jumping = made_up_trial("p2", 2)
     position = jumping.position.copy()
     position[100] += 0.2
-    reaches, left_out = reaches_past_boxes([long, replace(jumping, position=position)], PARAMETERS.reaches)
+    reaches, left_out = reaches_past_obstacles([long, replace(jumping, position=position)], PARAMETERS)
     assert reaches == []
     assert left_out["trial"].tolist() == ["p1_1", "p2_2"]
     assert left_out["reason"][0].startswith("takes 5.")
@@ -107,7 +110,7 @@ def test_jumps_and_long_reaches_are_left_out_with_their_reason():
 def test_times_that_are_not_of_the_recording_make_no_reach():
     trial = made_up_trial("p1", 0)
     late = replace(trial, provenance=trial.provenance | {"moved_s": "100", "reached_s": "101"})
-    reaches, left_out = reaches_past_boxes([late], PARAMETERS.reaches)
+    reaches, left_out = reaches_past_obstacles([late], PARAMETERS)
     assert (reaches, left_out["reason"].tolist()) == ([], ["does not move before it ends"])
 
 
@@ -120,16 +123,26 @@ def test_a_recording_that_begins_late_begins_with_its_slowest_sample():
     late = replace(
         trial, time=trial.time[first:] - trial.time[first], position=trial.position[first:], provenance=known
     )
-    (reach,), _ = reaches_past_boxes([late], PARAMETERS.reaches)
+    (reach,), _ = reaches_past_obstacles([late], PARAMETERS)
     assert reach.in_base_frame[0] == pytest.approx(late.position[0], abs=2e-3)
 
 
-def test_trials_must_say_whose_they_are_and_have_boxes():
+def test_trials_must_say_whose_they_are_and_have_obstacles():
     trial = made_up_trial("p1", 0)
-    with pytest.raises(InputError, match="p1_0: has no boxes"):
-        reaches_past_boxes([replace(trial, shapes=())], PARAMETERS.reaches)
-    with pytest.raises(InputError, match="p1_0: its provenance lacks 'moved_s'"):
-        reaches_past_boxes([replace(trial, provenance={"person": "p1"})], PARAMETERS.reaches)
+    with pytest.raises(InputError, match="p1_0: has no obstacles, nor have the others; name"):
+        reaches_past_obstacles([replace(trial, shapes=WALLS)], PARAMETERS)
+    with pytest.raises(InputError, match="p1_0: its provenance does not say whose"):
+        reaches_past_obstacles([replace(trial, provenance={})], PARAMETERS)
+    reaches, left_out = reaches_past_obstacles([trial, replace(trial, name="free", shapes=())], PARAMETERS)
+    assert [reach.name for reach in reaches] == ["p1_0"]
+    assert left_out[["trial", "reason"]].to_numpy().tolist() == [["free", "has no obstacles"]]
+
+
+def test_a_reach_of_which_no_times_are_known_is_the_motion_between_rests():
+    trial = made_up_trial("p1", 0, 0.1)
+    (reach,), _ = reaches_past_obstacles([replace(trial, provenance={"person": "p1"})], PARAMETERS)
+    assert reach.duration_s == pytest.approx(MOVE_S, abs=0.2)
+    assert reach.in_base_frame[[0, -1]] == pytest.approx(trial.position[[0, -1]], abs=5e-3)
 
 
 def test_nobody_is_judged_by_what_was_learned_from_them():
@@ -143,12 +156,14 @@ def test_nobody_is_judged_by_what_was_learned_from_them():
 def test_few_people_are_left_out_one_at_a_time():
     reaches, _ = made_up_reaches()
     more = PARAMETERS.model_copy(update={"folds": 3})
-    assert boxes_people.folds_of_people(reaches, more) == [["p1"], ["p2"]]
-    assert boxes_people.folds_of_people(reaches[:6], more) == [["p1"]]  # p0 is learned from
-    assert boxes_people.folds_of_people(reaches[3:], more) == [["p1"], ["p2"]]
+    assert folds_of_people(reaches, more) == [["p1"], ["p2"]]
+    assert folds_of_people(reaches[:6], more) == [["p1"]]  # p0 is learned from
+    assert folds_of_people(reaches[3:], more) == [["p1"], ["p2"]]
+    anybody = more.model_copy(update={"tuned_on": ()})  # dealt out by how straight they reach
+    assert folds_of_people(reaches, anybody) == [["p0"], ["p1"], ["p2"]]
     for few in (reaches[:3], reaches[3:6]):
         with pytest.raises(MissingInputError, match=r"reaches of 1 people, \d of them on whom nothing"):
-            boxes_people.folds_of_people(few, more)
+            folds_of_people(few, more)
 
 
 def test_scores_tell_blocked_from_free_and_the_sides():
@@ -253,7 +268,7 @@ def test_a_set_that_is_not_there_leaves_an_empty_folder(root, tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     (tmp_path / "stages/recorded").mkdir(parents=True)
     shutil.copy(root / "stages/recorded/params.yaml", tmp_path / "stages/recorded")
-    write_recordings([], tmp_path / "data/raw/recorded/boxes")  # as the import leaves it
+    (tmp_path / "data/raw/recorded/boxes").mkdir(parents=True)  # as the import leaves it
     runpy.run_path(str(root / "stages/recorded/boxes.py"), run_name="__main__")
     assert capsys.readouterr().out.startswith("data/recorded/boxes: left empty")
     assert list((tmp_path / "data/recorded/boxes").iterdir()) == []
@@ -262,10 +277,10 @@ def test_a_set_that_is_not_there_leaves_an_empty_folder(root, tmp_path, monkeypa
 
 def test_recorded_people_pass_beside_the_boxes():
     """What the reaches show without any model: nobody touches, gaps are a matter of the scene."""
-    public = committed(BoxesParameters, "recorded_boxes").reaches
+    public = committed(ScenePeopleParameters, "recorded_boxes")
     recordings = read_reaches_past_boxes(recorded_data("reaches_past_boxes"))
     trials = [synchronise(one, refuse_jumps=False) for one in recordings]  # the stage names them
-    reaches, left_out = reaches_past_boxes(trials, public)
+    reaches, left_out = reaches_past_obstacles(trials, public)
     assert len(reaches) == 269
     assert len(left_out) == 17
     clearance = [

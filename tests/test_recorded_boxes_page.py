@@ -13,19 +13,24 @@ from viewer_files import colour_of, contents, note
 
 from structlearn.avoidance.scene_folds import MODELS, WAYS
 from structlearn.avoidance.scene_models import SCENE, TEXT
+from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.ground.metrics import wilson_interval
 from structlearn.reporting.document import render, words_in_view
 from structlearn.testbeds.recorded.names import BOX_WAYS
 from structlearn.testbeds.recorded.page import parts
 from structlearn.testbeds.recorded.page.assembly import recorded_report
-from structlearn.testbeds.recorded.page.parts.boxes_part import KEY, PART, boxes_evidence
-from structlearn.testbeds.recorded.page.parts.boxes_results import BoxesFound, boxes_metrics
+from structlearn.testbeds.recorded.page.parts.boxes_part import (
+    KEY,
+    PART,
+    BoxesFound,
+    boxes_evidence,
+    boxes_metrics,
+)
 from structlearn.testbeds.recorded.page.results import RecordedResults
-from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
 
 PEOPLE, REACHES = 12, 20
-PARAMETERS = {KEY: committed(BoxesParameters, KEY)}
+PARAMETERS = {KEY: committed(ScenePeopleParameters, KEY)}
 
 
 @lru_cache

@@ -14,17 +14,18 @@ from structlearn.primitives.trajectory import differentiated
 from structlearn.primitives.vector import fit_vector
 from structlearn.recordings import clmc, synchronise
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.testbeds.recorded.protocol import correction_splits, human_reaches
-from structlearn.testbeds.recorded.protocol.corrected_reaches import (
+from structlearn.testbeds.recorded.protocol import corrections, movement
+from structlearn.testbeds.recorded.protocol.corrections import (
+    CorrectionParameters,
     adapted_path,
     complete,
     completeness,
     corrected_reaches,
+    learn_corrections,
     phase_coupling,
     phase_networks,
     typical_paths,
 )
-from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, learn_corrections
 
 HEIGHTS_M = (0.18, 0.2, 0.22, 0.19, 0.21, 0.2)
 START, GOAL = np.array([0.67, -0.19, 0.14]), np.array([0.40, 0.20, 0.17])
@@ -87,7 +88,7 @@ def test_every_split_learns_from_as_many_as_asked_and_reproduces_all_others(corr
     first = set(left_out[0])
     assert set(results.paths["reach"]) == first
     targets = [reach.target for reach in corrected if reach.name not in first]
-    again = phase_coupling(phase_networks(targets), correction_splits.SAMPLES)
+    again = phase_coupling(phase_networks(targets), corrections.SAMPLES)
     np.testing.assert_allclose(results.targets["learned"], again.T.ravel())
 
 
@@ -199,7 +200,7 @@ def test_incomplete_reaches_are_those_whose_ends_are_off_the_nominal_ones(nomina
 @pytest.fixture(scope="module")
 def recorded(recorded_data):
     """The primitive of 97 reaches, and the complete higher ones."""
-    fit = committed(human_reaches.ReachParameters, "recorded_reaches").fit
+    fit = committed(movement.ReachParameters, "recorded_reaches").fit
     smoothing_hz = committed(CorrectionParameters, "recorded_corrections").smoothing_hz
     flat = [synchronise(one) for one in clmc.read_reaches(recorded_data / "clmc")]
     paths = [differentiated(one.position, one.dt, fit.smoothing_hz) for one in flat]

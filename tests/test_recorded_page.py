@@ -27,7 +27,7 @@ from structlearn.reporting.claims import BY_CONSTRUCTION, claims_table, read_cla
 from structlearn.reporting.document import anchor, render, words_in_view
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, URDF
-from structlearn.segmentation.result import METHODS
+from structlearn.segmentation.alignment import METHODS
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.files import CALIBRATION, TABLES
 from structlearn.testbeds.recorded.page import assembly, calibration_figures, calibration_results, parts

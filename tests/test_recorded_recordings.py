@@ -10,9 +10,9 @@ from viewer_files import colour_of, contents, note
 
 from structlearn.palette import BLUE, VERMILION
 from structlearn.testbeds.recorded.names import LEARNED, PATHS
-from structlearn.testbeds.recorded.protocol.corrected_reaches import phase_networks
+from structlearn.testbeds.recorded.protocol.corrections import phase_networks
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
-from structlearn.testbeds.recorded.recordings.unscrewing_recording import CHART, write_unscrewing
+from structlearn.testbeds.recorded.recordings.movement_recordings import CHART, write_unscrewing
 
 
 @pytest.fixture

@@ -1,13 +1,13 @@
 import numpy as np
 
 from structlearn.ground import quaternion
-from structlearn.testbeds.recorded.protocol import unscrewing
+from structlearn.testbeds.recorded.protocol.movement import mean_orientation_path
 
 
 def test_mean_orientation_path_is_the_middle_of_two():
     axis = np.array([0.0, 0.0, 1.0])
     angles = np.linspace(0.0, 3.0, 50)[:, None]
     paths = [quaternion.from_rotation_vector(factor * angles * axis) for factor in (0.8, 1.2)]
-    mean = unscrewing.mean_orientation_path(paths, 70)
+    mean = mean_orientation_path(paths, 70)
     expected = quaternion.from_rotation_vector(np.linspace(0.0, 3.0, 70)[:, None] * axis)
     assert quaternion.angle_between(mean, expected).max() < 1e-3

@@ -14,7 +14,7 @@ from reporting_verdicts import AnyFigure, verdicts
 from viewer_files import contents, note
 
 from structlearn.ground.errors import MissingInputError
-from structlearn.recordings.drive_log import DriveLog
+from structlearn.recordings.joint_log import DriveLog
 from structlearn.recordings.ur10e import URDF, read_logs
 from structlearn.reporting.document import render, words_in_view
 from structlearn.rigid_body.arm_identification import LEAST_SQUARES, NETWORKS, write_identified

@@ -117,10 +117,10 @@ def test_shapes_come_from_the_nearest_table(tmp_path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("name,form\n", "has the columns name, form, needs name, form, x, y"),
+        ("name,form\n", "has no column x, y, z"),
         (SHAPES + "a,cone,0,0,0,1,0,0,0,1,1,1\n", "line 2: form is 'cone', not one of cube, sphere, cyl"),
         (SHAPES + "a,cube,0,0,0,2,0,0,0,1,1,1\n", "line 2: quaternion has norm 2, not 1"),
-        (SHAPES + "a,cube,0,0,0,1,0,0,0,1,1,0\n", "line 2: a shape needs a finite pose and a positive size"),
+        (SHAPES + "a,cube,0,0,0,1,0,0,0,1,1,0\n", "line 2: a shape needs a positive size"),
         (SHAPES + "a,cube,0,0,0,1,0,0,0,1,1,wide\n", "line 2: not a number: 'wide'"),
         (SHAPES + "a,cube,0\n", "line 2 has 3 columns, expected 12"),
     ],

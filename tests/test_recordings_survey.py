@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from recordings_bags import pose_messages, pose_rows, write_bag
 
 from structlearn.recordings import survey
-from structlearn.recordings.bag_reader import read_bag
+from structlearn.recordings.bag import read_bag
 
 MS = 10**6
 
@@ -92,6 +92,6 @@ def test_the_log_time_stands_in_where_no_header_is_set(tmp_path, kind, content):
 def test_headers_are_looked_for_in_ros2_messages_alone(tmp_path, change):
     write_bag(tmp_path / "bag.mcap", pose_messages([10**9, 2 * 10**9], pose_rows(2), "/hand"))
     messages = read_bag(tmp_path / "bag.mcap", ["/hand"]).messages["/hand"]
-    other = replace(messages, schemas={number: change(one) for number, one in messages.schemas.items()})
+    other = replace(messages, schemas=[change(one) for one in messages.schemas])
     assert survey.topic_clocks(messages).header is not None
     assert (survey.topic_clocks(other).header, survey.topic_clocks(other).frames) == (None, ())

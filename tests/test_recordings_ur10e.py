@@ -6,7 +6,7 @@ from recordings_bags import recorded_data
 
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings import ur10e
-from structlearn.recordings.drive_log import DriveLog, on_clock, read_drive_log, write_drive_log
+from structlearn.recordings.joint_log import DriveLog, on_clock
 
 FIELDS = (*ur10e.SIGNALS, "stamps")
 
@@ -54,17 +54,6 @@ def test_logs_may_lie_in_folders_and_older_ones_are_left_aside(folder, capsys):
     (folder / "logs" / "ur-a.csv").write_text((folder / "ur-a.csv").read_text())
     with pytest.raises(InputError, match=r"several recordings have the name ur-a\.csv"):
         ur10e.read_logs(folder)
-
-
-def test_a_log_goes_through_a_file_bit_by_bit_and_to_the_same_bytes(folder, tmp_path):
-    log = ur10e.read_logs(folder)[0]
-    write_drive_log(log, tmp_path / "a.mcap")
-    write_drive_log(log, tmp_path / "again.mcap")
-    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "again.mcap").read_bytes()
-    back = read_drive_log(tmp_path / "a.mcap")
-    assert (back.name, back.joints, back.provenance) == ("a", log.joints, log.provenance)
-    for field in FIELDS:
-        np.testing.assert_array_equal(getattr(back, field), getattr(log, field))
 
 
 def test_each_current_is_put_back_to_when_it_acted():

@@ -5,8 +5,7 @@ from committed import committed
 from rigid_body_robots import robot
 
 from structlearn.ground.errors import InputError
-from structlearn.rigid_body.compiled_models import compiled_model
-from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.learner import LearningParameters, Lesson, learner
 from structlearn.rigid_body.motion import Motion

@@ -3,10 +3,9 @@ import pytest
 import torch
 
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.compiled_models import lagrangian, perceptron
-from structlearn.rigid_body.compiled_networks import Networks, lagrangian_torques, perceptron_torques
-from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
-from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
+from structlearn.rigid_body.compiled_models import Networks, lagrangian_torques, perceptron_torques
+from structlearn.rigid_body.dynamics_models import lagrangian, perceptron
+from structlearn.rigid_body.network_models import StackedLagrangianNetworks, StackedPerceptrons
 
 JOINTS, MODELS, HIDDEN = 3, 2, (8, 16, 8)
 

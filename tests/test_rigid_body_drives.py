@@ -6,13 +6,16 @@ from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 from rigid_body_robots import carrying, pinocchio_torques, robot_with
 
 from structlearn.ground.errors import InputError
-from structlearn.rigid_body.body_intervals import drawn_fits
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.identification import fit_structure, normalised_triangle
+from structlearn.rigid_body.identification import (
+    drawn_fits,
+    fit_structure,
+    identify_load,
+    normalised_triangle,
+)
 from structlearn.rigid_body.inertia_learner import MotionRegressor
-from structlearn.rigid_body.load_identification import identify_load
 from structlearn.rigid_body.motion import Motion, excited
 from structlearn.simulation.arm import Payload
 

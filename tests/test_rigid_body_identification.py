@@ -4,12 +4,11 @@ import torch
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion
 
 from structlearn.ground.metrics import nmse
-from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
 from structlearn.rigid_body.friction import friction_coefficients
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
-from structlearn.rigid_body.inertia_tables import base_table, link_table
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import link_parameters
 from structlearn.rigid_body.tree import LinkInertias

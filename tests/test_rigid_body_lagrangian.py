@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from torch.autograd.functional import hessian, jacobian
 
 from structlearn.networks.torch_settings import seeded
-from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
+from structlearn.rigid_body.network_models import StackedLagrangianNetworks
 
 JOINTS = 4
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -5,7 +7,7 @@ from committed import committed
 from rigid_body_motions import COULOMB, VISCOUS, arm, rubbing_motion, sine_motion
 
 from structlearn.ground.metrics import nmse
-from structlearn.networks.adam import AdamParameters
+from structlearn.networks.torch_settings import AdamParameters, seeded
 from structlearn.rigid_body.friction import friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, link_inertias
 from structlearn.rigid_body.learner import (
@@ -18,6 +20,8 @@ from structlearn.rigid_body.learner import (
     learner,
     loss_weights,
 )
+from structlearn.rigid_body.network_learner import NetworkLearner
+from structlearn.rigid_body.network_models import SCALING
 from structlearn.rigid_body.newton_euler import inverse_dynamics
 
 PARAMETERS = committed(
@@ -133,28 +137,66 @@ def test_a_network_is_kept_for_its_errors_on_all_samples(motion):
 @pytest.mark.parametrize(
     ("kind", "friction"), [("mlp_scaled", ()), ("delan", ()), ("delan", ("coulomb", "offset"))]
 )
-def test_gradients_of_networks_are_those_of_autograd(kind, friction, motion):
-    group = start(kind, motion, friction=friction, loss="normalised")
-    samples = np.arange(0, len(motion), 3)  # more than are worked on at once
-    found = group.gradients(group.numbers, group.weights, *(values[samples] for values in group.data))
-    variables = [*group.network.parameters(), group.rubbing.requires_grad_()]
-    states = [
-        torch.tensor(values[samples].T, dtype=torch.float32) for values in (motion.q, motion.qd, motion.qdd)
-    ]
-    torques = group.network.torques(*states)
-    if friction:
-        columns = torch.tensor(friction_columns(motion.qd[samples], friction), dtype=torch.float32)
-        torques = torques + torch.einsum(
-            "njt,mjt->mjn", columns, friction_coefficients(group.rubbing, friction)
+def test_a_step_of_networks_goes_down_the_slope_of_the_loss(kind, friction, motion):
+    """The gradient against finite differences of the loss that `nmse` measures, in double precision."""
+    group = start(kind, motion.part(slice(0, 40)), friction=friction, loss="normalised")
+    in_double(group)
+    slopes = []
+    group.optimiser.step = lambda: slopes.extend(
+        torch.zeros_like(values) if values.grad is None else values.grad.clone()
+        for values in group.parameters
+    )
+    group.batch = 40
+    group.learn(torch.arange(40))
+    generator = torch.Generator().manual_seed(3)
+    for values, slope in zip(group.parameters, slopes, strict=True):
+        direction = torch.randn(values.shape, dtype=torch.float64, generator=generator)
+        losses = []
+        for step in (1e-6, -2e-6):
+            values.data += step * direction
+            losses.append(group.nmse().sum(axis=1))
+        values.data += 1e-6 * direction
+        found = (slope * direction).flatten(1).sum(dim=1)
+        np.testing.assert_allclose(found, (losses[0] - losses[1]) / 2e-6, rtol=1e-6, atol=1e-6)
+
+
+def in_double(group):
+    """Let networks learn in double precision."""
+    for values in group.parameters:
+        values.data = values.data.double()
+    for name in ("states", "torque", "columns", "weights"):
+        setattr(group, name, getattr(group, name).double())
+    network = group.network
+    fields = ("row", "column") if hasattr(network, "row") else SCALING
+    group.network = replace(network, **{name: getattr(network, name).double() for name in fields})
+
+
+def test_networks_of_several_motions_learn_as_each_alone():
+    motions = [sine_motion(arm(), 300), rubbing_motion(arm()).part(slice(0, 300))]
+    weights = np.stack([loss_weights("normalised", its) for its in motions])
+
+    def learned(chosen):
+        return learn_in_epochs(
+            NetworkLearner(
+                "delan",
+                [motions[place] for place in chosen],
+                ("viscous",),
+                weights[chosen],
+                PARAMETERS.networks,
+                (8, 8),
+                [seeded(place) for place in chosen],
+            ),
+            threshold=0.0,
+            epochs=2,
         )
-    error = torques - torch.tensor(motion.torque[samples].T, dtype=torch.float32)
-    weights = torch.tensor(loss_weights("normalised", motion), dtype=torch.float32)
-    loss = (error.square() * weights[:, None]).sum() / len(samples)
-    expected = torch.autograd.grad(loss, variables, materialize_grads=True, allow_unused=True)
-    sizes = [values[0].numel() for values in expected]
-    for its, gradient in zip(torch.from_numpy(found).split(sizes, dim=1), expected, strict=True):
-        largest = float(gradient.abs().max()) if gradient.numel() else 0.0
-        torch.testing.assert_close(its, gradient.flatten(1), rtol=0, atol=3e-6 * largest)
+
+    both = learned([0, 1])
+    for place in (0, 1):
+        alone, part = learned([place]), both.part(place)
+        np.testing.assert_allclose(part.nmse, alone.nmse, rtol=1e-3)
+        assert part.state.keys() == alone.state.keys()
+        for name, values in part.state.items():
+            np.testing.assert_allclose(values, alone.state[name], rtol=1e-2, atol=1e-4)
 
 
 def test_networks_learn():

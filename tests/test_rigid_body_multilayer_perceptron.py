@@ -1,7 +1,7 @@
 import torch
 
 from structlearn.networks.torch_settings import seeded
-from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
+from structlearn.rigid_body.network_models import StackedPerceptrons
 
 
 def test_states_of_a_standardised_network_are_seen_and_torques_given_in_units_of_the_data():

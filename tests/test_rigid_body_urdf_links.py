@@ -3,7 +3,7 @@
 import pytest
 
 from structlearn.ground.errors import InputError
-from structlearn.rigid_body.urdf_links import moving_joints, tips
+from structlearn.rigid_body.urdf import moving_joints, tips
 from structlearn.simulation.arm import urdf_path
 
 ARM = [f"panda_joint{joint + 1}" for joint in range(7)]

@@ -45,13 +45,18 @@ from structlearn.reporting.claims import (
 from structlearn.reporting.document import render, words_in_view
 from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page import people_results as people_module
-from structlearn.testbeds.scraping.page import refinement_studies
+from structlearn.testbeds.scraping.page import refinement_results as refinement_module
 from structlearn.testbeds.scraping.page import scraping_report as module
-from structlearn.testbeds.scraping.page.evidence import sweep_evidence, weakest
 from structlearn.testbeds.scraping.page.feedback_results import dominant_features, sharing_over_phase
-from structlearn.testbeds.scraping.page.people_results import People, known, share_left
+from structlearn.testbeds.scraping.page.people_results import (
+    People,
+    known,
+    share_left,
+    sweep_evidence,
+    weakest,
+)
 from structlearn.testbeds.scraping.page.scraping_report import scraping_report
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 
 CLAIMS = "refinement_claims.yaml"
 NUMBER = {name: number for number, name in enumerate(PRIMITIVES, start=1)}.get
@@ -80,13 +85,7 @@ def made(monkeypatch, settings, segmentation):
     for name in ("segmentation_drawings", "feedback_drawings", "refinement_drawings"):
         monkeypatch.setattr(module, name, lambda *results: {})
 
-    def make(
-        feedback=None,
-        refinement=None,
-        segmentation=segmentation,
-        study=None,
-        **studies,
-    ):
+    def make(feedback=None, refinement=None, segmentation=segmentation, study=None, **studies):
         results = (segmentation, feedback or feedback_results(), refinement or refinement_results())
         studies = {f"scraping/{name}": one for name, one in studies.items()}
         studies[people_module.STUDY] = study
@@ -107,16 +106,12 @@ def feedback_evidence(results, count=5, **changes):
 def refinement_evidence(results, text=None):
     """The same of refinements, in the text's form like `text`, else like the results."""
     study = forms(results.metrics(NUMBER), (text or results).metrics(NUMBER))
-    found = refinement_studies.refinement_evidence(results, {refinement_studies.PEOPLE: study}, NUMBER)
+    found = refinement_module.refinement_evidence(results, {refinement_module.PEOPLE: study}, NUMBER)
     assert found
     return found
 
 
-PAGES = {
-    "segmentation": sweep_evidence,
-    "feedback": feedback_evidence,
-    "refinement": refinement_evidence,
-}
+PAGES = {"segmentation": sweep_evidence, "feedback": feedback_evidence, "refinement": refinement_evidence}
 
 
 def judged(page, results):
@@ -224,13 +219,6 @@ def test_sharing_of_dominant_nodes_is_nought_on_average_with_permuted_weights(fe
     assert abs(np.mean(found)) < 2.0 * np.std(found) / 10.0
     assert np.std(found) < 0.1
     assert sharing_over_phase(dominant_features(phase_weights())) < -0.3
-
-
-def test_a_study_from_before_a_number_leaves_its_row_untested(feedback):
-    numbers = {key: one for key, one in feedback.metrics().items() if "over_phase" not in key}
-    evidence = people_module.feedback_evidence(People.of_study(people(numbers), PRIMITIVES), ADAPTED, [])
-    assert "phase_dependent" not in evidence
-    assert "order_of_structures" in evidence
 
 
 @pytest.mark.parametrize(("power", "expected"), [(2.0, YES), (1.0, NO), (2.5, NO)])

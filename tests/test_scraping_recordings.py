@@ -10,34 +10,42 @@ from scipy.spatial.transform import Rotation
 from viewer_files import PRIMITIVES as MOVEMENTS
 from viewer_files import colour_of, contents, demonstration, note, values, view_names
 
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import quaternion
 from structlearn.ground.artefacts import write_table
 from structlearn.primitives.fitting import FitParameters, learn_primitive
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.primitives.trajectory import differentiated, differentiated_orientation
-from structlearn.recordings import write_recordings
+from structlearn.recordings import synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording, Stream
+from structlearn.recordings.runs import write_runs as write_sets
 from structlearn.recordings.source import ClockParameters
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.tactile.electrodes import SKIN_RADIUS_MM
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.names import CORRECTED, CUT_METHODS, ROLLOUTS, RUNS
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation, orientation_cost
-from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    AFTER,
+    BEFORE,
+    NOMINAL,
+    nominal_orientation,
+    orientation_cost,
+)
 from structlearn.testbeds.scraping.recordings.executions_recording import (
     write_executions,
     write_refinement,
     write_robot,
 )
-from structlearn.testbeds.scraping.recordings.nominal_recordings import write_demonstrations
+from structlearn.testbeds.scraping.recordings.nominal_recordings import write_alignment, write_demonstrations
 from structlearn.testbeds.scraping.recordings.scraping_scene import electrodes
 from structlearn.testbeds.scraping.recordings.search_recording import CHEAP, Search, cost_colours, searches
-from structlearn.testbeds.scraping.recordings.shown_execution import Execution
-from structlearn.testbeds.scraping.recordings.shown_runs import read_feedback_runs, read_refined_runs
+from structlearn.testbeds.scraping.recordings.shown_execution import (
+    Execution,
+    read_feedback_runs,
+    read_refined_runs,
+)
 from structlearn.testbeds.scraping.world import scraping_robot
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.viewer.rrd import entity, rgba
@@ -221,14 +229,6 @@ def test_the_search_of_one_primitive_with_failures_and_the_cheapest_on_top(tmp_p
     assert drawn[-1] == rgba([CHEAP])[0]
 
 
-def test_a_refinement_that_ended_before_it_began(tmp_path):
-    path = tmp_path / "refinement.rrd"
-    write_refinement(path, {10.0: refined()}, *rollouts(iterations=0))
-    rows, entities, _ = contents(path)
-    assert rows["/search/turn/target/feedback"] == 1
-    assert "/search/turn/target/sample" not in entities
-
-
 def test_curves_of_rollouts_that_were_not_cut_alike():
     history, samples = rollouts(("turn",), iterations=1)
     kept = ~((samples["kind"] == "sample") & (samples["number"] == 1) & (samples["time_s"] > 0.2))
@@ -339,12 +339,12 @@ def files(tmp_path):
     folder.mkdir(parents=True)
     learned = [learn_primitive(name, [paths, paths], parameters) for name in PRIMITIVES]
     write_primitives(learned, folder / "primitives.safetensors")
-    return ScrapingFiles(CLOCK, tmp_path)
+    return ScrapingFiles(tmp_path)
 
 
 def write_runs(files, place, setting, names=("01", "02"), **run):
-    folder = files.data / "raw/scraping" / place
-    write_recordings([streams(board_run(name, **run)) for name in names], folder / setting)
+    runs = [synchronise(streams(board_run(name, **run)), **CLOCK.model_dump()) for name in names]
+    write_sets(runs, files.data / "runs/scraping" / place / f"{setting}.parquet")
 
 
 def write_traces(files, kind, models, settings):
@@ -389,7 +389,7 @@ def test_runs_with_feedback_are_found_where_the_stages_wrote_them(files):
 
 
 def test_refined_runs_are_found_where_the_stages_wrote_them(files):
-    write_runs(files, "unrolls", "", names=("01",), hand_deg=0.0)
+    write_runs(files, "", "unrolls", names=("01",), hand_deg=0.0)
     rolls = {NOMINAL: -9.0, BEFORE: -4.0, AFTER: -1.0}
     for model, roll in rolls.items():
         for setting in ("5", "10") if model != AFTER else ("10",):  # at 5 degrees not all were executed

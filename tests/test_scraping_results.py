@@ -12,7 +12,7 @@ from structlearn.ground.metrics import BETTER
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.testbeds.scraping.page.feedback_results import informative_channel, unroll_traces
 from structlearn.testbeds.scraping.page.refinement_figures import HEIGHT_DRAWN, snapshots, turned
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.layout import EDGE_M, EDGE_WIDTH_M
 
 

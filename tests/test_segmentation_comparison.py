@@ -5,10 +5,9 @@ import pandas as pd
 import pytest
 from reporting_scraping import PARAMETERS, demonstration, noise_table
 
-from structlearn.ground.metrics import mean_interval
 from structlearn.primitives.sequence import largest_acceleration_jump
-from structlearn.segmentation.cut_errors import distances_to_reference_mm
-from structlearn.segmentation.method_comparison import (
+from structlearn.segmentation.cut_errors import (
+    distances_to_reference_mm,
     errors_by_level,
     errors_by_seed,
     paired_comparison,
@@ -37,13 +36,6 @@ def test_worse_and_undecided_are_said_too():
 
 def test_left_out_demonstrations_are_no_method():
     assert "left_out" not in set(errors_by_seed(noise_table())["method"])
-
-
-def test_interval_of_a_mean_is_that_of_student():
-    mean, half_width = mean_interval(np.array([1.0, 2.0, 3.0]))
-    assert mean == pytest.approx(2.0)
-    assert half_width == pytest.approx(4.302653 / np.sqrt(3.0), rel=1e-6)  # t(0.975, 2 degrees of freedom)
-    assert np.isnan(mean_interval(np.array([1.0]))[1])
 
 
 def test_distance_to_the_reference_does_not_see_where_a_segment_lies():

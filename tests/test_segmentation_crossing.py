@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from structlearn.ground.errors import InputError
-from structlearn.segmentation.crossing import moving_interval
+from structlearn.segmentation.motion_runs import moving_interval
 
 
 def bell(samples: int = 400, centre: float = 200, width: float = 40) -> np.ndarray:

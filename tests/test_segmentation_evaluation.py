@@ -3,7 +3,7 @@ import pandas as pd
 from reporting_scraping import PARAMETERS
 
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation import movement_alignment
+from structlearn.segmentation import alignment
 from structlearn.segmentation.cut_errors import (
     Dwells,
     aligned_segments,
@@ -78,6 +78,6 @@ def test_downsampled_work_is_what_the_warping_did(two_move_demonstrations, monke
         pairs, _ = warping(*signals, **options)
         return pairs, 40 * len(signals[0])  # a band of fixed width: its work falls with g alone
 
-    monkeypatch.setattr(movement_alignment, "warping", banded)
+    monkeypatch.setattr(alignment, "warping", banded)
     effect = downsampling_effect(two_move_demonstrations, PARAMETERS, [1, 2, 4])
     np.testing.assert_allclose(effect["work"], [1, 1 / 2, 1 / 4], rtol=0.05)

@@ -5,8 +5,8 @@ import pytest
 from committed import committed
 
 from structlearn.ground.errors import InputError
-from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import execution_cuts
 
 NAMES = ("down", "turn", "forward")
 CUTTING = committed(

@@ -10,10 +10,8 @@ from structlearn.primitives.fitting import (
     FitParameters,
     cross_validation,
     learn_primitive,
-    learn_sequence,
     reproduction_errors,
     segment_paths,
-    whole,
 )
 from structlearn.segmentation.segments import cut
 
@@ -58,19 +56,6 @@ def test_left_out_demonstration_was_not_learned_from(two_move_demonstrations, se
     expected = reproduction_errors(others, segments[1:2]).iloc[0]
     assert fold["demonstration"] == "02"
     assert fold["mean_mm"] == expected["mean_mm"]
-
-
-def test_whole_is_the_whole(two_move_demonstrations):
-    segments = segment_paths(two_move_demonstrations, whole(two_move_demonstrations), 8.0)
-    assert [len(position.time) for position, _ in segments] == [
-        len(demonstration.time) for demonstration in two_move_demonstrations
-    ]
-
-
-def test_position_only_demonstrations_make_position_primitives(two_move_demonstrations, segmentation):
-    bare = [replace(demonstration, orientation=None) for demonstration in two_move_demonstrations]
-    primitives = learn_sequence(bare, segmentation.results, FIT)
-    assert all(primitive.orientation is None for primitive in primitives)
 
 
 def test_mixed_and_empty_segments_are_told(two_move_demonstrations, segmentation):

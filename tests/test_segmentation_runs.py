@@ -21,9 +21,8 @@ from structlearn.segmentation.motion_runs import (
     runs_of_motion,
 )
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import read_segmentation, write_segmentation
 from structlearn.segmentation.run_assignment import DISPLACED, HASTE, LEFT_OUT, MISSING, RESTED, assign
-from structlearn.segmentation.segments import cut
+from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
 from structlearn.testbeds.own.task import read_task
 from structlearn.testbeds.own.world.pick_and_place import as_recording, takes, write_takes
 

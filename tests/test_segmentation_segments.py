@@ -8,10 +8,10 @@ from pydantic import ValidationError
 
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
+from structlearn.segmentation.alignment import METHODS
 from structlearn.segmentation.cut_errors import cut_errors
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import METHODS, read_segmentation, write_segmentation
-from structlearn.segmentation.segments import cut
+from structlearn.segmentation.segments import cut, read_segmentation, write_segmentation
 
 PRIMITIVES = (
     {"name": "down", "axis": "z", "threshold_m_s": 0.01},
@@ -60,15 +60,6 @@ def test_the_turn_is_what_lies_between(two_move_demonstrations):
         np.testing.assert_array_equal(turn["end_s"], scrape["start_s"])
 
 
-def test_extension_is_undone(two_move_demonstrations):
-    short, long = (
-        cut(two_move_demonstrations, parameters(extension_s=extension)).result("scrape")
-        for extension in (0.1, 5.0)  # the longer one is clipped at both ends of every recording
-    )
-    np.testing.assert_allclose(short["start_s"], long["start_s"], atol=0.04)
-    np.testing.assert_allclose(short["end_s"], long["end_s"], atol=0.04)
-
-
 @pytest.mark.parametrize("primitive", ["down", "scrape"])
 def test_the_rest_on_both_sides_is_aligned_too(two_move_demonstrations, primitive):
     """Line 11 of algorithm IV.1: the crossings may be wrong, so both ends reach further by the extension."""
@@ -85,11 +76,6 @@ def test_reference_may_be_chosen(two_move_demonstrations):
     assert "03" not in set(segmentation.pairs["demonstration"])
     with pytest.raises(InputError, match="no demonstration named '99'"):
         cut(two_move_demonstrations, parameters(reference="99"))
-
-
-def test_downsampling_moves_the_cuts_by_less_than_its_step(two_move_demonstrations):
-    every, fourth = (cut(two_move_demonstrations, parameters(downsampling=g)).result("down") for g in (1, 4))
-    assert np.abs(every["start_s"] - fourth["start_s"]).max() < 4 * 0.01
 
 
 def motionless(demonstrations):

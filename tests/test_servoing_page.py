@@ -11,8 +11,8 @@ import yaml
 from committed import committed
 from tactile_toy import toy_dataset
 
-from structlearn.ground.populations import Population
-from structlearn.reporting.claims import Evidence, claims_table, read_claims
+from structlearn.ground.params import Population
+from structlearn.reporting.claims import Evidence, claims_table
 from structlearn.reporting.document import environment, render, words_in_view
 from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import Study
@@ -28,7 +28,6 @@ from structlearn.testbeds.servoing.page.evidence import TEXT_LL, evidence
 from structlearn.testbeds.servoing.page.figures import drawings
 from structlearn.testbeds.servoing.page.results import (
     AS_IT_STANDS,
-    PUBLISHED,
     STUDIES,
     ServoingResults,
     forward_key,
@@ -269,13 +268,6 @@ def test_page_without_any_success_can_be_drawn(results, tmp_path):
     publish_report(tmp_path, {"index": page.document(none, shown)}, drawn, shown, metrics, ())
 
 
-def test_bounds_of_claims_are_those_that_are_published():
-    claims = read_claims(Path(page.__file__).with_name("claims.yaml"))
-    bounds = {claim.evidence: claim.bound for claim in claims}
-    assert bounds["reconstruction"] == PUBLISHED["reconstruction_nmse"]
-    assert bounds["distances"] == PUBLISHED["distances_nmse"]
-
-
 def test_card_names_metrics(results):
     """Of people alone: what was not studied is not on the card."""
     card = yaml.safe_load(Path(page.__file__).with_name("card.yaml").read_text())
@@ -336,36 +328,6 @@ def test_claims_on_closed_loops_can_say_yes_and_no(results):
     assert "rest on the study" not in rendered(results)
 
 
-def test_one_person_decides_nothing(results):
-    """All verdicts stand on people; models and trials of one person, however many, on none."""
-    assert set(verdicts(results).values()) == {"not tested"}
-    found = with_people(results, everything())
-    other = replace(
-        found, models=replace(results.models, latent=latent_table(9.0, 9.0), forward=forward_table(9.0))
-    )
-    other = replace(other, comparison=comparison({TEXT: 12}), skin_tables=skin_tables(text=12))
-    assert evidence(other) == evidence(found)
-
-
-def test_a_number_that_the_study_did_not_keep_leaves_its_row_untested(results):
-    kept = everything()
-    del kept[forward_key("LL", "none", True, 2)], kept["servo_success_rate_ll_published"]
-    words = reporting_verdicts.cases(page.PACKAGE, evidence(with_people(results, kept)))
-    assert words["grows"] == {"structure": "not tested", "no structure": "yes"}
-    assert (
-        words["structure_serves"]["LL"] == words["able_ll"][""] == words["loss_needed_ll"][""] == "not tested"
-    )
-    assert words["able"] == {"": "no"}
-
-
-def test_shares_are_clustered_by_person(results):
-    """Half of the targets over people of whom two reach all and two none: nothing is known of others."""
-    found = evidence(with_people(results, {"servo_success_rate_published": np.array([1.0, 0.0, 1.0, 0.0])}))
-    assert found["able"].value == 0.5
-    assert (found["able"].low, found["able"].high) == (0.0, 1.0)
-    assert found["able"].n == 4 * CHOSEN["train_latent"].seeds * CHOSEN["servo"].trials
-
-
 def test_rows_say_that_they_are_quoted_and_none_repeats_the_numbers_of_another(results):
     rng = np.random.default_rng(0)
     found = with_people(results, {key: rng.uniform(0.6, 0.9, 4) for key in everything()})
@@ -374,14 +336,6 @@ def test_rows_say_that_they_are_quoted_and_none_repeats_the_numbers_of_another(r
     parts = [[one] if isinstance(one, Evidence) else one.values() for one in evidence(found).values()]
     values = [one.value for cases in parts for one in cases]
     assert len(set(values)) == len(values) == sum(len(one.cases) for one in judged)
-
-
-def test_the_page_says_what_the_published_controller_does_with_both_models(results):
-    """NJ is the model of the dissertation's robot, LL the one that the published controller works with."""
-    html = rendered(with_people(results, everything(**loops(published=0.3, ll_published=0.7, ours=0.9))))
-    lead = html[html.index('class="lead"') : html.index("</p>", html.index('class="lead"'))]
-    assert lead.count("over 4 people") == 1
-    assert lead.index("30.0 %") < lead.index("70.0 %") < lead.index("90.0 %")
 
 
 def test_contact_errors_are_distances_between_estimate_and_truth(results):

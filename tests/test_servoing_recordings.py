@@ -7,9 +7,7 @@ from committed import committed, committed_finger
 from viewer_files import colour_of, contents, note, values, view_names
 
 from structlearn.ground import quaternion
-from structlearn.ground.errors import InputError
-from structlearn.recordings import read_demonstrations, write_recordings
-from structlearn.simulation.touch import touching
+from structlearn.recordings import synchronise
 from structlearn.simulation.touch_demonstrator import (
     ToucherParameters,
     demonstrate,
@@ -51,8 +49,7 @@ def world(tmp_path_factory):
     """Demonstrations, their samples, a latent map that is the skin, and the truth."""
     folder = tmp_path_factory.mktemp("touch")
     runs = list(demonstrate(PERSON, committed_finger()))
-    write_recordings([recorded(one, PERSON) for one in runs], folder / "raw")
-    demonstrations = read_demonstrations(folder / "raw", rate_hz=PREPARED.rate_hz)
+    demonstrations = [synchronise(recorded(one, PERSON), PREPARED.rate_hz) for one in runs]
     write_dataset(prepare(demonstrations, SKIN, PREPARED), folder / "touch.safetensors")
     dataset = read_dataset(folder / "touch.safetensors")
     along, across = SKIN.coordinates(dataset.contact_point.astype(float))
@@ -102,18 +99,6 @@ def loops():
 def now(path, scene, places):
     """Points where a touch is, in the order of time, at each of several places of a scene."""
     return [values(path, f"{scene}/{place}/now", "Points2D:positions") for place in places]
-
-
-def test_shown_touches_are_those_that_were_asked_for(world, shown):
-    assert [one.name for one in shown] == ["translation_1_1", "rotation_1_1"]
-    swipe, turn = shown
-    assert len(np.unique(swipe.contact)) == 4
-    assert len(np.unique(turn.contact)) == 2
-    assert len(swipe.time) + len(turn.time) == len(world[1])
-    assert abs(swipe.motion.signals[:20].mean()) < 2.0  # counts; in the air the offset is gone
-    assert set(swipe.truth["trial"]) == {"translation_1_1"}
-    with pytest.raises(InputError, match="there is no 'wipe', only rotation_1_1, translation_1_1"):
-        shown_touches(*world, ("wipe",), PREPARED.air_s)
 
 
 def test_demonstrations_show_finger_electrodes_and_both_contacts(shown, tmp_path):
@@ -204,12 +189,3 @@ def test_laying_undoes_any_turn_mirror_and_shift():
     laying = map_laying(points, places)
     np.testing.assert_allclose(laying(points), places, atol=1e-12)
     np.testing.assert_allclose(laying.turn @ laying.turn.T, np.eye(2), atol=1e-12)
-
-
-def test_handle_of_closed_loops_touches_the_finger(loops):
-    handle, _, paths = loops
-    position = paths[["finger_x_m", "finger_y_m", "finger_z_m"]].to_numpy()
-    orientation = paths[["finger_qw", "finger_qx", "finger_qy", "finger_qz"]].to_numpy()
-    finger = make_scene(PERSON, committed_finger(), committed(ServoTrialParameters, "servo")).finger
-    contact = touching(position, orientation, handle, finger)
-    np.testing.assert_allclose(contact.point, paths[["x_m", "y_m", "z_m"]], atol=1e-6)

@@ -9,7 +9,7 @@ import yaml
 from committed import committed
 
 from structlearn.ground.artefacts import read_table
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.reporting.studies import read_description
 from structlearn.tactile.geodesics import read_geodesics
 from structlearn.tactile.touch_dataset import chains, read_dataset

@@ -8,15 +8,16 @@ from feedback_toy import toy_dataset
 from scraping_motions import scraping_skill
 
 from structlearn.feedback.coupling_dataset import to_table
-from structlearn.feedback.limits import largest_coupling
+from structlearn.feedback.skill import largest_coupling
 from structlearn.ground.artefacts import write_table
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
-from structlearn.recordings import read_demonstrations, write_recordings
+from structlearn.recordings import synchronise
+from structlearn.recordings.runs import read_runs, write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.board_files import read_board
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import execute_run, nominal_runs
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 
 CLOCK = committed(ClockParameters, "clock", rate_hz=RATE_HZ)
 
@@ -35,7 +36,8 @@ def data(board, tmp_path):
             expected, tmp_path / f"feedback/scraping/expected/{name}.safetensors", "traces"
         )
     runs = [execute_run(run, 0, scraping_skill(), board.testbed) for run in nominal_runs(1)]
-    write_recordings(runs, tmp_path / "raw/scraping/unrolls")
+    clocked = [synchronise(run, **CLOCK.model_dump()) for run in runs]
+    write_runs(clocked, tmp_path / "runs/scraping/unrolls.parquet")
     write_table(to_table(toy_dataset()), tmp_path / "feedback/scraping/dataset/turn.parquet")
     return tmp_path
 
@@ -50,7 +52,7 @@ def test_the_board_is_read_with_the_demonstrations_of_the_settings_asked_for(dat
     assert [one.name for one in found.primitives] == [one.name for one in board.primitives]
     assert found.expected.keys() == board.expected.keys()
     assert set(datasets["turn"].setting) == {5.0, 10.0}
-    unrolls = read_demonstrations(data / "raw/scraping/unrolls", **CLOCK.model_dump())
+    unrolls = read_runs(data / "runs/scraping/unrolls.parquet")
     np.testing.assert_array_equal(found.nominal, nominal_orientation(unrolls))
 
 

@@ -10,13 +10,11 @@ from committed import committed
 from feedback_toy import toy_dataset
 from scraping_motions import NAMES
 
-from structlearn.feedback.coupling_model import train_final
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters, train_final
 from structlearn.ground.errors import InputError
 from structlearn.policy_search import refinement
 from structlearn.policy_search.pi2 import PI2Parameters
-from structlearn.policy_search.refinement import open_loop_weights
-from structlearn.policy_search.rollouts import FEEDBACK, Rollout
+from structlearn.policy_search.refinement import FEEDBACK, Rollout, open_loop_weights
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters, refine_on_board
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 

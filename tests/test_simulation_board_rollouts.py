@@ -9,7 +9,7 @@ from committed import committed
 from parallel_work import Deadly
 from scraping_motions import CHANNELS, DURATIONS_S, NAMES, constant_network
 
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
+from structlearn.feedback.models.pmnn import open_loop
 from structlearn.testbeds.scraping.protocol import board_rollouts
 from structlearn.testbeds.scraping.protocol.board_rollouts import REFINED
 from structlearn.testbeds.scraping.protocol.executions import (
@@ -78,14 +78,6 @@ def test_a_rollout_is_repeatable_and_its_seed_decides_it(board, runs):
     assert not same(other, runs[0])
 
 
-def test_the_number_of_processes_does_not_matter(board, runs, monkeypatch):
-    monkeypatch.setenv("STRUCTLEARN_BACKEND", "fork")
-    for one, other in zip(
-        board.rollouts([open_loop(POLICY), open_loop(np.zeros(25))], [SEED, SEED]), runs, strict=True
-    ):
-        assert same(one, other)
-
-
 @pytest.fixture
 def executing(monkeypatch):
     """Puts another function in the place of the one that executes runs."""
@@ -123,20 +115,6 @@ def test_only_the_primitives_up_to_the_refined_one_are_executed(board, asked):
     assert skill.networks["turn"]["ry"] is before
 
 
-def test_the_first_primitives_run_as_long_as_they_do_alone(board, executing):
-    seen = []
-
-    def remember(*arguments):
-        seen.append(execute_run(*arguments))
-        return seen[-1]
-
-    executing(remember)
-    board.rollouts([open_loop(POLICY)], [SEED])
-    (recording,) = seen
-    assert recording.true_segments.shape == (2, 2)
-    assert recording.true_segments[-1, 1] == pytest.approx(sum(DURATIONS_S[:2]))
-
-
 def test_seeds_meet_no_other_runs_and_tell_primitives_apart(board, asked):
     seeds = [(iteration, kind, n) for iteration in range(3) for kind in range(3) for n in range(4)]
     for name in NAMES[1:]:
@@ -158,26 +136,6 @@ def test_a_network_that_is_no_number_fails_alone(board, runs):
     broken, good = board.rollouts([open_loop(np.full(25, np.nan)), open_loop(POLICY)], [SEED, SEED])
     assert_failed(broken, "InputError: the network of 'turn' for ry holds a value that is not finite")
     assert same(good, runs[0])
-
-
-@pytest.mark.filterwarnings("ignore:overflow")
-def test_absurd_weights_never_raise(board):
-    """The controller bounds what they ask for; if the run diverges all the same, its rollout says so."""
-    rng = np.random.default_rng(0)
-    wild = PhaseModulatedNetwork(
-        input_mean=np.zeros(CHANNELS),
-        input_scale=np.full(CHANNELS, 1e-300),
-        hidden=((1e300 * rng.normal(size=(4, CHANNELS)), np.zeros(4)),),
-        phase_weights=1e300 * rng.normal(size=(25, 4)),
-        phase_biases=np.zeros(25),
-        output_weights=np.full(25, 1e300),
-    )
-    for run in board.rollouts([wild, open_loop(np.full(25, -1e300))], [SEED, SEED]):
-        if run.fault:
-            assert_failed(run, "")
-        else:
-            assert np.isfinite(run.cost).all()
-            assert np.isfinite(run.samples.target).all()
 
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e9, 1e300])

@@ -7,10 +7,10 @@ import pytest
 from committed import committed
 from scraping_motions import DURATIONS_S, NAMES, constant_network, scraping_skill
 
-from structlearn.feedback.limits import Limits
+from structlearn.feedback.skill import Limits
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
-from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 EVALUATION = EvaluationParameters(settings_deg=(0.0, 8.8), runs=2)
@@ -31,14 +31,12 @@ def sets():
 
 
 def test_every_setting_has_its_runs_with_their_cuts(sets):
-    for model, (recordings, executed) in sets.items():
+    for model, executed in sets.items():
         assert executed.model == model
-        assert list(recordings) == list(executed.runs) == [0.0, 8.8]
+        assert list(executed.runs) == [0.0, 8.8]
         for setting, runs in executed.runs.items():
             assert [run.name for run in runs] == ["01", "02"]
             assert all(f"roll {setting:g} " in run.provenance["setting"] for run in runs)
-            for recording, run in zip(recordings[setting], runs, strict=True):
-                np.testing.assert_allclose(run.position[0], recording.streams[0].values[0, :3], atol=1e-9)
             assert list(executed.cuts[setting]) == list(NAMES)
             for name, duration in zip(NAMES, DURATIONS_S, strict=True):
                 table = executed.cuts[setting][name]
@@ -47,13 +45,13 @@ def test_every_setting_has_its_runs_with_their_cuts(sets):
 
 
 def test_only_a_skill_with_networks_has_feedback(sets):
-    words = {model: recordings[0.0][0].provenance["what"] for model, (recordings, _) in sets.items()}
+    words = {model: executed.runs[0.0][0].provenance["what"] for model, executed in sets.items()}
     assert words == {"nominal": "execution, nominal", "pushing": "execution, with feedback"}
 
 
 def test_runs_of_equal_number_met_equal_conditions(sets):
     """Before the contact nothing differs between the sets, noise of all sensors included."""
-    (_, nominal), (_, pushing) = sets.values()
+    nominal, pushing = sets.values()
     for setting in EVALUATION.settings_deg:
         for one, other in zip(nominal.runs[setting], pushing.runs[setting], strict=True):
             air = slice(0, round(300 * (DURATIONS_S[0] - 0.05)))

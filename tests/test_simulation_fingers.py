@@ -75,22 +75,10 @@ def test_more_load_thins_the_fluid_under_the_contact():
     assert change[1, nearest] > 10  # the right one is relieved
 
 
-def test_no_finger_pulls():
-    change = pressed(pair(**STILL, **ELASTIC), force=[-8.0, 0.0, 0.0])
-    further = pressed(pair(**STILL, **ELASTIC), force=[-10.0, 0.0, 0.0])
-    np.testing.assert_array_equal(change[0], further[0])  # the left finger has let go
-
-
 def test_torque_about_scraping_moves_the_contacts_in_opposite_directions_along_the_fingers():
     change = pressed(pair(**STILL), torque=[0.0, 0.01, 0.0])
     assert change[0, BELOW].sum() < change[0, ABOVE].sum()  # left: towards the palm
     assert change[1, BELOW].sum() > change[1, ABOVE].sum()  # right: towards the tip
-
-
-def test_a_turn_about_scraping_does_what_its_torque_does():
-    by_torque = pressed(pair(**STILL), torque=[0.0, 0.01, 0.0])
-    by_turn = pressed(pair(**STILL), turn=[0.0, 0.1, 0.0])
-    assert np.corrcoef(by_torque.ravel(), by_turn.ravel())[0, 1] > 0.9
 
 
 @pytest.mark.usefixtures("opposite")
@@ -136,13 +124,6 @@ def test_hysteresis_does_not_depend_on_rate():
     assert widths[0] == pytest.approx(widths[1], abs=0.02)
 
 
-def test_without_hysteresis_and_creep_there_is_no_loop():
-    time = np.arange(600) / RATE_HZ
-    force = np.sin(2 * np.pi * time / 2.0)
-    reading = counts(pair(**STILL, **ELASTIC), along(2, force))
-    assert loop_width(force[-200:], reading[-200:, 9]) < 0.01
-
-
 def test_default_loops_are_as_wide_as_published_ones():
     """Silicone sensors in compression at 0.1 Hz: 3 to 4 % (Romano et al. 2024)."""
     time = np.arange(3000) / RATE_HZ
@@ -185,19 +166,6 @@ def test_noise_is_white_and_of_the_set_size():
     assert reading.std(axis=0).mean() == pytest.approx(np.hypot(3.0, 12**-0.5), rel=0.02)
     change = np.diff(reading, axis=0)
     assert change.std() == pytest.approx(np.sqrt(2) * np.hypot(3.0, 12**-0.5), rel=0.02)
-
-
-@pytest.mark.parametrize("place", range(3))
-def test_numbers_that_are_none(place):
-    wrench = [np.zeros(3), np.zeros(3), np.zeros(3)]
-    wrench[place][1] = np.nan
-    with pytest.raises(ValueError, match="must be finite"):
-        pair().read(*wrench)
-
-
-def test_rates_that_are_none():
-    with pytest.raises(ValueError, match="rate must be positive"):
-        FingerPair(committed(TouchParameters, "testbed.touch"), 0, np.random.default_rng(0), 0.0)
 
 
 @given(

@@ -16,9 +16,7 @@ from structlearn.testbeds.scraping.world.scraping_robot import (
     joint_angles,
     urdf,
 )
-from structlearn.testbeds.scraping.world.scraping_robot import (
-    whole as whole_robot,
-)
+from structlearn.testbeds.scraping.world.scraping_robot import whole as whole_robot
 
 JOINTS = ARM_JOINTS + len(GRASP_JOINTS)
 GRAVITY = np.array([0.0, 0.0, -9.81])

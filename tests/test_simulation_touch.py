@@ -10,15 +10,8 @@ from scipy.optimize import minimize_scalar
 
 from structlearn.ground import quaternion
 from structlearn.recordings.checks import check_recording
-from structlearn.simulation.touch import Handle, make_finger, moved, read_out, rested, touch, touching
-from structlearn.simulation.touch_demonstrator import (
-    TRUTH,
-    ToucherParameters,
-    demonstrate,
-    held_on_handle,
-    recorded,
-    true_contacts,
-)
+from structlearn.simulation.touch import Handle, make_finger, moved, rested, touch, touching
+from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, held_on_handle, recorded
 from structlearn.tactile.electrodes import SKINS, biotac
 from structlearn.tactile.touch_preparation import contact_points
 
@@ -80,14 +73,6 @@ def test_rolling_moves_the_contact_round_the_finger():
     assert after.load[0] == pytest.approx(before.load[0])
 
 
-def test_swiping_moves_the_contact_the_other_way_and_pressing_loads_it():
-    position, orientation = held_on_handle(np.array([-0.005]), np.zeros(1), np.ones(1), BAR, FINGER)
-    swiped = touching(*moved(position, orientation, np.array([[0.01, 0, 0, 0, 0, 0]]), 0.1), BAR, FINGER)
-    assert FINGER.skin.coordinates(swiped.point)[0][0] == pytest.approx(-0.006)
-    pressed = touching(*moved(position, orientation, np.array([[0, 0, -0.001, 0, 0, 0]]), 0.1), BAR, FINGER)
-    assert pressed.load[0] == pytest.approx(FINGER.stiffness * (FINGER.indentation(1.0) + 1e-4) ** 1.5)
-
-
 def test_a_motion_is_in_the_frame_of_the_finger():
     orientation = quaternion.from_rotation_vector(np.array([[0, 0, np.pi / 2]]))
     position, turned = moved(np.zeros((1, 3)), orientation, np.array([[1.0, 0, 0, 0, 0, 0.1]]), 0.5)
@@ -123,14 +108,6 @@ def test_pressure_rises_with_load_all_over_the_skin(name):
         pressure.append(-(signal[-1] - finger.response.offset[0]).mean(axis=1))
     assert (pressure[0] > 0).all()
     assert (np.diff(pressure, axis=0) > 0).all()
-
-
-def test_a_rested_finger_reads_its_offsets():
-    signal, _ = touch(np.zeros((3, 2)), np.zeros((3, 2, 3)), FINGER, rested(2, FINGER))
-    np.testing.assert_array_equal(signal, np.broadcast_to(FINGER.response.offset[0], signal.shape))
-    counts = read_out(np.zeros((4000, 19)), FINGER, np.random.default_rng(0))
-    np.testing.assert_array_equal(counts, np.rint(counts))
-    assert counts.std() == pytest.approx(np.hypot(FINGER.noise_counts, 12**-0.5), rel=0.03)
 
 
 @pytest.fixture(scope="module")
@@ -178,9 +155,3 @@ def test_recordings_are_valid_and_repeat(runs, person):
             np.testing.assert_array_equal(left.values, right.values)
             np.testing.assert_array_equal(left.stamps, right.stamps)
         assert len(one.streams[0].stamps) == pytest.approx(3 * len(one.streams[1].stamps), abs=3)
-
-
-def test_the_truth_has_a_row_per_sample(runs, person):
-    table = true_contacts(runs[0], person)
-    assert tuple(table) == TRUTH
-    assert len(table) == len(runs[0].counts)

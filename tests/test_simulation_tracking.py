@@ -8,8 +8,8 @@ from committed import committed
 from dynamics_motion import committed_motion
 
 from structlearn.rigid_body import compiled_dynamics
-from structlearn.rigid_body.any_model import bodies_model, model_torques
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
+from structlearn.rigid_body.compiled_models import bodies_model, model_torques
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.inertia_parameters import free_parameters
 from structlearn.rigid_body.operational_space_velocity import tool_motion
@@ -22,8 +22,8 @@ from structlearn.testbeds.dynamics.protocol.tracking import (
     learned,
     track,
 )
+from structlearn.testbeds.dynamics.world.arm_motion import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
-from structlearn.testbeds.dynamics.world.reaching import ReachingParameters, first_posture, reaches
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 MOTION = committed_motion(duration_s=2.0)

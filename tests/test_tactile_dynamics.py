@@ -8,21 +8,19 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from tactile_toy import doubled
 
-from structlearn.tactile.forward_dynamics import (
+from structlearn.tactile.latent_dynamics import (
     AffineDynamics,
+    LatentStep,
     LocallyLinearDynamics,
     NonLinearDynamics,
     applied,
     chained,
-)
-from structlearn.tactile.inverse_dynamics import (
-    LatentStep,
-    inferred_action,
     linearised,
     negative_gradient,
     optimal_action,
     receding_horizon_action,
 )
+from structlearn.tactile.latent_models import StackedAutoencoders, latent_losses
 
 DT = 0.31
 MODELS, SAMPLES = 2, 5
@@ -123,16 +121,6 @@ def test_negative_gradient_is_that_of_autograd():
     torch.testing.assert_close(negative_gradient(dynamics, latent, target, time_step), -gradient)
 
 
-@pytest.mark.parametrize(("inverse", "dynamics"), [("LL", locally_linear()), ("NG", nonlinear())])
-def test_inverse_models_lead_towards_the_target(inverse, dynamics):
-    at, rest = step(), torch.zeros(MODELS, 6, SAMPLES, dtype=torch.float64)
-    idle = at.latent + DT * dynamics.rate(at.latent, rest)
-    target = idle + 1e-3 * draw(MODELS, 3, SAMPLES, seed=4)
-    action = inferred_action(inverse, dynamics, at, target, penalty=0.1)
-    arrived = at.latent + DT * dynamics.rate(at.latent, 1e-2 * action)  # short: the model is not linear
-    assert ((arrived - target).norm(dim=1) < (idle - target).norm(dim=1)).all()
-
-
 @pytest.mark.parametrize("horizon", [1, 2, 5])
 def test_horizon_is_what_a_numerical_solver_finds(horizon):
     dynamics, penalty = affine(), 0.2
@@ -152,3 +140,29 @@ def test_horizon_is_what_a_numerical_solver_finds(horizon):
     if horizon == 1:
         time_step = torch.tensor([DT], dtype=torch.float64)
         torch.testing.assert_close(found, optimal_action(dynamics, latent, target, time_step, penalty))
+
+
+def test_losses_are_those_of_the_text():
+    stack = StackedAutoencoders.initial(2, 6, (5, 4), torch.Generator().manual_seed(0))
+    rng = np.random.default_rng(0)
+    signals, pressure, geodesic = rng.normal(size=(2, 6, 8)), rng.normal(size=(2, 8)), rng.random((2, 4))
+    losses = latent_losses(
+        stack, *(torch.tensor(values, dtype=torch.float32) for values in (signals, pressure, geodesic))
+    )
+    inputs = torch.tensor(signals, dtype=torch.float32)
+    latent = stack.encoder.forward(inputs, training=True).detach()
+    decoded = stack.decoder.forward(latent, training=True).detach().numpy()
+    latent = latent.numpy()
+    apart = np.hypot(*np.moveaxis(latent[:, :2, :4] - latent[:, :2, 4:], 1, 0))
+    errors = {"distances": apart - geodesic, "pressure": latent[:, 2] - pressure}
+    for name, error in (errors | {"reconstruction": decoded - signals}).items():
+        expected = np.square(error).reshape(2, -1).mean(axis=1)
+        np.testing.assert_allclose(getattr(losses, name).detach(), expected, rtol=1e-4)
+
+
+def test_two_samples_at_one_point_have_a_gradient():
+    stack = StackedAutoencoders.initial(1, 6, (5,), torch.Generator().manual_seed(0))
+    same = torch.randn(1, 6, 4).repeat(1, 1, 2)
+    losses = latent_losses(stack, same, torch.zeros(1, 8), torch.ones(1, 4))
+    found = torch.autograd.grad(losses.distances.sum(), stack.encoder.weights)
+    assert all(gradient.isfinite().all() for gradient in found)

@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from structlearn.tactile.electrodes import DEPTH, SKINS, biotac, flat_pad
+from structlearn.ground.errors import InputError
+from structlearn.tactile.electrodes import DEPTH, SKINS, biotac, flat_pad, skin_distance, sphere
+from structlearn.tactile.touch_preparation import contact_points
 
 UNIT = st.floats(0.0, 1.0)
 
@@ -65,3 +67,66 @@ def test_biotac_mirrors():
 def test_the_pad_is_flat_where_its_electrodes_are():
     surface = flat_pad().project(flat_pad().electrodes)
     np.testing.assert_allclose(surface[:, 2], surface[0, 2])
+
+
+# Shortest paths on skins against closed forms.
+
+
+def test_on_a_cylinder_it_is_a_helix():
+    skin = biotac()
+    along, across = np.array([[-0.012, -0.004], [-0.006, 0.0]]), np.array([[-0.006, 0.005], [-0.002, -0.007]])
+    found = skin_distance(*(skin.surface(*ends) for ends in zip(along, across, strict=True)), skin)
+    np.testing.assert_allclose(found, np.hypot(np.diff(along, axis=0), np.diff(across, axis=0))[0], rtol=2e-3)
+
+
+def test_on_a_sphere_it_is_a_great_circle():
+    skin = sphere()
+    first, second = skin.surface(np.array([-0.008]), np.array([0.004])), skin.surface([0.005], [-0.007])
+    angle = np.arccos((first * second).sum(axis=1) / skin.radius**2)
+    np.testing.assert_allclose(skin_distance(first, second, skin), skin.radius * angle, rtol=2e-3)
+
+
+def test_on_a_plane_it_is_straight():
+    skin = flat_pad()
+    first, second = skin.surface([-0.015], [-0.005]), skin.surface([-0.002], [0.006])
+    assert skin_distance(first, second, skin)[0] == pytest.approx(np.hypot(0.013, 0.011), rel=1e-6)
+
+
+# Point of contact from electrodes.
+
+
+def published(signal: np.ndarray) -> np.ndarray:
+    """One sample in mm, by the published formula for the BioTac with its two cases."""
+    weight = np.minimum(signal, 0) ** 2
+    c = (weight[:, None] * 1e3 * biotac().electrodes).sum(axis=0) / weight.sum()
+    if c[0] > 0:
+        return 7 * c / np.linalg.norm(c)
+    return np.array([c[0], *(7 * c[1:] / np.linalg.norm(c[1:]))])
+
+
+def test_agrees_with_the_published_formula():
+    signals = np.random.default_rng(0).normal(size=(200, 19)) * 50
+    found = 1e3 * contact_points(signals, biotac())
+    assert found[:, 0].min() < 0 < found[:, 0].max()
+    np.testing.assert_allclose(found, [published(signal) for signal in signals], atol=1e-9)
+
+
+def test_a_rise_does_not_pull():
+    signals = np.zeros((2, 19))
+    signals[:, 3] = -10
+    signals[1, 8] = 500  # bulge
+    found = contact_points(signals, biotac())
+    np.testing.assert_array_equal(found[0], found[1])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda signals: signals[:, :5], "has 19 electrodes"),
+        (lambda signals: np.where(np.arange(19) == 4, np.nan, signals), "row 0, electrode 5: value is nan"),
+        (lambda signals: signals * [[1], [-1]], "row 1: nothing touches"),
+    ],
+)
+def test_what_cannot_be_estimated_is_named(change, message):
+    with pytest.raises(InputError, match=message):
+        contact_points(change(-np.ones((2, 19))), biotac())

@@ -57,15 +57,6 @@ def test_graph_distances_are_those_of_the_library(name):
     np.testing.assert_allclose(graph_distances(points, 18, 0.0), expected, rtol=1e-6)
 
 
-def test_the_skin_is_gone_round_not_cut_through():
-    _, points = spread("biotac")
-    found = graph_distances(points, 18, 0.0)
-    chord = np.linalg.norm(points[:, None] - points, axis=2)
-    assert (found > chord - 1e-8).all()
-    widest = np.unravel_index(np.argmax(np.abs(points[:, None, 1] - points[:, 1])), chord.shape)
-    assert found[widest] > 1.4 * chord[widest]
-
-
 def test_distances_are_a_metric():
     _, points = spread("biotac", 300)
     points[1] = points[0]  # the same place twice

@@ -56,20 +56,3 @@ def test_counts_of_another_scale_look_the_same(touches, learned):
     errors = latent_errors(models, seen).set_index(["split", "structure", "seed"])
     names = ["reconstruction", "distances", "pressure"]
     np.testing.assert_allclose(errors.loc["own", names], errors.loc["other", names], rtol=1e-3)
-
-
-def test_structure_makes_a_map_and_all_reconstruct(touches, learned):
-    units, models = learned
-    errors = latent_errors(models, {"train": seen_in(units, *touches, TRAIN, 500)})
-    assert (errors["reconstruction"] < 0.5).all()
-    by = errors.groupby("structure")[["distances", "pressure"]].mean()
-    assert (by.loc[True] < 0.3).all()
-    assert (by.loc[True] < 0.5 * by.loc[False]).all()
-
-
-def test_the_same_seed_gives_the_same_networks(touches):
-    brief = FEW.model_copy(update={"training": FEW.training.model_copy(update={"steps": 3})})
-    units = own_units(*touches)
-    first, again = (learn_spaces(*touches, units, brief).to_arrays() for _ in range(2))
-    for name, values in first.items():
-        np.testing.assert_array_equal(values, again[name])

@@ -14,14 +14,7 @@ from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import seeded
 from structlearn.tactile.geodesics import Geodesics
 from structlearn.tactile.latent_comparison import learn
-from structlearn.tactile.latent_evaluation import (
-    ChainData,
-    SplitData,
-    decoded_errors,
-    direction_errors,
-    forward_errors,
-    latent_errors,
-)
+from structlearn.tactile.latent_evaluation import ChainData, decoded_errors, direction_errors
 from structlearn.tactile.latent_models import LatentModels, read_models, write_models
 from structlearn.tactile.latent_parameters import (
     FORWARD_OF,
@@ -39,7 +32,6 @@ from structlearn.tactile.latent_training import (
     direction_loss,
     draw_pairs,
     dynamics_loss,
-    train,
     training_data,
 )
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo
@@ -122,17 +114,6 @@ def test_contacts_that_are_too_short_for_chains_are_refused(touch, part, message
         learn(short, geodesics, SMALL.model_copy(update={"longest_chain": 4}))
 
 
-def test_without_chains_the_dynamics_stay_as_they_are(lesson):
-    stack, untouched = models(), models()
-    bare = dataclasses.replace(
-        lesson, chains=lesson.chains[:0], actions=lesson.actions[:0], time_step=lesson.time_step[:0]
-    )
-    assert list(train(stack, bare, QUICK.model_copy(update={"steps": 3}))) == [3]
-    for one, other in zip(stack.dynamics_parameters(), untouched.dynamics_parameters(), strict=True):
-        assert torch.equal(one, other)
-    assert not torch.equal(stack.autoencoders.parameters()[0], untouched.autoencoders.parameters()[0])
-
-
 def test_pairs_share_bin_and_split(touch):
     dataset, geodesics = touch
     pairs = draw_pairs(dataset, geodesics, TEST, 402, np.random.default_rng(0))
@@ -189,14 +170,6 @@ def test_direction_loss_is_that_of_the_text():
     assert direction_loss(torch.tensor(3.0 * action), torch.tensor(action)).item() < 1e-9
 
 
-def test_training_is_deterministic(lesson):
-    first, second = models(), models()
-    for stack in (first, second):
-        assert list(train(stack, lesson, QUICK.model_copy(update={"steps": 20}))) == [20]
-    for name, values in first.to_arrays().items():
-        assert torch.equal(values, second.to_arrays()[name]), name
-
-
 def test_structure_gives_a_map_of_the_skin(comparison):
     test = comparison.latent.query("split == 'test'").groupby("structure").mean(numeric_only=True)
     assert test.loc[True, "distances"] < 0.15 < test.loc[False, "distances"]
@@ -212,16 +185,6 @@ def test_dynamics_beat_standing_still_and_their_loss_turns_the_inverse_right(com
     asked = comparison.directions.query("structure and comparison == 'encoder'")
     distance = asked.groupby(["inverse", "trained_with"])["distance"].mean()
     assert distance[JACOBIAN, JACOBIAN] < distance[JACOBIAN, NO_INVERSE]
-
-
-def test_the_learning_curve_ends_at_the_final_errors(comparison):
-    last = comparison.curve.query("step == @QUICK.steps and quantity == 'reconstruction'")
-    final = comparison.latent.query("split == 'test'")
-    keys = ["structure", "seed"]
-    np.testing.assert_allclose(
-        last.sort_values(keys)["value"], final.sort_values(keys)["reconstruction"], rtol=1e-9
-    )
-    assert set(comparison.curve["step"]) == {125, 250}
 
 
 def test_errors_are_normalised_as_everywhere(comparison, touch):
@@ -349,19 +312,6 @@ def test_predictions_are_held_against_the_touch_that_followed(comparison, lesson
 def test_parts_of_the_forward_error_make_its_mean(comparison):
     table = comparison.forward
     np.testing.assert_allclose(table["nmse"], (2 * table["plane"] + table["third"]) / 3, rtol=1e-5)
-
-
-def test_evaluation_leaves_models_as_they_are(comparison, lesson):
-    stack = comparison.models
-    before = {name: values.clone() for name, values in stack.to_arrays().items()}
-    chain = ChainData(lesson.signals, lesson.chains[:50], lesson.actions[:50], lesson.time_step[:50])
-    first, second = lesson.pairs[:50].T
-    pairs = lesson.signals[first], lesson.signals[second], lesson.geodesic[:50]
-    split = SplitData(lesson.signals[:50], lesson.pressure[:50], *pairs)
-    latent_errors(stack, {"train": split})
-    forward_errors(stack, chain)
-    for name, values in stack.to_arrays().items():
-        assert torch.equal(values, before[name]), name
 
 
 def test_directions_count_by_the_size_of_the_true_action(comparison, lesson):

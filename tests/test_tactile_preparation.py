@@ -1,17 +1,14 @@
 """From recordings of a finger to samples."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from committed import committed
-from pydantic import ValidationError
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.tactile.electrodes import biotac
-from structlearn.tactile.touch_dataset import OTHER, ROTATION, TEST, TRAIN, VALIDATION
+from structlearn.tactile.touch_dataset import ROTATION, TEST, TRAIN, VALIDATION
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare, splits
 
 RATE_HZ = 100.0
@@ -57,11 +54,6 @@ def test_contacts_are_found_with_their_velocities_and_offsets():
         assert len(np.unique(dataset.split[dataset.contact == contact])) == 1
 
 
-def test_unknown_motions_are_other():
-    dataset = prepare([replace(pressed_twice(), provenance={})] * 2, biotac(), PARAMETERS)
-    assert (dataset.motion == OTHER).all()
-
-
 def test_splits_have_their_shares_and_spread_over_motions():
     motions = np.repeat([0, 1], [42, 112])
     split = splits(motions, PARAMETERS)
@@ -87,8 +79,3 @@ def test_splits_have_their_shares_and_spread_over_motions():
 def test_recordings_that_cannot_be_used_are_named(changes, message):
     with pytest.raises(InputError, match=message):
         prepare([pressed_twice(**changes)], biotac(), PARAMETERS)
-
-
-def test_thresholds_must_rise():
-    with pytest.raises(ValidationError, match="must not be below"):
-        committed(TouchDataParameters, "touch_dataset", touched_counts=10, pressed_counts=5)

@@ -8,18 +8,11 @@ import torch
 from committed import committed
 from tactile_toy import doubled, toy_dataset
 
-from structlearn.tactile.forward_dynamics import LocallyLinearDynamics, NonLinearDynamics, applied
-from structlearn.tactile.inverse_dynamics import LatentStep
+from structlearn.tactile.latent_dynamics import LatentStep, LocallyLinearDynamics, NonLinearDynamics, applied
 from structlearn.tactile.latent_models import LatentModels
 from structlearn.tactile.latent_parameters import NetworkParameters
 from structlearn.tactile.latent_training import CHAIN_STEPS
-from structlearn.tactile.resting_servo import (
-    Caution,
-    RestingServo,
-    action_slope,
-    corrected,
-    steepest_action,
-)
+from structlearn.tactile.resting_servo import Caution, RestingServo, action_slope, corrected, steepest_action
 from structlearn.tactile.servo_controller import ServoParameters
 from structlearn.tactile.touch_dataset import LINEAR, TRAIN, TouchUnits, chains, touch_units
 
@@ -70,10 +63,6 @@ def test_the_steepest_action_is_the_best_on_its_line():
     assert torch.allclose(torch.cosine_similarity(best, downhill, dim=1), torch.ones(2, 4).double())
     for factor in (0.9, 1.1):
         assert (cost(best) < cost(factor * best)).all()
-
-
-def test_no_slope_asks_for_no_action():
-    assert (steepest_action(torch.zeros(1, 3, 6, 2), torch.ones(1, 3, 2), torch.zeros(1)) == 0).all()
 
 
 def test_likely_actions_are_those_of_the_training_split():

@@ -14,11 +14,11 @@ from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, learn_primitive, segment_paths, whole
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
-from structlearn.viewer.diagram import Diagram, rounded_range, tick_step
+from structlearn.viewer.diagram import Diagram, tick_step
 from structlearn.viewer.learned_primitives import write_primitives
-from structlearn.viewer.notes import legend, origin_sentence, send_notes
+from structlearn.viewer.notes import legend, send_notes
 from structlearn.viewer.recorded_demonstrations import write_demonstrations
-from structlearn.viewer.rrd import RESTING, deviation_colours, recording, send_primitive_lane, time_column
+from structlearn.viewer.rrd import recording, send_primitive_lane, time_column
 
 THINNED = 2  # samples of 200 Hz per row in a recording
 
@@ -44,25 +44,6 @@ def test_demonstrations_show_every_signal_on_one_time_line(tmp_path):
     assert rows["/cuts/z/1"] == rows["/primitive/1"] == 4
     assert {"/paths/1", "/paths/two\\ words\\/2"} <= entities
     assert "Test (simulated)" in view_names(path)
-
-
-def test_demonstrations_without_orientation_wrench_and_tactile(tmp_path):
-    path = tmp_path / "positions.rrd"
-    write_demonstrations(path, [demonstration("1", **ONLY_POSITION), demonstration("2", **ONLY_POSITION)])
-    rows, entities, _ = contents(path)
-    assert rows["/hands/1"] == 350
-    assert not any(path.startswith(("/turned", "/force", "/tactile", "/primitive")) for path in entities)
-    assert "Demonstrations" in view_names(path)  # recorded: nothing is added to the title
-
-
-def test_mixed_origins_and_signals_are_told_apart(tmp_path):
-    path = tmp_path / "mixed.rrd"
-    odd = demonstration("odd", **{**ONLY_POSITION, "tactile": np.zeros((700, 5))})
-    write_demonstrations(path, [demonstration("1"), odd], None, "Mixed")
-    rows, entities, _ = contents(path)
-    assert rows["/tactile/odd"] == 350  # no multiple of a finger's electrodes: one plot
-    assert "/turned/odd" not in entities
-    assert {"Mixed (1 of 2 simulated)", "1 (simulated)", "odd"} <= set(view_names(path))
 
 
 @pytest.mark.parametrize("turn", [None, 0.5, 7.0])  # no orientation, quaternion and twist-swing primitive
@@ -146,21 +127,6 @@ def test_notes_and_lanes(tmp_path):
     assert values(path, "/notes", "TextDocument:text") == [["- light blue: the one"]]
 
 
-def test_what_a_panel_says_of_the_origin():
-    simulated, recorded = demonstration("1"), demonstration("2", provenance={})
-    sentences = [origin_sentence(runs) for runs in ([simulated], [recorded], [simulated, recorded])]
-    assert "simulated" in sentences[0]
-    assert "simulated" not in sentences[1]
-    assert sentences[2].startswith("1 of 2 ")
-
-
-def test_colours_of_deviations():
-    colours = deviation_colours(np.array([-50.0, -20.0, 0.0, 20.0, 500.0]), 20.0)
-    names = [f"#{colour >> 8:06x}" for colour in colours.tolist()]
-    assert names == [SKY, SKY, RESTING, ORANGE, ORANGE]
-    assert (colours & 0xFF == 0xFF).all()
-
-
 def test_a_diagram_turns_values_into_places_from_its_upper_left_corner():
     diagram = Diagram((1.0, 3.0), (-10.0, 10.0), width=20.0, height=5.0)
     found = diagram.points(np.array([1.0, 2.0, 3.0]), np.array([10.0, 0.0, -10.0]))
@@ -171,9 +137,3 @@ def test_a_diagram_turns_values_into_places_from_its_upper_left_corner():
 def test_ticks_are_1_2_or_5_times_a_power_of_ten(low, high, step):
     assert tick_step(low, high) == pytest.approx(step)
     assert tick_step(low / 1000, high / 1000) == pytest.approx(step / 1000)
-
-
-def test_ranges_hold_all_values_and_end_at_ticks():
-    assert rounded_range(np.array([-97.0, 171.0])) == pytest.approx((-100.0, 200.0))
-    assert rounded_range(np.array([3.0, 4.1]), least=0.0) == pytest.approx((0.0, 5.0))
-    assert rounded_range(np.zeros(3)) == (0.0, 1.0)

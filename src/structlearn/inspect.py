@@ -10,8 +10,7 @@ from pathlib import Path
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run
-from structlearn.testbeds.own.protocol.findings import find_out
-from structlearn.testbeds.own.survey_report import as_yaml, report
+from structlearn.testbeds.own.survey_report import as_yaml, find_out, report
 
 
 def main() -> None:

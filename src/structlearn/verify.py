@@ -16,7 +16,7 @@ from pathlib import Path
 from structlearn.ground.artefacts import read_description, read_metrics, read_table, read_tensors
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import read_values
-from structlearn.recordings.bag_reader import read_bag
+from structlearn.recordings.bag import read_bag
 
 SKILL = '{"reactive_skill"'
 """How the description of a skill file begins."""

@@ -15,7 +15,7 @@ from structlearn.rigid_body.online_learning import (
     learn_payload,
 )
 from structlearn.simulation.arm import ArmParameters
-from structlearn.testbeds.dynamics.files import PAYLOAD, as_motion, read_logs, step_s
+from structlearn.testbeds.dynamics.files import as_motion, read_logs, step_s
 
 
 def main() -> None:
@@ -24,7 +24,7 @@ def main() -> None:
     robot = stage_parameters("arm", ArmParameters).read()
     sines = as_motion(read_logs(IDEAL)[IDEAL])
     errors = learn_once_through(robot.tree, sines, parameters, learning)
-    carrying = read_logs(PAYLOAD)
+    carrying = read_logs("payload")
     logs = [(as_motion(log), step_s(log)) for log in carrying.values()]
     learn = partial(learn_payload, tree=robot.tree, inertias=robot.inertias, parameters=parameters.payload)
     found = zip(carrying, parallel_map(learn, logs, "payloads"), strict=True)

@@ -5,12 +5,11 @@ from operator import call
 
 from structlearn.ground.artefacts import publish
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.joint_log import write_joint_log
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.simulation.arm import ArmParameters
-from structlearn.testbeds.dynamics.files import PAYLOAD, RAW
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import (
     RecordMotionParameters,
@@ -29,10 +28,10 @@ def main() -> None:
     robot = arm.read()
     logs = {f"{IDEAL}/{IDEAL}": partial(ideal_log, robot, motion)}
     for seed in stage_parameters("dynamics_robots", Population).test:
-        logs[f"{PAYLOAD}/{seed}"] = partial(payload_log, robot, stand_ins, seed, parameters.payload, motion)
+        logs[f"payload/{seed}"] = partial(payload_log, robot, stand_ins, seed, parameters.payload, motion)
         logs[f"{ROBOT}/{seed}"] = partial(stand_in_log, robot, stand_ins, seed, motion)
     made = dict(zip(logs, parallel_map(call, logs.values(), "logs"), strict=True))
-    with publish(RAW) as folder:
+    with publish("data/raw/dynamics") as folder:
         for name, log in made.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             write_joint_log(log, folder / f"{name}.mcap")

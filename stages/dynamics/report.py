@@ -2,28 +2,28 @@
 
 import pandas as pd
 
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.studies import read_study
-from structlearn.rigid_body.agreement import agreement_with_pinocchio
 from structlearn.rigid_body.model_names import COULOMB, ROBOT
+from structlearn.rigid_body.newton_euler import agreement_with_pinocchio
 from structlearn.rigid_body.online_learning import OnlineParameters
 from structlearn.rigid_body.training_grid import TEXT, DynamicsTrainingParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
+from structlearn.testbeds.dynamics.page.figures import arm_still
 from structlearn.testbeds.dynamics.page.page import publish_dynamics
-from structlearn.testbeds.dynamics.protocol.robot_behind_log import (
+from structlearn.testbeds.dynamics.protocol.scored_results import (
+    DynamicsResults,
     friction_table,
     known_errors,
     residual_torques,
 )
-from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import ArmMotionParameters
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
-from structlearn.testbeds.dynamics.world.scene_still import arm_still
 from structlearn.testbeds.dynamics.world.stand_in_robot import StandInParameters, stand_in
 
 PARAMETERS = {

@@ -6,7 +6,7 @@ from functools import cache
 import pandas as pd
 
 from structlearn.ground.artefacts import publish, read_table, write_table
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.rigid_body.dynamics_models import DynamicsModels, read_dynamics_models
 from structlearn.rigid_body.model_names import IDEAL, ROBOT

@@ -4,9 +4,8 @@ import pandas as pd
 
 from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import run, stage_parameters
-from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.base_parameters import base_parameters, base_table, link_table
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
-from structlearn.rigid_body.inertia_tables import base_table, link_table
 from structlearn.rigid_body.model_names import IDEAL, ROBOT
 from structlearn.rigid_body.training_grid import DynamicsTrainingParameters, scores, train, trainings
 from structlearn.simulation.arm import ArmParameters

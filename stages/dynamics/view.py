@@ -6,16 +6,15 @@ from structlearn.rigid_body.training_grid import DynamicsTrainingParameters
 from structlearn.simulation.arm import ArmParameters, urdf_path
 from structlearn.testbeds.dynamics import files
 from structlearn.testbeds.dynamics.names import IDEAL, ROBOT, SHOWN_FORM
-from structlearn.testbeds.dynamics.protocol.tracked_reaches import tracked_reaches
-from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters
-from structlearn.testbeds.dynamics.recordings.payload import write_payload
-from structlearn.testbeds.dynamics.recordings.reaches_recording import write_reaches
-from structlearn.testbeds.dynamics.recordings.shown_motions import (
+from structlearn.testbeds.dynamics.protocol.tracking import TrackingParameters, tracked_reaches
+from structlearn.testbeds.dynamics.recordings.log_recordings import (
     DynamicsViewParameters,
     shown_payload,
     shown_torques,
+    write_payload,
+    write_torques,
 )
-from structlearn.testbeds.dynamics.recordings.torques import write_torques
+from structlearn.testbeds.dynamics.recordings.reaches_recording import write_reaches
 from structlearn.testbeds.dynamics.world.joint_logs import RecordMotionParameters
 
 
@@ -36,7 +35,7 @@ def main() -> None:
     motion, dt = files.as_motion(log, cutoff_hz), files.step_s(log)
     models = files.read_robot_models(int(seed), chosen.torque_models, SHOWN_FORM)
     torques = shown_torques(robot, motion, dt, models, tracking.reaching.tool_m, chosen)
-    picking_up, *_ = files.read_logs(files.PAYLOAD).values()
+    picking_up, *_ = files.read_logs("payload").values()
     learned = tables["payload"][tables["payload"]["seed"] == tables["payload"]["seed"].min()]
     payload = shown_payload(robot.tree, picking_up, learned, carried, chosen)
     with publish("reports/recordings/dynamics") as folder:

@@ -7,7 +7,7 @@ import pandas as pd
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.files import RUNS, write_baselines
 from structlearn.testbeds.obstacles.protocol.people import taught

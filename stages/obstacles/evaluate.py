@@ -8,7 +8,7 @@ from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.avoidance.learned_models import read_models
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.parallel import parallel_map
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.files import read_baselines
 from structlearn.testbeds.obstacles.protocol import avoidance_protocols

@@ -2,7 +2,7 @@
 
 from structlearn.avoidance.avoidance_dataset import AvoidanceDataParameters
 from structlearn.ground.artefacts import read_table
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.runs import read_runs
 from structlearn.reporting.claims import quoted_claims

@@ -3,7 +3,7 @@
 from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.avoidance.learned_models import write_models
 from structlearn.ground.artefacts import publish, read_table, write_table
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.obstacles.protocol.avoidance_fits import AvoidanceTrainingParameters, learn
 from structlearn.testbeds.obstacles.world.scenarios import SceneParameters, scenarios

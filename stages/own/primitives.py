@@ -12,7 +12,7 @@ def main(files: TaskFiles) -> None:
     situation = files.part("generalise", sequence.GeneraliseParameters)
     demonstrations, segmentation = files.runs("demonstrations"), files.segmentation()
     primitives = learn_sequence(demonstrations, segmentation.results, parameters)
-    dt = 1.0 / files.clock.rate_hz
+    dt = demonstrations[0].dt
     paths = {
         "nominal": sequence.unroll(primitives, dt),
         "generalised": sequence.generalised(primitives, dt, situation),

@@ -1,8 +1,7 @@
 """Cut the demonstrations of a task into primitives (dissertation IV.5)."""
 
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import write_segmentation
-from structlearn.segmentation.segments import cut
+from structlearn.segmentation.segments import cut, write_segmentation
 from structlearn.testbeds.own.files import TaskFiles, run_for_task
 
 

@@ -1,13 +1,12 @@
 """Put what was learned of a task into one file for a robot: primitives, feedback, bounds, origin."""
 
-from structlearn.feedback.limits import demonstrated_limits
-from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace
+from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
 from structlearn.feedback.supervision import sensor_channels
 from structlearn.ground.artefacts import publish
 from structlearn.testbeds.own.files import SKILL, TaskFiles, run_for_task
 from structlearn.testbeds.own.protocol.own_feedback import read_own_feedback
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+from structlearn.testbeds.own.task import OwnFeedbackParameters
 
 
 def main(files: TaskFiles) -> None:

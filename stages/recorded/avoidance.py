@@ -4,8 +4,10 @@ from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.ground.artefacts import filled, publish, read_table, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.avoidance_representations import compare_on_recorded
+from structlearn.testbeds.recorded.protocol.avoidance_representations import (
+    RecordedAvoidanceParameters,
+    compare_on_recorded,
+)
 
 
 def main() -> None:

@@ -1,19 +1,15 @@
 """Reaches past boxes: learned from some people, tried in the scenes of others (dissertation IV.8)."""
 
-from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.avoidance.scene_people import ScenePeopleParameters, learn_past_obstacles
+from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import read_recordings, synchronise
 from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters, learn_past_boxes
+from structlearn.testbeds.recorded.files import RecordedFiles
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_boxes", BoxesParameters, PARAMETER_FILE)
-    recordings = read_recordings(filled("data/raw/recorded/boxes"))
-    trials = [
-        synchronise(one, refuse_jumps=False) for one in recordings
-    ]  # the protocol names what it leaves out
-    results = learn_past_boxes(trials, parameters)
+    parameters = stage_parameters("recorded_boxes", ScenePeopleParameters, PARAMETER_FILE)
+    results = learn_past_obstacles(RecordedFiles().runs("boxes"), parameters)
     with publish("data/recorded/boxes") as folder:
         folder.mkdir()
         for name, table in vars(results).items():

@@ -2,27 +2,27 @@
 
 from pathlib import Path
 
-from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_recordings
 from structlearn.testbeds.recorded import PARAMETER_FILE
+from structlearn.testbeds.recorded.files import SCRAPING, SLIDES, UNSCREWING, RecordedFiles
 from structlearn.testbeds.recorded.protocol import touch_calibration
 from structlearn.testbeds.recorded.protocol.touch_traces import finger_traces, joined
 
-SETS = {
-    touch_calibration.SIMULATED: "data/raw/scraping/unrolls",
-    "unscrewing, recorded": "data/raw/recorded/unscrewing",
-    "slides, recorded": "data/raw/recorded/slides",
-}
+SIMULATED = Path("data/raw/scraping/unrolls")
+SETS = {"unscrewing, recorded": UNSCREWING, "slides, recorded": SLIDES}
 
 
 def main() -> None:
     parameters = stage_parameters("calibrate", touch_calibration.CalibrationParameters, PARAMETER_FILE)
     clock = parameters.rate_hz, parameters.settling_s
-    primitives = read_recordings(filled("data/raw/recorded/scraping"))
-    traces = joined(touch_calibration.REFERENCE, "execution", primitives, *clock)
-    for group, folder in SETS.items():
-        for recording in read_recordings(folder) if any(Path(folder).iterdir()) else ():
+    stored = RecordedFiles()
+    traces = joined(touch_calibration.REFERENCE, "execution", stored.streams(SCRAPING), *clock)
+    groups = {touch_calibration.SIMULATED: read_recordings(SIMULATED) if any(SIMULATED.iterdir()) else []}
+    groups |= {group: stored.streams(name) for group, name in SETS.items() if stored.imported(name)}
+    for group, recordings in groups.items():
+        for recording in recordings:
             traces += finger_traces(group, recording, *clock)
     electrodes = touch_calibration.electrode_table(traces, parameters)
     fingers = touch_calibration.finger_table(traces, electrodes, parameters)

@@ -4,19 +4,20 @@ from structlearn.feedback.coupling_model import write_networks
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.recordings import read_demonstrations
 from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.protocol.corrected_reaches import (
+from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.testbeds.recorded.protocol.corrections import (
+    CorrectionParameters,
     complete,
     completeness,
     corrected_reaches,
+    learn_corrections,
 )
-from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters, learn_corrections
 
 
 def main() -> None:
     parameters = stage_parameters("recorded_corrections", CorrectionParameters, PARAMETER_FILE)
-    demonstrations = read_demonstrations(filled("data/raw/recorded/corrected_reaches", at_least=2))
+    demonstrations = RecordedFiles().runs("corrected_reaches", at_least=2)
     nominal = read_primitives(filled("data/recorded/reaches") / "primitive.safetensors")[0].position
     ends = completeness(demonstrations, nominal, parameters.incomplete_m)
     reaches = corrected_reaches(complete(demonstrations, ends), nominal, parameters.smoothing_hz)

@@ -5,14 +5,14 @@ import pandas as pd
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.bag_files import natural_order
-from structlearn.recordings.joint_log import read_joint_log
+from structlearn.recordings import synchronise
+from structlearn.recordings.joint_log import read_log_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, write_dynamics_models
 from structlearn.rigid_body.learner import LearningParameters
 from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.testbeds.recorded import PARAMETER_FILE
+from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedDynamicsParameters
 from structlearn.testbeds.recorded.protocol.panda_identification import identify, panda_motion
 from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
@@ -25,8 +25,7 @@ def identified() -> Found:
     """Of the first motion of the Panda."""
     parameters = stage_parameters("recorded_dynamics", RecordedDynamicsParameters, PARAMETER_FILE)
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
-    logs = filled("data/raw/recorded/panda").glob("*.mcap")
-    log = read_joint_log(min(logs, key=lambda path: natural_order(path.stem)))
+    log = read_log_table(filled("data/raw/recorded/panda") / "logs.parquet")[0]
     panda = read_urdf(urdf_path(parameters.urdf), parameters.locked_joints)
     models, results = identify(panda, panda_motion(log, parameters), parameters, learning)
     return models, vars(results)
@@ -34,7 +33,7 @@ def identified() -> Found:
 
 def slide_torques() -> Found:
     """Of all slides."""
-    slides = read_demonstrations(filled("data/raw/recorded/slides"), rate_hz=RATE_HZ)
+    slides = [synchronise(one, RATE_HZ) for one in RecordedFiles().streams("slides")]
     torques, payloads = torque_check(read_urdf(urdf_path(ARM)), slides, CUTOFF_HZ)
     return {}, {"slide_torques": torques, "slide_payloads": payloads}
 

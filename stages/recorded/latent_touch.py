@@ -1,17 +1,16 @@
 """Latent spaces of recorded touch, and what carries over between simulated and recorded touch (II.4)."""
 
-from pathlib import Path
-
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings import read_demonstrations, synchronise
+from structlearn.recordings import synchronise
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
 from structlearn.testbeds.recorded import PARAMETER_FILE
+from structlearn.testbeds.recorded.files import SLIDES, UNSCREWING, RecordedFiles
 from structlearn.testbeds.recorded.protocol.latent_touch import learn_touch
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import LatentTouchParameters
 from structlearn.testbeds.recorded.protocol.touch_sets import touch_sets
@@ -25,9 +24,10 @@ def main() -> None:
     person = stage_parameters("toucher", ToucherParameters).model_copy(update=fewer)
     finger = stage_parameters("touch_finger", TouchFingerParameters)
     electrodes = stage_parameters("testbed.touch", TouchParameters)
+    stored = RecordedFiles()
     slides, unscrewing = (
-        read_demonstrations(folder, rate_hz=samples.rate_hz) if any(folder.iterdir()) else []
-        for folder in (Path("data/raw/recorded/slides"), Path("data/raw/recorded/unscrewing"))
+        [synchronise(one, samples.rate_hz) for one in stored.streams(name)] if stored.imported(name) else []
+        for name in (SLIDES, UNSCREWING)
     )
     if max(len(slides), len(unscrewing)) < 2:
         raise MissingInputError("two slides or two logs of unscrewing are needed")

@@ -1,12 +1,12 @@
 """Find recorded reaches between rests, and learn one position primitive from them (dissertation IV.5)."""
 
-from structlearn.ground.artefacts import filled, publish, write_metrics, write_table
+from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import segment_paths, whole
 from structlearn.primitives.primitive_files import write_primitives
-from structlearn.recordings import read_demonstrations
 from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.protocol.human_reaches import (
+from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.testbeds.recorded.protocol.movement import (
     ReachParameters,
     learn_reaches,
     own_spread_mm,
@@ -16,7 +16,7 @@ from structlearn.testbeds.recorded.protocol.human_reaches import (
 
 def main() -> None:
     parameters = stage_parameters("recorded_reaches", ReachParameters, PARAMETER_FILE)
-    demonstrations = read_demonstrations(filled("data/raw/recorded/reaches", at_least=2))
+    demonstrations = RecordedFiles().runs("reaches", at_least=2)
     primitive, errors = learn_reaches(demonstrations, parameters)
     segments = segment_paths(demonstrations, whole(demonstrations), parameters.fit.smoothing_hz)
     with publish("data/recorded/reaches") as folder:

@@ -1,5 +1,6 @@
 """The report on recorded data: figures, tables, metrics and the pages that show them."""
 
+from structlearn.avoidance.scene_people import ScenePeopleParameters
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
@@ -11,15 +12,13 @@ from structlearn.testbeds.recorded.protocol.arm_parameters import (
     RecordedDynamicsParameters,
     RecordedUr10eParameters,
 )
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
-from structlearn.testbeds.recorded.protocol.boxes_people import BoxesParameters
-from structlearn.testbeds.recorded.protocol.correction_splits import CorrectionParameters
-from structlearn.testbeds.recorded.protocol.human_reaches import ReachParameters
+from structlearn.testbeds.recorded.protocol.avoidance_representations import RecordedAvoidanceParameters
+from structlearn.testbeds.recorded.protocol.corrections import CorrectionParameters
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import (
     LatentTouchParameters,
     SkinParameters,
 )
-from structlearn.testbeds.recorded.protocol.scraping_execution import ExecutionParameters
+from structlearn.testbeds.recorded.protocol.movement import ExecutionParameters, ReachParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 
 PARAMETERS = {
@@ -29,7 +28,7 @@ PARAMETERS = {
     "recorded_scraping": ExecutionParameters,
     "recorded_slides": SlideParameters,
     "recorded_avoidance": RecordedAvoidanceParameters,
-    "recorded_boxes": BoxesParameters,
+    "recorded_boxes": ScenePeopleParameters,
     "recorded_latent_touch": LatentTouchParameters,
     "recorded_skin": SkinParameters,
     "recorded_dynamics": RecordedDynamicsParameters,

@@ -1,12 +1,12 @@
 """Learn the primitives and the 38 electrode traces of a recorded scraping execution (dissertation IV.9)."""
 
-from structlearn.ground.artefacts import filled, publish, write_table
+from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.sequence import sequence_table
-from structlearn.recordings import read_demonstrations
 from structlearn.testbeds.recorded import PARAMETER_FILE
-from structlearn.testbeds.recorded.protocol.scraping_execution import (
+from structlearn.testbeds.recorded.files import RecordedFiles
+from structlearn.testbeds.recorded.protocol.movement import (
     ExecutionParameters,
     learn_execution,
     learn_traces,
@@ -15,7 +15,7 @@ from structlearn.testbeds.recorded.protocol.scraping_execution import (
 
 def main() -> None:
     parameters = stage_parameters("recorded_scraping", ExecutionParameters, PARAMETER_FILE)
-    parts = read_demonstrations(filled("data/raw/recorded/scraping"))
+    parts = RecordedFiles().runs("scraping")
     primitives, path, errors = learn_execution(parts, parameters.fit)
     sensors, scores, traces = learn_traces(parts, parameters)
     with publish("data/recorded/scraping") as folder:

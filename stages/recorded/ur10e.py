@@ -4,7 +4,7 @@ from dataclasses import fields
 
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
-from structlearn.recordings.drive_log import read_drive_log
+from structlearn.recordings.joint_log import DriveLog, read_log_table
 from structlearn.recordings.ur10e import URDF
 from structlearn.rigid_body.arm_identification import write_identified
 from structlearn.rigid_body.dynamics_models import write_dynamics_models
@@ -19,7 +19,7 @@ def main() -> None:
     parameters = stage_parameters("recorded_ur10e", RecordedUr10eParameters, PARAMETER_FILE)
     learning = stage_parameters("train_dynamics.learning", LearningParameters)
     raw = filled("data/raw/recorded/ur10e")
-    logs = {path.stem: read_drive_log(path) for path in sorted(raw.glob("*.mcap"))}
+    logs = {log.name: log for log in read_log_table(raw / "logs.parquet", DriveLog)}
     robot = read_urdf(raw / URDF)
     identified, results = identify_ur10e(robot, logs, parameters, learning)
     with publish("data/recorded/ur10e") as folder:

@@ -5,45 +5,46 @@ from pathlib import Path
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters, segment_paths, whole
+from structlearn.recordings import synchronise
 from structlearn.testbeds.recorded import PARAMETER_FILE, files
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
-from structlearn.testbeds.recorded.protocol.corrected_reaches import complete
+from structlearn.testbeds.recorded.protocol.corrections import complete
 from structlearn.testbeds.recorded.protocol.latent_touch_parameters import SkinParameters
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
 from structlearn.testbeds.recorded.recordings.boxes_recording import write_box_reaches
+from structlearn.testbeds.recorded.recordings.movement_recordings import write_unscrewing
 from structlearn.testbeds.recorded.recordings.skin_recording import write_skin
-from structlearn.testbeds.recorded.recordings.unscrewing_recording import write_unscrewing
 from structlearn.testbeds.recorded.recordings.ur10e_recording import write_carried
 
 
 def show_reaches(stored: files.RecordedFiles, folder: Path) -> None:
-    reaches, primitive = stored.demonstrations(files.REACHES), stored.primitives(files.REACHES)
+    reaches, primitive = stored.runs(files.REACHES), stored.primitives(files.REACHES)
     movements.write_reaches(folder / "reaches.rrd", reaches, primitive)
 
 
 def show_higher_reaches(stored: files.RecordedFiles, folder: Path) -> None:
-    higher = complete(stored.demonstrations(files.HIGHER_REACHES), stored.completeness())
+    higher = complete(stored.runs(files.HIGHER_REACHES), stored.completeness())
     learned = stored.primitives(files.REACHES), stored.coupling_networks()
     movements.write_higher_reaches(folder / "corrected_reaches.rrd", higher, *learned)
 
 
 def show_unscrewing(stored: files.RecordedFiles, folder: Path) -> None:
     fit = stage_parameters("recorded_unscrewing", FitParameters, PARAMETER_FILE)
-    logs = stored.demonstrations(files.UNSCREWING)
+    logs = stored.runs(files.UNSCREWING)
     turns = [turn for _, turn in segment_paths(logs, whole(logs), fit.smoothing_hz)]
     write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
 
 
 def show_scraping(stored: files.RecordedFiles, folder: Path) -> None:
-    execution, sequence = stored.demonstrations(files.SCRAPING), stored.primitives(files.SCRAPING)
+    execution, sequence = stored.runs(files.SCRAPING), stored.primitives(files.SCRAPING)
     movements.write_execution(folder / "scraping_recorded.rrd", execution)
     movements.write_sequence(folder / "scraping_learned.rrd", execution, sequence, stored.sequence())
 
 
 def show_slides(stored: files.RecordedFiles, folder: Path) -> None:
     slides = stage_parameters("recorded_slides", SlideParameters, PARAMETER_FILE)
-    trials = stored.demonstrations(files.SLIDES, rate_hz=slides.rate_hz, max_gap_s=slides.max_gap_s)
+    trials = [synchronise(one, slides.rate_hz, slides.max_gap_s) for one in stored.streams(files.SLIDES)]
     movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
 
 

@@ -2,9 +2,9 @@
 
 import pandas as pd
 
-from structlearn.feedback.model_comparison import compare_representations, paired_orderings
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.feedback_models import compare_representations, paired_orderings
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.scraping.files import read_datasets

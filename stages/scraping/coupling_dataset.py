@@ -10,7 +10,7 @@ from structlearn.feedback.supervision import (
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
-from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.files import ScrapingFiles, read_expected, read_settings
 
 FILES = ScrapingFiles()

@@ -2,26 +2,25 @@
 
 from structlearn.feedback.corrected_paths import path_errors
 from structlearn.feedback.coupling_model import read_networks
-from structlearn.feedback.limits import Limits, largest_coupling
-from structlearn.feedback.skill import ReactiveSkill, on_axis
+from structlearn.feedback.feedback_models import MODELS
+from structlearn.feedback.skill import Limits, ReactiveSkill, largest_coupling, on_axis
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.feedback.training_parameters import MODELS
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.recordings.runs import read_runs, write_runs
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import read_datasets, read_expected
-from structlearn.testbeds.scraping.protocol import executed_sets
+from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 DATA = "data/feedback/scraping"
 
 
 def main() -> None:
-    parameters = stage_parameters("evaluate_feedback", executed_sets.EvaluationParameters)
+    parameters = stage_parameters("evaluate_feedback", execution_scores.EvaluationParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
@@ -34,7 +33,7 @@ def main() -> None:
         folder.mkdir()
         largest = largest_coupling([one.target for one in datasets.values()])
         limits = Limits(largest_coupling={supervision.axis: largest})
-        for model in (executed_sets.NOMINAL, *MODELS):
+        for model in (execution_scores.NOMINAL, *MODELS):
             own = on_axis(networks.get(model, {}), supervision.axis)
             skill = ReactiveSkill(primitives, expected, own, limits)
             executed = executed_set(model, skill, parameters, testbed, clock)
@@ -44,9 +43,9 @@ def main() -> None:
     with publish(f"{DATA}/evaluation") as folder:
         folder.mkdir()
         unrolls = read_runs("data/runs/scraping/unrolls.parquet")
-        scores = executed_sets.scores(sets, nominal_orientation(unrolls), supervision)
+        scores = execution_scores.scores(sets, nominal_orientation(unrolls), supervision)
         write_table(scores, folder / "scores.parquet")
-        write_table(executed_sets.traces(sets, expected, supervision), folder / "traces.parquet")
+        write_table(execution_scores.traces(sets, expected, supervision), folder / "traces.parquet")
         write_table(path_errors(datasets, networks), folder / "path_errors.parquet")
 
 

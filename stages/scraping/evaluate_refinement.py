@@ -7,7 +7,7 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.runs import write_runs
 from structlearn.recordings.source import ClockParameters
-from structlearn.testbeds.scraping.protocol import executed_sets
+from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.board_files import read_board
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
@@ -17,17 +17,17 @@ DATA = "data/feedback/scraping"
 
 
 def main() -> None:
-    parameters = stage_parameters("evaluate_refinement", executed_sets.EvaluationParameters)
+    parameters = stage_parameters("evaluate_refinement", execution_scores.EvaluationParameters)
     refinement = stage_parameters("refine", BoardRefinementParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
     settings = (refinement.settings_deg, refinement.setting_deg)
     board, _ = read_board("data", *settings, supervision, testbed, clock)
-    networks = {executed_sets.NOMINAL: {}}
+    networks = {execution_scores.NOMINAL: {}}
     networks |= {
         model: read_networks(f"{DATA}/refinement/{model}.safetensors")
-        for model in (executed_sets.BEFORE, executed_sets.AFTER)
+        for model in (execution_scores.BEFORE, execution_scores.AFTER)
     }
 
     sets = []
@@ -42,9 +42,9 @@ def main() -> None:
             sets.append(executed)
     with publish(f"{DATA}/refined") as folder:
         folder.mkdir()
-        scores = executed_sets.scores(sets, board.nominal, supervision)
+        scores = execution_scores.scores(sets, board.nominal, supervision)
         write_table(scores, folder / "scores.parquet")
-        write_table(executed_sets.traces(sets, board.expected, supervision), folder / "traces.parquet")
+        write_table(execution_scores.traces(sets, board.expected, supervision), folder / "traces.parquet")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from structlearn.primitives.primitive_files import read_primitives, write_vector
 from structlearn.recordings import synchronise, write_recordings
 from structlearn.recordings.runs import write_runs
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 

@@ -6,7 +6,7 @@ from structlearn.primitives import sequence
 from structlearn.primitives.fitting import FitParameters, cross_validation, learn_sequence
 from structlearn.primitives.primitive_files import write_primitives
 from structlearn.recordings.runs import read_runs
-from structlearn.segmentation.result import read_segmentation
+from structlearn.segmentation.segments import read_segmentation
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
 """The report of the scraping testbed: three pages with their figures and tables, metrics and details."""
 
+from structlearn.feedback.coupling_model import TrainingParameters
+from structlearn.feedback.feedback_models import FeedbackParameters
 from structlearn.feedback.supervision import ExpectedTracesParameters, SupervisionParameters
-from structlearn.feedback.training_parameters import FeedbackParameters, TrainingParameters
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.policy_search.sample_efficiency import ComparisonParameters
 from structlearn.primitives.fitting import FitParameters
@@ -13,11 +14,11 @@ from structlearn.reporting.publishing import publish_report
 from structlearn.reporting.studies import read_study
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.page.refinement_studies import STUDIES
+from structlearn.testbeds.scraping.page.refinement_results import STUDIES
 from structlearn.testbeds.scraping.page.scraping_report import read_results, scraping_report
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters
-from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters
 from structlearn.testbeds.scraping.protocol.executions import CorrectedRunsParameters
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters

@@ -3,8 +3,7 @@
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings.runs import read_runs
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import write_segmentation
-from structlearn.segmentation.segments import cut
+from structlearn.segmentation.segments import cut, write_segmentation
 
 
 def main() -> None:

@@ -1,9 +1,8 @@
 """Train feedback models: as in the text, on the level board too, and in the unroll (IV.6.2.4, V.2)."""
 
 from structlearn.feedback.coupling_model import write_networks
-from structlearn.feedback.feedback_models import train_models
+from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.supervision import SupervisionParameters
-from structlearn.feedback.training_parameters import FeedbackParameters
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.testbeds.scraping.files import read_datasets

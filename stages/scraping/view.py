@@ -3,16 +3,19 @@
 from structlearn.ground.artefacts import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.segmentation.parameters import SegmentParameters
-from structlearn.segmentation.result import read_segmentation
+from structlearn.segmentation.segments import read_segmentation
 from structlearn.testbeds.scraping.files import ScrapingFiles
-from structlearn.testbeds.scraping.recordings.alignment_recording import write_alignment
 from structlearn.testbeds.scraping.recordings.executions_recording import (
     write_executions,
     write_refinement,
     write_robot,
 )
-from structlearn.testbeds.scraping.recordings.nominal_recordings import write_demonstrations, write_primitives
-from structlearn.testbeds.scraping.recordings.shown_runs import read_feedback_runs, read_refined_runs
+from structlearn.testbeds.scraping.recordings.nominal_recordings import (
+    write_alignment,
+    write_demonstrations,
+    write_primitives,
+)
+from structlearn.testbeds.scraping.recordings.shown_execution import read_feedback_runs, read_refined_runs
 
 
 def main() -> None:

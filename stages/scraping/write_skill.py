@@ -3,11 +3,10 @@
 from pathlib import Path
 
 from structlearn.feedback.coupling_model import read_networks
-from structlearn.feedback.limits import demonstrated_limits
-from structlearn.feedback.skill import ReactiveSkill, demonstrated_workspace, on_axis
+from structlearn.feedback.feedback_models import POINTWISE, FeedbackParameters
+from structlearn.feedback.skill import ReactiveSkill, demonstrated_limits, demonstrated_workspace, on_axis
 from structlearn.feedback.skill_file import SkillParameters, provenance, write_skill
 from structlearn.feedback.supervision import SupervisionParameters, sensor_channels
-from structlearn.feedback.training_parameters import POINTWISE, FeedbackParameters
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.primitive_files import read_primitives

@@ -1,6 +1,6 @@
 """The report of the servoing testbed: figures, tables, metrics and the page that shows them."""
 
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.claims import quoted_claims
 from structlearn.reporting.publishing import publish_report

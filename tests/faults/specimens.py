@@ -18,13 +18,17 @@ from structlearn.feedback.coupling_model import read_networks, write_networks
 from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.params import read_parameters
 from structlearn.primitives.primitive_files import read_primitives, write_primitives
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.bag_recording import read_recording
+from structlearn.recordings import read_demonstrations, read_recording, write_recording
 from structlearn.recordings.clock import synchronise
-from structlearn.recordings.drive_log import DriveLog, read_drive_log, write_drive_log
 from structlearn.recordings.eflesh import CHANNELS, FOLDERS, PRESSES, read_run
-from structlearn.recordings.joint_log import JointLog, read_joint_log, write_joint_log
-from structlearn.recordings.mcap_file import write_recording
+from structlearn.recordings.joint_log import (
+    DriveLog,
+    JointLog,
+    read_joint_log,
+    read_log_table,
+    write_joint_log,
+    write_log_table,
+)
 from structlearn.recordings.reaches_past_boxes import TRIALS, read_reaches_past_boxes
 from structlearn.recordings.recording import NamedShape
 from structlearn.recordings.text_log import read_stamped_table
@@ -65,7 +69,7 @@ def _log(path: Path) -> None:
 
 def _drives(path: Path) -> None:
     names, stamps, values = _joints(5)
-    write_drive_log(DriveLog(path.stem, names, stamps, *values), path)
+    write_log_table([DriveLog(path.stem, names, stamps, *values)], path)
 
 
 def _scene(path: Path) -> None:
@@ -170,7 +174,7 @@ SPECIMENS = {
         ),
         Specimen("scene.mcap", _scene, lambda path: synchronise(read_recording(path)), True),
         Specimen("log.mcap", _log, read_joint_log, True),
-        Specimen("drives.mcap", _drives, read_drive_log, True),
+        Specimen("drives.parquet", _drives, lambda path: read_log_table(path, DriveLog), True),
         Specimen(
             "lz4.mcap",
             lambda path: _bag(path, compression=CompressionType.LZ4, chunk_size=2000, enable_data_crcs=True),

@@ -18,10 +18,9 @@ import pandas as pd
 from feedback_skills import POINTS, random_network, random_skill
 from primitives_movements import random_vectors
 
-from structlearn.feedback.axes import AXES, turns
-from structlearn.feedback.limits import Limits
+from structlearn.feedback.coupling import AXES, turns
 from structlearn.feedback.runtime import Controller, Status
-from structlearn.feedback.skill import ReactiveSkill, Workspace
+from structlearn.feedback.skill import Limits, ReactiveSkill, Workspace
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map

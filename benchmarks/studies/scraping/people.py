@@ -19,11 +19,11 @@ from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.segmentation.segments import cut
 from structlearn.testbeds.scraping.page.execution_results import ExecutionResults
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
-from structlearn.testbeds.scraping.protocol import executed_sets
+from structlearn.testbeds.scraping.protocol import execution_scores
 from structlearn.testbeds.scraping.protocol.cut_sweep import SweepParameters, downsampling_sweep, noise_sweep
 from structlearn.testbeds.scraping.protocol.evaluation_runs import executed_set
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.protocol.executions import executions, nominal_runs
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
 from structlearn.testbeds.scraping.world.demonstrator import DemonstratorParameters
 from structlearn.testbeds.scraping.world.guided_demonstrations import guided_demonstrations
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
@@ -76,13 +76,13 @@ def _costs(skill: ReactiveSkill, primitives: list[str]) -> Metrics:
     """Accumulated cost without feedback, by primitive and tilt."""
     testbed = stage_parameters("testbed", TestbedParameters)
     clock = stage_parameters("clock", ClockParameters)
-    evaluation = stage_parameters("evaluate_feedback", executed_sets.EvaluationParameters)
+    evaluation = stage_parameters("evaluate_feedback", execution_scores.EvaluationParameters)
     supervision = stage_parameters("coupling_dataset", SupervisionParameters)
     count = stage_parameters("expected_traces", ExpectedTracesParameters).runs
     unrolls = executions(skill, nominal_runs(count), testbed)
     on_level = nominal_orientation([synchronise(one, clock.rate_hz, clock.max_gap_s) for one in unrolls])
-    executed = executed_set(executed_sets.NOMINAL, skill, evaluation, testbed, clock)
-    scores = executed_sets.scores([executed], on_level, supervision)
+    executed = executed_set(execution_scores.NOMINAL, skill, evaluation, testbed, clock)
+    scores = execution_scores.scores([executed], on_level, supervision)
     costs = ExecutionResults(scores, {}, max(evaluation.settings_deg), supervision.unit_axis).costs
     return {
         f"cost_nominal_prim{primitives.index(row.primitive) + 1}_{level_name(row.setting_deg)}": row.mean

@@ -63,10 +63,8 @@ def fit_baseline(
 ) -> PositionPrimitive:
     """The primitive of the unhindered reach.
 
-    Returns the primitive; its local frame is the one for everything here.
-
-    Raises:
-        InputError: the reach is too short to have a direction, or a demonstration too short to differentiate.
+    Returns the primitive; its local frame is the one for everything here. Raises InputError: the reach is too
+    short to have a direction, or a demonstration too short to differentiate.
     """
     primitive = fit_position([smooth_path(one, parameters) for one in demonstrations])
     if primitive.frame == "world":
@@ -120,10 +118,8 @@ def samples(
     """What one demonstration says about avoiding one obstacle.
 
     `demonstration`: with position in the base frame; `cloud` (P, 3) m, base frame; its mean is the obstacle's
-    centre; `parameters`: of the smoothing, and which samples are kept.
-
-    Raises:
-        InputError: the cloud is empty, or the demonstration too short.
+    centre; `parameters`: of the smoothing, and which samples are kept. Raises InputError: the cloud is empty,
+    or the demonstration too short.
     """
     check_cloud(cloud)
     path = local_path(smooth_path(demonstration, parameters), baseline)

@@ -21,8 +21,7 @@ from scipy.linalg import block_diag
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 
-HIDDEN = (20, 10)
-"""Nodes of the hidden layers (IV.8.1)."""
+HIDDEN = (20, 10)  # nodes of the hidden layers (IV.8.1)
 
 FEATURES = tuple(range(17))
 """Columns that the dissertation's network sees; 17 and 18 are the phase and the phase velocity."""
@@ -32,8 +31,7 @@ FEATURES_AND_PHASE = (*FEATURES, 17, PHASE_VELOCITY)
 FEATURES_AND_PHASE_VELOCITY = (*FEATURES, PHASE_VELOCITY)
 """Of other features, too, the phase and its velocity are the columns behind them."""
 
-Layers = Sequence[np.ndarray]
-"""One network: (before + 1, after) of each layer, the biases in the last row."""
+Layers = Sequence[np.ndarray]  # one network: (before + 1, after) of each layer, the biases in the last row
 
 
 @dataclass(frozen=True)
@@ -56,10 +54,7 @@ class AvoidanceNetworks:
         """Coupling terms of a batch: of network b for sample b, or of the only network for all samples.
 
         `features` (B, 17) of `features.features`; `phase` (B,) p; `phase_velocity` (B,) u. Returns (B, 3)
-        coupling terms in m.
-
-        Raises:
-            ValueError: there are several networks, and not as many as samples.
+        coupling terms in m. Raises ValueError: there are several networks, and not as many as samples.
         """
         inputs = self.inputs(features, phase, phase_velocity)
         if len(self) == 1:

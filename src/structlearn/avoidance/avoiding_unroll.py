@@ -83,12 +83,9 @@ def unroll(
     model's coupling term; `starts` (B, 3) or (3,) in the base frame, m; default the primitive's; `goals` (B,
     3) or (3,) in the base frame, m; default the primitive's; `duration`: prescribed, s; default the
     primitive's; `until_factor`: time of the last sample in durations; `goal_change`: new goals on the way.
-    The frame and the forcing term stay those of the first goals. Returns the movements; without coupling
-    term they are the primitive's own.
-
-    Raises:
-        InputError: no obstacle, batches of different sizes, a reach without a local frame, a change of goal
-            outside the movement, or a model that returns another shape or NaN.
+    The frame and the forcing term stay those of the first goals. Returns the movements; without coupling term
+    they are the primitive's own. Raises InputError: no obstacle, batches of different sizes, a reach without
+    a local frame, a change of goal outside the movement, or a model that returns another shape or NaN.
     """
     batch = _batch_size(obstacles)
     starts = np.broadcast_to(primitive.start if starts is None else starts, (batch, 3)).astype(float)
@@ -134,10 +131,8 @@ def unroll(
 def reach_frames(primitive: PositionPrimitive, starts: np.ndarray, goals: np.ndarray) -> np.ndarray:
     """Local frames of reaches, in the primitive's definition.
 
-    `starts` (B, 3) m; `goals` (B, 3) m. Returns (B, 3, 3) local to base.
-
-    Raises:
-        InputError: a reach is too short to have a direction, or along the axis that the frame is anchored to.
+    `starts` (B, 3) m; `goals` (B, 3) m. Returns (B, 3, 3) local to base. Raises InputError: a reach is too
+    short to have a direction, or along the axis that the frame is anchored to.
     """
     lengths = np.linalg.norm(goals - starts, axis=1)
     short = np.flatnonzero(~(lengths >= SHORTEST_REACH))

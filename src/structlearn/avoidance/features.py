@@ -144,8 +144,7 @@ def _cosine(velocity: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return np.where(defined, np.clip(product / np.where(defined, lengths, 1.0), -1.0, 1.0), -1.0)
 
 
-_SLOTS = np.empty(CLOSEST_POINTS)
-"""Gives the compiled function the length of its output, nothing else."""
+_SLOTS = np.empty(CLOSEST_POINTS)  # gives the compiled function the length of its output, nothing else
 
 
 @cache

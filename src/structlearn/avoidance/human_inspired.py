@@ -27,20 +27,14 @@ BETA_PER_RAD = tuple(np.geomspace(2.0, 20.0, 5) / np.pi)
 """Up to 20 / pi, Fajen and Warren's value that the first such coupling terms had; the effect is largest at
 phi = 1 / beta, 9 to 90 degrees."""
 
-DECAY_PER_M = tuple(np.geomspace(1.0, 30.0, 5))
-"""k: the effect halves within 70 cm to 2 cm."""
-
-ITERATIONS = 200
-"""Of the regression, as in the dissertation."""
+DECAY_PER_M = tuple(np.geomspace(1.0, 30.0, 5))  # k: the effect halves within 70 cm to 2 cm
+ITERATIONS = 200  # of the regression, as in the dissertation
 
 GAIN_TOLERANCE = 1e-3
 """The regression stops when all weights together change by less, in units of the target's size."""
 
-PRUNED_PRECISION = 1e4
-"""A weight with a larger prior precision is nothing; units as above."""
-
-VAGUE = 1e-6
-"""Shape and rate of the gamma priors of all precisions."""
+PRUNED_PRECISION = 1e4  # a weight with a larger prior precision is nothing; units as above
+VAGUE = 1e-6  # shape and rate of the gamma priors of all precisions
 
 
 @dataclass(frozen=True)
@@ -83,10 +77,8 @@ def steering_features(features: np.ndarray) -> np.ndarray:
 def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspiredModels:
     """Fit one model.
 
-    `features` (S, 17); `target` (S, 3) coupling terms in m. Returns a stack of one model.
-
-    Raises:
-        InputError: fewer than two samples.
+    `features` (S, 17); `target` (S, 3) coupling terms in m. Returns a stack of one model. Raises InputError:
+    fewer than two samples.
     """
     if len(target) < 2:
         raise InputError(f"{len(target)} samples are too few for a regression")

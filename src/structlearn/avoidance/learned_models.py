@@ -23,12 +23,10 @@ from structlearn.avoidance.human_inspired import (
     read_human_inspired,
     write_human_inspired,
 )
-from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, without_generalization
 from structlearn.feedback.coupling_model import CouplingModel as AxisModel
-from structlearn.feedback.coupling_model import read_networks, write_networks
-from structlearn.feedback.folds import FRACTIONS, without_generalization
+from structlearn.feedback.coupling_model import TrainingParameters, read_networks, write_networks
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.ground.errors import InputError
 
 
@@ -51,10 +49,7 @@ def train_phase_modulated(
     """Train on all samples but those that say when to stop.
 
     `dataset`: samples of any number of scenarios; `parameters`: of the training; its chunks of consecutive
-    samples are split together.
-
-    Raises:
-        InputError: too few samples, or the target of an axis is constant.
+    samples are split together. Raises InputError: too few samples, or the target of an axis is constant.
     """
     per_axis = [coupling_dataset(dataset, axis) for axis in range(len(AXES))]
     fold = without_generalization(per_axis[0], FRACTIONS, parameters.chunk_samples, parameters.seed)

@@ -34,8 +34,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, lapack
 from structlearn.avoidance.avoidance_network import Layers, forward
 from structlearn.ground.params import Parameters
 
-CHUNK_SAMPLES = 256
-"""Products of activations of so many samples stay in a core's cache."""
+CHUNK_SAMPLES = 256  # products of activations of so many samples stay in a core's cache
 
 
 @dataclass(frozen=True)
@@ -149,26 +148,20 @@ def _triangle(size: int) -> np.ndarray:
     return np.maximum(places, places.T)
 
 
-FIRST_DAMPING = 1e-3
-"""mu at the start; it falls tenfold after a gain and grows tenfold until there is one."""
+FIRST_DAMPING = 1e-3  # mu at the start; it falls tenfold after a gain and grows tenfold until there is one
 
 LARGEST_DAMPING = 1e10
-SMALLEST_DAMPING = 1e-12
-"""Below, damping no longer changes a sum of squares of order one in double precision."""
+SMALLEST_DAMPING = 1e-12  # below, damping no longer changes a sum of squares of order one in double precision
 
 DAMPING_FACTOR = 10.0
 
-PATIENCE = 6
-"""With `validation`, iterations without gain after which training stops."""
-
-VALIDATION_SHARE = 0.15
-"""With `validation`, of the training demonstrations or blocks of samples."""
+PATIENCE = 6  # with `validation`, iterations without gain after which training stops
+VALIDATION_SHARE = 0.15  # with `validation`, of the training demonstrations or blocks of samples
 
 TOLERANCE = 1e-4
 """Training stops when some steps in a row (`SLOW_STEPS`) gain less than this part of the error."""
 
-WEIGHTS, SPLIT, LESSON = 0, 1, 2
-"""Last number of a network's streams of random numbers."""
+WEIGHTS, SPLIT, LESSON = 0, 1, 2  # last number of a network's streams of random numbers
 
 VALIDATION, EVIDENCE = "validation", "evidence"
 
@@ -202,10 +195,7 @@ def train(
     """Train one network from random initial weights.
 
     `validation`: samples that say when to stop; needed by that rule, and only by it; `stream`: which random
-    numbers are this network's own.
-
-    Raises:
-        ValueError: validation samples are missing, or given for nothing.
+    numbers are this network's own. Raises ValueError: validation samples are missing, or given for nothing.
     """
     if (parameters.rule == VALIDATION) != (validation is not None):
         raise ValueError(
@@ -265,14 +255,12 @@ def train_from(
     )
 
 
-FIRST_DECAY = 0.01
-"""Of `evidence` before the first estimate, in units of the precision."""
+FIRST_DECAY = 0.01  # of `evidence` before the first estimate, in units of the precision
 
 SETTLING_STEPS = 5
 """Before the first estimate: random weights explain nothing, and decay would be chosen to remove them."""
 
-SLOW_STEPS = 3
-"""Steps in a row with hardly a gain, after which nothing more is expected."""
+SLOW_STEPS = 3  # steps in a row with hardly a gain, after which nothing more is expected
 
 
 @dataclass(frozen=True)

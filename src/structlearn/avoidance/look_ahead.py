@@ -26,14 +26,9 @@ from structlearn.avoidance.shapes import Obstacle
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 
-SWEEPS = 40
-"""At most, over the grid in its four directions; ways with many bends take about ten."""
-
-TOLERANCE = 1e-9
-"""m of cost-to-go; sweeping ends when no cell gains more."""
-
-STEP_CELLS = 0.5
-"""Step along the way, in cells: the direction is interpolated between their centres."""
+SWEEPS = 40  # at most, over the grid in its four directions; ways with many bends take about ten
+TOLERANCE = 1e-9  # m of cost-to-go; sweeping ends when no cell gains more
+STEP_CELLS = 0.5  # step along the way, in cells: the direction is interpolated between their centres
 
 
 class LookAheadParameters(Parameters):
@@ -88,10 +83,7 @@ def cost_to_go(
     """Cheapest ways past all shapes in the horizontal plane halfway up the reach.
 
     `shapes`: any number, in any order, base frame; `start` (3,) m, base frame; the grid covers it; `goal`
-    (3,) m.
-
-    Raises:
-        InputError: start or goal is not finite.
+    (3,) m. Raises InputError: start or goal is not finite.
     """
     ends = np.array([start, goal], dtype=float)
     if not np.isfinite(ends).all():

@@ -108,11 +108,9 @@ def fit_networks(
 ) -> AvoidanceNetworks:
     """Train one network per dataset, over processes.
 
-    `datasets`: training samples of each network; of an ensemble every member has a
-    `lesson` of its own. Returns a stack, one network per dataset, each the mean of its members.
-
-    Raises:
-        InputError: the target of an axis is constant, or there are too few samples.
+    `datasets`: training samples of each network; of an ensemble every member has a `lesson` of its own.
+    Returns a stack, one network per dataset, each the mean of its members. Raises InputError: the target of
+    an axis is constant, or there are too few samples.
     """
     work = [
         (one, parameters, (place, member))
@@ -160,13 +158,10 @@ def train_member(
 ) -> tuple[np.ndarray, ...]:
     """Train one network in this process.
 
-    `dataset`: training samples, whose ranges scale inputs and outputs; `members` are
-    not looked at; `seen`: the samples that it learns from; default all. By the rule `validation` some
-    demonstrations of them say when to stop. Returns its layers, in the units of
-    `avoidance_network.scaled_networks`.
-
-    Raises:
-        InputError: the target of an axis is constant, or there is one demonstration and none to validate.
+    `dataset`: training samples, whose ranges scale inputs and outputs; `members` are not looked at; `seen`:
+    the samples that it learns from; default all. By the rule `validation` some demonstrations of them say
+    when to stop. Returns its layers, in the units of `avoidance_network.scaled_networks`. Raises InputError:
+    the target of an axis is constant, or there is one demonstration and none to validate.
     """
     columns = seen_columns(parameters.inputs, dataset.features.shape[1])
     seen = dataset if seen is None else seen
@@ -233,11 +228,8 @@ def dominant_axis(dataset: AvoidanceDataset) -> str | None:
     return None
 
 
-DOMINANCE = 1.5
-"""How much larger the coupling along the dominant axis is than along the other."""
-
-COURSE_SAMPLES = 50
-"""Of a demonstration in normalised time."""
+DOMINANCE = 1.5  # how much larger the coupling along the dominant axis is than along the other
+COURSE_SAMPLES = 50  # of a demonstration in normalised time
 
 
 def _courses(dataset: AvoidanceDataset) -> np.ndarray:

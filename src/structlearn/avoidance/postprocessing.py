@@ -51,8 +51,7 @@ class PostprocessingParameters(Parameters):
     return_coupling: float = Field(ge=0)
 
 
-PUBLISHED_DECAY_PER_M2 = 10.0
-"""k of the dissertation in 1/m^2."""
+PUBLISHED_DECAY_PER_M2 = 10.0  # k of the dissertation in 1/m^2
 
 TEXT_ONLY = PostprocessingParameters(
     passed_decay_per_m2=PUBLISHED_DECAY_PER_M2,

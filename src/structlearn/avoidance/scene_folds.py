@@ -26,12 +26,10 @@ from structlearn.avoidance.scene_models import (
     samples_of_scene,
     scene_states,
 )
-from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
-from structlearn.avoidance.scene_unroll import Scenes
+from structlearn.avoidance.scene_unroll import SceneLearningParameters, SceneReach, Scenes
 
 MODELS = (HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE)
-WAYS = (NONE, *MODELS, PLANNED)
-"""In the order of tables."""
+WAYS = (NONE, *MODELS, PLANNED)  # in the order of tables
 
 
 @dataclass(frozen=True)
@@ -145,8 +143,7 @@ def beside_each_other(reaches: Sequence[SceneReach]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["first", "second", "reach", "path_mm", "same_gaps"])
 
 
-SAME_END_M = 0.1
-"""Starts, and goals, of two reaches through one scene are the same within this."""
+SAME_END_M = 0.1  # starts, and goals, of two reaches through one scene are the same within this
 
 
 def _same_ends(first: SceneReach, second: SceneReach) -> bool:
@@ -154,8 +151,7 @@ def _same_ends(first: SceneReach, second: SceneReach) -> bool:
     return bool((np.linalg.norm(ends, axis=1) < SAME_END_M).all())
 
 
-SHOWN = 6
-"""Reaches in pictures and recordings."""
+SHOWN = 6  # reaches in pictures and recordings
 
 
 def shown_reaches(table: pd.DataFrame) -> list[str]:

@@ -26,9 +26,10 @@ from structlearn.avoidance.network_training import (
     stacked,
     train_member,
 )
-from structlearn.avoidance.scene_reaches import SceneLearningParameters, SceneReach
 from structlearn.avoidance.scene_unroll import (
     TAU,
+    SceneLearningParameters,
+    SceneReach,
     Scenes,
     feedback_of_nearest,
     feedback_of_scene,
@@ -167,8 +168,7 @@ NONE, HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE, PLANNED = (
 training; the scene's features with the same network and training; the planned way itself."""
 
 PLANNED_STEP_M = 0.005
-PLANNED_MOST_M = 2.0
-"""Spacing and greatest length of a planned way."""
+PLANNED_MOST_M = 2.0  # spacing and greatest length of a planned way
 
 
 @dataclass(frozen=True)

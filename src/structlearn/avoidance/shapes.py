@@ -92,10 +92,8 @@ class Obstacle:
     def cloud(self, count: int = CLOUD_COUNT) -> np.ndarray:
         """Points spread evenly over the surface, the same ones every time.
 
-        `count`: how many, at least 6. Returns (count, 3) m.
-
-        Raises:
-            InputError: there are too few to stand for the surface.
+        `count`: how many, at least 6. Returns (count, 3) m. Raises InputError: there are too few to stand for
+        the surface.
         """
         if count < 6:
             raise InputError(f"{self.shape}: a surface needs at least 6 points, not {count}")
@@ -111,10 +109,7 @@ class Obstacle:
 def obstacle(shape: Shape, centre: np.ndarray, yaw: float = 0.0) -> Obstacle:
     """An obstacle of the recorded size that stands upright.
 
-    `centre` (3,) m; `yaw`: rad, turn about the vertical.
-
-    Raises:
-        InputError: there is no such shape.
+    `centre` (3,) m; `yaw`: rad, turn about the vertical. Raises InputError: there is no such shape.
     """
     if shape not in SHAPES:
         raise InputError(f"unknown obstacle '{shape}'; known are {', '.join(SHAPES)}")

@@ -3,7 +3,7 @@
     r = R c        error = rms (R c - r_cd)
 
 The path needs no file of its own: c_target was computed such that the primitive with it as its coupling
-term is the demonstration (`coupling`), so r_cd follows from the coupling dataset. `unrolled_training`
+term is the demonstration (`coupling`), so r_cd follows from the coupling dataset. `stacked_pmnn`
 learns to follow such paths.
 
 The transformation system is linear in c, so what a coupling term (held over each step) adds to a movement is

@@ -1,11 +1,17 @@
-"""Coupling terms that corrected demonstrations ask for (eq. IV.23, IV.24).
+"""Axes of the feedback, and coupling terms that corrected demonstrations ask for (eq. IV.23, IV.24).
 
     c_target = tau_cd^2 xdd_cd - ALPHA (BETA (g - x_cd) - tau_cd xd_cd) - f(p, u)
 
 The goal g evolves from the demonstration's own initial state to the steady goal of the *nominal* primitive,
 just as it does when the primitive is unrolled with feedback; so the primitive, unrolled from the
 demonstration's start with c_target as its coupling term, is the demonstration.
+
+Feedback corrects along and about the axes of the base frame. A coupling term stands in the transformation
+system (eq. IV.1, IV.2) and has its unit: an acceleration times tau^2, so m for positions and rad for
+orientations. Held for long it shifts by c / (ALPHA BETA).
 """
+
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -17,6 +23,26 @@ from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.position import PositionPrimitive, from_start
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.vector import VectorPrimitive
+
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]  # Of the base frame: along it, or about it with an `r`
+
+AXES: tuple[Axis, ...] = get_args(Axis)
+"""In this order everywhere: three of the position, then three of the orientation."""
+
+
+def turns(axis: Axis) -> bool:
+    """Whether a correction turns about the axis; else it shifts along it."""
+    return AXES.index(axis) >= 3
+
+
+def direction(axis: Axis) -> np.ndarray:
+    """Unit vector (3,) of an axis."""
+    return np.eye(3)[AXES.index(axis) % 3]
+
+
+def unit(axis: Axis) -> str:
+    """Unit of the coupling term."""
+    return "rad" if turns(axis) else "m"
 
 
 def position_target(

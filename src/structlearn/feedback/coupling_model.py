@@ -24,13 +24,13 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
+from pydantic import Field, PositiveInt
 
 from structlearn.feedback import models
-from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.folds import FRACTIONS, Fold, without_generalization
-from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
+from structlearn.feedback.coupling_dataset import FRACTIONS, CouplingDataset, Fold, without_generalization
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
+from structlearn.ground.params import Name, Parameters
 from structlearn.networks.compiled_layers import Layers
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.primitives.primitive_files import part, prefixed
@@ -38,11 +38,45 @@ from structlearn.primitives.primitive_files import part, prefixed
 if TYPE_CHECKING:
     from structlearn.feedback.corrected_paths import CorrectedPaths
 
+
+class TrainingParameters(Parameters):
+    """How a feedback model is trained sample by sample. Fields: `params.yaml`, `compare_models`."""
+
+    steps: PositiveInt
+    batch_size: PositiveInt
+    learning_rate: float = Field(gt=0)
+    dropout: float = Field(ge=0, lt=1)
+    evaluate_every: PositiveInt
+    chunk_samples: PositiveInt
+    seed: int = Field(ge=0)
+
+
+class UnrolledTrainingParameters(Parameters):
+    """Training inside the unroll. Fields: `params.yaml`, `train_feedback.unrolled`."""
+
+    steps: int = Field(ge=1)
+    learning_rate: float = Field(gt=0)
+    dropout: float = Field(ge=0, lt=1)
+    coupling_loss_weight: float = Field(ge=0)
+    seed: int = Field(ge=0)
+
+
+class NetworkParameters(Parameters):
+    """Which feedback network is trained."""
+
+    network: Name
+    hidden: tuple[int, ...]
+
+    @property
+    def model(self) -> "type[CouplingModel]":
+        """The network; InputError where there is none of this name."""
+        return named_model(self.network)
+
+
 Jobs = Sequence[tuple[CouplingDataset, Fold]]
 """Samples, and which of them train a model, choose its step and test it; one model per job."""
 
-Nodes = Sequence[int]
-"""Of each hidden layer."""
+Nodes = Sequence[int]  # Of each hidden layer
 
 _NUMBERS = types.CPointer(types.float64)
 
@@ -87,12 +121,9 @@ class CouplingModel(ABC):
         """
 
     def train_in_unroll(
-        self,
-        training: "CorrectedPaths",
-        validation: "CorrectedPaths",
-        parameters: UnrolledTrainingParameters,
+        self, training: "CorrectedPaths", validation: "CorrectedPaths", parameters: UnrolledTrainingParameters
     ) -> "CouplingModel":
-        """This model, trained on in the unroll (`unrolled_training`); one that cannot be stays as it is."""
+        """This model, trained on in the unroll (`train_unrolled`); one that cannot be stays as it is."""
         return self
 
     @property

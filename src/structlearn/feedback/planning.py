@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from structlearn.feedback.axes import AXES
+from structlearn.feedback.coupling import AXES
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.skill import ReactiveSkill, require_finite, require_unit
 from structlearn.feedback.stepping import Plan
@@ -16,38 +16,31 @@ from structlearn.primitives.orientation import QuaternionPrimitive
 from structlearn.primitives.sequence import PoseGoal, default_goals
 from structlearn.primitives.vector import relative_scale, sample_count
 
-Place = tuple[int, int]
-"""Index of the primitive, index of the axis."""
+Place = tuple[int, int]  # Index of the primitive, index of the axis
 
 HELD_DURATIONS = 4.0
 """How many durations after its end the last primitive's terms go on: by then u is 1e-11, and becomes 0."""
 
-MOST_TICKS = 10**7
-"""Of a run, which is planned ahead: at 1 kHz almost three hours; more are a slip of units."""
+MOST_TICKS = (
+    10**7
+)  # Of a run, which is planned ahead: almost three hours at 1 kHz; more suggests a unit error
 
 
 def plan_in_time(
     skill: ReactiveSkill,
-    dt: float,
+    rate_hz: float,
     durations: Sequence[float],
     goals: Sequence[np.ndarray],
     turned_goals: Sequence[np.ndarray],
     feedback: bool,
-    limits: np.ndarray,
-    ages: np.ndarray,
 ) -> Plan:
     """The plan of a run, but for the position's forcing term, which `forcing_in_base_frame` gives.
 
-    Args:
-        skill: the skill.
-        dt: length of a tick in s.
-        durations: of the primitives in s.
-        goals: (3,) of the primitives in m.
-        turned_goals: (4,) of the primitives.
-        feedback: whether networks are used.
-        limits: see `Plan`.
-        ages: see `Plan`.
+    `rate_hz`: ticks per second. `durations`: of the primitives in s. `goals`, `turned_goals`: (3,) m and (4,)
+    of the primitives. `feedback`: whether networks are used.
     """
+    dt, limits = 1.0 / rate_hz, skill.limits
+    ages = [round(seconds * rate_hz) for seconds in (limits.offset_within_s, limits.stale_after_s)]
     axes = skill.axes
     taus = np.array([canonical.time_constant(duration) for duration in durations])
     counts = [sample_count(duration, dt) for duration in durations]
@@ -84,8 +77,8 @@ def plan_in_time(
         orientation_forcing=turning,
         expected=expected,
         axes=np.array([AXES.index(axis) for axis in axes], dtype=np.int64),
-        limits=limits,
-        ages=ages,
+        limits=limits.of(axes, dt),
+        ages=np.array(ages, dtype=np.int64),
         **compiled_networks(networks, phases, len(axes)),
     )
 

@@ -15,10 +15,9 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from structlearn import __version__
-from structlearn.feedback.axes import AXES, unit
+from structlearn.feedback.coupling import AXES, unit
 from structlearn.feedback.coupling_model import model_name, named_model
-from structlearn.feedback.limits import FadingParameters, Limits
-from structlearn.feedback.skill import ReactiveSkill, Workspace
+from structlearn.feedback.skill import FadingParameters, Limits, ReactiveSkill, Workspace
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.primitives.primitive_files import (
@@ -29,11 +28,9 @@ from structlearn.primitives.primitive_files import (
     vector_primitive,
     vector_tensors,
 )
-from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
+from structlearn.primitives.vector import OFFSET_SAMPLES
 
-KIND = "reactive_skill"
-"""The one key of the description."""
-
+KIND = "reactive_skill"  # The one key of the description
 UNITS = {
     "length": "m",
     "angle": "rad",
@@ -139,11 +136,7 @@ def provenance(bags: Sequence[Path], parameters: Mapping[str, Any]) -> dict[str,
             name = file.relative_to(source.parent).as_posix()
             digests[name] = hashlib.sha256(file.read_bytes()).hexdigest()
     text = json.dumps(parameters, sort_keys=True)
-    return {
-        "bags": digests,
-        "parameters": hashlib.sha256(text.encode()).hexdigest(),
-        "version": __version__,
-    }
+    return {"bags": digests, "parameters": hashlib.sha256(text.encode()).hexdigest(), "version": __version__}
 
 
 def _described(path: str | Path) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from structlearn.feedback.coupling_model import evaluate
 from structlearn.primitives import orientation, transformation
-from structlearn.primitives.sensor_traces import OFFSET_SAMPLES
+from structlearn.primitives.vector import OFFSET_SAMPLES
 
 REJECTED, WAITING, NO_OFFSET, STALE, SATURATED, RATE_LIMITED = (1 << bit for bit in range(6))
 
@@ -35,7 +35,7 @@ class Plan(NamedTuple):
     position_forcing: np.ndarray  # (R, 3) in the base frame
     orientation_forcing: np.ndarray  # (R, 3)
     expected: np.ndarray  # (R, E) expected sensor traces; NaN where a primitive has none
-    axes: np.ndarray  # (D,) places of the axes of the coupling in `axes.AXES`
+    axes: np.ndarray  # (D,) places of the axes of the coupling in `coupling.AXES`
     kernels: np.ndarray  # (P, D) addresses of the networks' kernels, 0 where there is no network
     inputs: np.ndarray  # (P, D) how many channels they take
     sizes: np.ndarray  # (P, D, S), see `coupling_model.Compiled`
@@ -93,26 +93,14 @@ def resting_state(plan: Plan) -> State:
 
 def no_plan() -> tuple[tuple, tuple]:
     """Plan and state without a primitive as plain tuples, for compiled loops that can do without."""
-    none, place = np.zeros(0), np.zeros(0, dtype=np.int64)
-    network = np.zeros((0, 0), dtype=np.int64)
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(Plan._fields, (0, 0))
+    shapes |= {"rows": (1,), "tau": (0,), "axes": (0,), "ages": (2,)}
+    shapes |= {"matrix": (0, 3, 5), "position_goal": (0, 3), "orientation_goal": (0, 4), "limits": (2, 0)}
+    shapes |= {"position_forcing": (0, 3), "orientation_forcing": (0, 3)}
+    shapes |= dict.fromkeys(("sizes", "values", "table"), (0, 0, 0))
+    whole = {"rows", "axes", "kernels", "inputs", "sizes", "memory", "ages"}
     plan = Plan(
-        rows=np.zeros(1, dtype=np.int64),
-        matrix=np.zeros((0, 3, 5)),
-        tau=none,
-        position_goal=np.zeros((0, 3)),
-        orientation_goal=np.zeros((0, 4)),
-        position_forcing=np.zeros((0, 3)),
-        orientation_forcing=np.zeros((0, 3)),
-        expected=np.zeros((0, 0)),
-        axes=place,
-        kernels=network,
-        inputs=network,
-        sizes=network[None],
-        values=np.zeros((0, 0, 0)),
-        memory=network,
-        table=np.zeros((0, 0, 0)),
-        limits=np.zeros((2, 0)),
-        ages=np.zeros(2, dtype=np.int64),
+        **{name: np.zeros(shapes[name], np.int64 if name in whole else float) for name in Plan._fields}
     )
     return tuple(plan), tuple(resting_state(plan))
 

@@ -15,20 +15,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.feedback.coupling_model import Jobs, Model, Trained
-from structlearn.feedback.folds import PARTS, Fold
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_dataset import PARTS, Fold
+from structlearn.feedback.coupling_model import Jobs, Model, Trained, TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor, one_thread
 
-EVALUATED_AT_ONCE = 128
-"""Samples per model; a stack's activations then stay in a core's cache."""
-
+EVALUATED_AT_ONCE = 128  # Samples per model; a stack's activations then stay in a core's cache
 CHOOSING = ("validation", "generalization")
 """Parts that may choose a step; the others are five times as many samples."""
 
-DECAY = 0.9
-"""Of RMSProp's running mean of squared gradients, per step: the value with which it was published."""
+DECAY = 0.9  # Of RMSProp's running mean of squared gradients, per step: the value with which it was published
 
 
 class Stack(Protocol):

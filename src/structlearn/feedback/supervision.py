@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 from pydantic import Field, field_validator
 
-from structlearn.feedback.axes import AXES, Axis, direction, turns
-from structlearn.feedback.coupling import orientation_target, reach_target
+from structlearn.feedback.coupling import AXES, Axis, direction, orientation_target, reach_target, turns
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
@@ -23,7 +22,6 @@ from structlearn.ground.params import Parameters
 from structlearn.ground.signals import low_pass
 from structlearn.primitives import canonical
 from structlearn.primitives.orientation import QuaternionPrimitive
-from structlearn.primitives.sensor_traces import deviation, fit_expected_traces, without_offset
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
@@ -31,7 +29,7 @@ from structlearn.primitives.trajectory import (
     differentiated,
     differentiated_orientation,
 )
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.recordings.demonstration import Demonstration
 
 Setting = TypeVar("Setting", float, str)
@@ -126,7 +124,7 @@ class CorrectedPrimitive:
     point: Trajectory | None  # (T, 3) corrected position, smoothed
     turn: OrientationTrajectory | None  # (T, 4) corrected orientation, smoothed
     deviation: np.ndarray  # (T, D) of the sensors
-    target: np.ndarray  # (T, 6) coupling term on each of `axes.AXES`; 0 where its path is None
+    target: np.ndarray  # (T, 6) coupling term on each of `coupling.AXES`; 0 where its path is None
     groups: tuple[int, ...]  # of `CouplingDataset`
 
 
@@ -250,15 +248,8 @@ def coupling_dataset(
             corrected = corrected_primitive(run, cut, primitive, expected, parameters)
             parts.append(coupling_samples(corrected, setting, number, parameters))
             key = "setting" if isinstance(setting, str) else "setting_deg"
-            checks.append(
-                {
-                    key: setting,
-                    "demonstration": number,
-                    "name": run.name,
-                    **_turn_checks(corrected, run, cut, primitive, parameters.axes),
-                    **_shift_checks(corrected, run, cut, primitive, parameters.axes),
-                }
-            )
+            keys = {key: setting, "demonstration": number, "name": run.name}
+            checks.append(keys | _checks(corrected, run, cut, primitive, parameters.axes))
     if not parts:
         raise InputError(f"'{primitive.name}' was cut in none of the corrected demonstrations")
     datasets = {axis: concatenated([part[axis] for part in parts]) for axis in parameters.axes}
@@ -272,15 +263,10 @@ def coupling_samples(
 
     `setting`: in degrees, or its label. `parameters`: axes, and the samples per second that are kept.
     """
-    key, rate_hz = (setting, number), parameters.rate_hz
+    one, key = corrected, (setting, number)
     return {
         axis: _samples(
-            corrected.time,
-            corrected.deviation,
-            corrected.target[:, AXES.index(axis)],
-            key,
-            rate_hz,
-            corrected.groups,
+            one.time, one.deviation, one.target[:, AXES.index(axis)], key, parameters.rate_hz, one.groups
         )
         for axis in parameters.axes
     }
@@ -337,63 +323,49 @@ def _samples(
     )
 
 
-def _turn_checks(
+def _checks(
     corrected: CorrectedPrimitive,
     run: Demonstration,
     cut: pd.Series,
     primitive: PosePrimitive,
     axes: Sequence[Axis],
 ) -> dict[str, float]:
-    path = corrected.turn
-    if path is None or primitive.orientation is None or run.orientation is None:
-        return {}
-    chosen = np.isin(AXES[3:], axes)
-    along = np.where(chosen, corrected.target[:, 3:], 0.0)
-    again = primitive.orientation.unroll(
-        path.dt,
-        start=path.orientation[0],
-        duration=path.duration,
-        velocity=path.angular_velocity[0],
-        acceleration=path.angular_acceleration[0],
-        coupling=lambda k, q, w: along[k],
-    )
-    distance = quaternion.angle_between(again.orientation, path.orientation)
-    smoothing = quaternion.angle_between(path.orientation, _part(run.orientation, run, cut))
-    return {
-        "reproduction_deg": float(np.degrees(distance.max())),
-        "smoothing_deg": float(np.degrees(np.sqrt(np.mean(smoothing**2)))),
-        "others": _others(corrected.target[:, 3:], chosen),
-    }
-
-
-def _shift_checks(
-    corrected: CorrectedPrimitive,
-    run: Demonstration,
-    cut: pd.Series,
-    primitive: PosePrimitive,
-    axes: Sequence[Axis],
-) -> dict[str, float]:
-    path = corrected.point
-    if path is None:
-        return {}
-    chosen = np.isin(AXES[:3], axes)
-    frame = local_frame(path.position[0], primitive.position.goal, primitive.position.frame)
-    along = np.where(chosen, corrected.target[:, :3], 0.0) @ frame
-    again = primitive.position.unroll(
-        path.dt,
-        start=path.position[0],
-        duration=path.duration,
-        velocity=path.velocity[0],
-        acceleration=path.acceleration[0],
-        coupling=lambda k, x, xd: along[k],
-    )
-    distance = np.linalg.norm(again.position - path.position, axis=1)
-    smoothing = np.linalg.norm(path.position - _part(run.position, run, cut), axis=1)
-    return {
-        "reproduction_m": float(distance.max()),
-        "smoothing_m": float(np.sqrt(np.mean(smoothing**2))),
-        "others_position": _others(corrected.target[:, :3], chosen),
-    }
+    """What `coupling_dataset` tells of each demonstration."""
+    found, (point, turn) = {}, (corrected.point, corrected.turn)
+    if turn is not None and primitive.orientation is not None and run.orientation is not None:
+        chosen = np.isin(AXES[3:], axes)
+        along = np.where(chosen, corrected.target[:, 3:], 0.0)
+        again = primitive.orientation.unroll(
+            turn.dt,
+            start=turn.orientation[0],
+            duration=turn.duration,
+            velocity=turn.angular_velocity[0],
+            acceleration=turn.angular_acceleration[0],
+            coupling=lambda k, q, w: along[k],
+        )
+        distance = quaternion.angle_between(again.orientation, turn.orientation)
+        smoothing = quaternion.angle_between(turn.orientation, _part(run.orientation, run, cut))
+        found["reproduction_deg"] = float(np.degrees(distance.max()))
+        found["smoothing_deg"] = float(np.degrees(np.sqrt(np.mean(smoothing**2))))
+        found["others"] = _others(corrected.target[:, 3:], chosen)
+    if point is not None:
+        chosen = np.isin(AXES[:3], axes)
+        frame = local_frame(point.position[0], primitive.position.goal, primitive.position.frame)
+        shift = np.where(chosen, corrected.target[:, :3], 0.0) @ frame
+        moved = primitive.position.unroll(
+            point.dt,
+            start=point.position[0],
+            duration=point.duration,
+            velocity=point.velocity[0],
+            acceleration=point.acceleration[0],
+            coupling=lambda k, x, xd: shift[k],
+        )
+        distance = np.linalg.norm(moved.position - point.position, axis=1)
+        smoothing = np.linalg.norm(point.position - _part(run.position, run, cut), axis=1)
+        found["reproduction_m"] = float(distance.max())
+        found["smoothing_m"] = float(np.sqrt(np.mean(smoothing**2)))
+        found["others_position"] = _others(corrected.target[:, :3], chosen)
+    return found
 
 
 def _others(target: np.ndarray, chosen: np.ndarray) -> float:

@@ -23,18 +23,14 @@ from safetensors.numpy import load_file, save
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.ground.publication import publish
 
-Metrics = dict[str, float | int | str | bool | None]
-"""Flat key figures."""
+Metrics = dict[str, float | int | str | bool | None]  # flat key figures
 
 
 def filled(folder: str | Path, at_least: int = 1) -> Path:
     """A folder that a stage before wrote, which is empty where its data are missing.
 
-    `at_least`: files that are needed. Returns the folder.
-
-    Raises:
-        MissingInputError: it holds fewer.
-        InputError: it does not exist.
+    `at_least`: files that are needed. Returns the folder. Raises MissingInputError: it holds fewer. Raises
+    InputError: it does not exist.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -69,10 +65,8 @@ def write_arrow(table: pyarrow.Table, target: str | Path, **encoding: Any) -> No
 def read_table(path: str | Path, needed: Sequence[str] = ()) -> pd.DataFrame:
     """Read a Parquet table.
 
-    `needed`: columns that it must have: another table, or one of an older version, is as sound.
-
-    Raises:
-        InputError: the file is missing, truncated, of another kind, not as it was written or lacks a column.
+    `needed`: columns that it must have: another table, or one of an older version, is as sound. Raises
+    InputError: the file is missing, truncated, of another kind, not as it was written or lacks a column.
     """
     table = read_arrow(path)
     if missing := [name for name in needed if name not in table.column_names]:
@@ -186,10 +180,8 @@ def _readable_tensors(path: str | Path) -> Iterator[None]:
 def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target: str | Path) -> None:
     """Publish a flat JSON of metrics, floats rounded to six significant digits.
 
-    Rounding keeps the file readable; the data it came from stay in the cached artefacts.
-
-    Raises:
-        ValueError: a number is NaN or infinite.
+    Rounding keeps the file readable; the data it came from stay in the cached artefacts. Raises ValueError: a
+    number is NaN or infinite.
     """
     rounded = {key: _rounded(key, value) for key, value in metrics.items()}
     with publish(target) as path:

@@ -14,8 +14,7 @@ import os
 from pathlib import Path
 
 VARIABLE = "NUMBA_CACHE_DIR"
-MARK = b"numba"
-"""Files that contain it count; all others cannot change what is compiled."""
+MARK = b"numba"  # files that contain it count; all others cannot change what is compiled
 
 
 def use_own_cache(package: Path) -> None:

@@ -1,7 +1,6 @@
 """The errors that mean "the input is at fault, not the program"."""
 
-LONGEST = 600
-"""Characters of a message; libraries that quote what they could not read know no end."""
+LONGEST = 600  # characters of a message; libraries that quote what they could not read know no end
 
 
 def printable(text: str) -> str:

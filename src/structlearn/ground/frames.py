@@ -4,8 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-UP = np.array([0.0, 0.0, 1.0])
-"""Opposite of gravity in the base frame."""
+UP = np.array([0.0, 0.0, 1.0])  # opposite of gravity in the base frame
 
 SIDE = np.array([0.0, 1.0, 0.0])
 """Anchor of the y axis for reaches along gravity, where "closest to up" is undefined."""
@@ -31,11 +30,7 @@ def frame_kind(displacement: np.ndarray, shortest_reach: float) -> FrameKind:
 
 
 def local_frame(
-    start: np.ndarray,
-    goal: np.ndarray,
-    kind: FrameKind = "up",
-    up: np.ndarray = UP,
-    side: np.ndarray = SIDE,
+    start: np.ndarray, goal: np.ndarray, kind: FrameKind = "up", up: np.ndarray = UP, side: np.ndarray = SIDE
 ) -> np.ndarray:
     """Rotation matrix of the local frame: its columns are the local axes in the base frame.
 

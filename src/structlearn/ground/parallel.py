@@ -34,11 +34,8 @@ PROCESSES = "STRUCTLEARN_PROCESSES"
 SCHEDULER = "DASK_SCHEDULER_ADDRESS"
 UNENCRYPTED = "STRUCTLEARN_UNENCRYPTED_DASK"
 
-ANSWER_S = 10.0
-"""A scheduler that runs answers within milliseconds."""
-
-WORKERS_S = 60.0
-"""Workers that were started together with the scheduler have joined by then."""
+ANSWER_S = 10.0  # a scheduler that runs answers within milliseconds
+WORKERS_S = 60.0  # workers that were started together with the scheduler have joined by then
 
 tqdm.monitor_interval = 0  # no thread of its own: processes are forked beside it
 
@@ -57,11 +54,8 @@ def parallel_map(
     lost, whatever the number of processes. `function`: a picklable function of one item; randomness must come
     from a seed in the item; `lost`: result of an item that ends its process; `local`: the work needs files of
     this machine and is not for a cluster. Returns the results in the order of the items, whatever the number
-    of processes.
-
-    Raises:
-        InputError: a variable of the environment makes no sense, or the cluster cannot be reached.
-        RuntimeError: a process died, and there is no `lost`.
+    of processes. Raises InputError: a variable of the environment makes no sense, or the cluster cannot be
+    reached. Raises RuntimeError: a process died, and there is no `lost`.
     """
     work = list(items)
     backend = os.environ.get(BACKEND, "fork")
@@ -104,8 +98,7 @@ def parallel_map(
     return [results[place] for place in range(len(work))]
 
 
-_pools: dict[int, ProcessPoolExecutor] = {}
-"""By its number of processes; there is one at a time."""
+_pools: dict[int, ProcessPoolExecutor] = {}  # by its number of processes; there is one at a time
 
 
 def _processes() -> ProcessPoolExecutor:

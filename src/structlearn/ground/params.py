@@ -15,7 +15,16 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from structlearn.ground.errors import InputError
 
@@ -51,11 +60,9 @@ def read_parameters(path: Path, key: str, model: type[ParametersType]) -> Parame
     """Check the value of one key of a YAML file against its model.
 
     `path`: the YAML file, usually `params.yaml`; `key`: the stage's key at the top level, or with dots one
-    below, e.g. `testbed.touch`. Returns the checked, frozen parameters.
-
-    Raises:
-        InputError: the file is missing or no YAML mapping, the key is absent, a key stands twice, or a value
-            is missing, unknown, of the wrong type or out of range; the message names file, key and reason.
+    below, e.g. `testbed.touch`. Returns the checked, frozen parameters. Raises InputError: the file is
+    missing or no YAML mapping, the key is absent, a key stands twice, or a value is missing, unknown, of the
+    wrong type or out of range; the message names file, key and reason.
     """
     return checked(value_at(path, key), model, path, key)
 
@@ -173,3 +180,32 @@ def _reasons(key: str, error: ValidationError) -> list[str]:
         else:
             reasons.append(f"{where}: {fault['msg']} (got {reprlib.repr(fault['input'])})")
     return reasons
+
+
+Seeds = Annotated[list[NonNegativeInt], Field(min_length=1)]
+
+
+class Population(Parameters):
+    """Seeds of the people, sensors, robots or scenes that a testbed's results are over.
+
+    Constants were chosen on `tuning`, verdicts rest on `test`, and no seed may be in both. The first of
+    `tuning` is who recordings and first figures show.
+    """
+
+    tuning: Seeds
+    test: Seeds
+
+    @model_validator(mode="after")
+    def _are_apart(self) -> "Population":
+        for name in ("tuning", "test"):
+            seeds = getattr(self, name)
+            if len(set(seeds)) < len(seeds):
+                raise ValueError(f"a seed of `{name}` stands twice: {seeds}")
+        if shared := sorted(set(self.tuning) & set(self.test)):
+            raise ValueError(f"seeds {shared} are in `tuning` and in `test`: nothing may be judged on them")
+        return self
+
+    @property
+    def shown(self) -> int:
+        """Seed of the one that recordings and first figures show."""
+        return self.tuning[0]

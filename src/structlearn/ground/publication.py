@@ -69,8 +69,7 @@ def _writable(target: Path) -> Iterator[None]:
         raise InputError(f"{target}: cannot be written: {os.strerror(error.errno)}") from error
 
 
-_locks: set[int] = set()
-"""Open files by which this process holds its workspaces."""
+_locks: set[int] = set()  # open files by which this process holds its workspaces
 
 
 @contextmanager

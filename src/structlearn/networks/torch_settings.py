@@ -1,11 +1,22 @@
-"""What all trainings with torch share: precision, seeds, threads, and RMSProp."""
+"""What all trainings with torch share: precision, seeds, threads, optimisers."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 import torch
+from pydantic import Field
 from torch import Tensor
+
+from structlearn.ground.params import Parameters
+
+
+class AdamParameters(Parameters):
+    """Adam. Fields: `params.yaml`, `train_dynamics.learning.networks`."""
+
+    rate: float = Field(gt=0)
+    batch: int = Field(ge=1)
+    second_moment_decay: float = Field(gt=0, lt=1)
 
 
 def as_tensor(values: np.ndarray) -> Tensor:

@@ -11,7 +11,7 @@ A rollout that failed counts. PI2-CMA leaves it out; for CMA-ES, which only rank
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import pandas as pd
@@ -22,13 +22,18 @@ from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.policy_search import pi2
 from structlearn.policy_search.pi2 import PI2Parameters, SearchDistribution
-from structlearn.policy_search.rollouts import Environment, Rollout, cost_matrix, kernel_activation, succeeded
+from structlearn.policy_search.refinement import (
+    Environment,
+    Rollout,
+    cost_matrix,
+    kernel_activation,
+    succeeded,
+)
 
 if TYPE_CHECKING:
     import cma
 
-PI2, CMA_ES = "pi2", "cma_es"
-"""Names of the methods."""
+PI2, CMA_ES = "pi2", "cma_es"  # Names of the methods
 
 SEARCHED, JUDGED = 3, 4
 """Second numbers of the rollouts' seeds: for an update, and of a mean policy; 0 to 2 are the refinement's."""
@@ -42,27 +47,9 @@ class ComparisonParameters(Parameters):
     evaluation_runs: int = Field(ge=1)
 
 
-class Search(Protocol):
-    """A search that asks for policies and is told their rollouts."""
-
-    @property
-    def count(self) -> int:
-        """Rollouts per update, K."""
-
-    @property
-    def mean(self) -> np.ndarray:
-        """(N,) weights of the mean policy."""
-
-    def propose(self) -> np.ndarray:
-        """(K, N) weights of the policies to be rolled out."""
-
-    def learn(self, policies: np.ndarray, runs: Sequence[Rollout]) -> None:
-        """Update by the rollouts of the proposed policies, of which two must have succeeded."""
-
-
 @dataclass
 class PathIntegralSearch:
-    """PI2-CMA (algorithm IV.4), a `Search`."""
+    """PI2-CMA (algorithm IV.4); as `EvolutionStrategy` it asks for policies and is told their rollouts."""
 
     distribution: SearchDistribution  # of the next policies
     parameters: PI2Parameters
@@ -93,7 +80,7 @@ class PathIntegralSearch:
 
 @dataclass
 class EvolutionStrategy:
-    """Plain CMA-ES of the package `cma`, a `Search`."""
+    """Plain CMA-ES of the package `cma`."""
 
     strategy: "cma.CMAEvolutionStrategy"
 
@@ -133,6 +120,9 @@ class EvolutionStrategy:
         costs = np.array([_accumulated(run) for run in runs])
         behind = np.nanmax(costs) + 1.0  # finite, which the package asks for; only the order matters
         self.strategy.tell(list(policies), np.where(np.isnan(costs), behind, costs).tolist())
+
+
+Search = PathIntegralSearch | EvolutionStrategy
 
 
 @dataclass

@@ -14,8 +14,7 @@ TOLERANCE = 1e-10
 """Of the divergence, relative to its bound, which for rounding's sake is not much below 1e-6."""
 MOST_TRIALS = 400
 """Every eighth halves the bracket, so this is enough whatever the costs; three to six are usual."""
-ROUNDING = 1e-12
-"""Costs at one time step that differ by less, relative to their size, are equal."""
+ROUNDING = 1e-12  # Costs at one time step that differ by less, relative to their size, are equal
 
 
 def normalised(costs: np.ndarray) -> np.ndarray:

@@ -10,8 +10,8 @@ from pydantic import Field
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
+from structlearn.primitives.kernels import Regression
 from structlearn.primitives.position import fit_position
-from structlearn.primitives.regression import Regression
 from structlearn.primitives.sequence import PosePrimitive, fit_orientation
 from structlearn.primitives.trajectory import (
     OrientationTrajectory,
@@ -167,10 +167,7 @@ def reproduction_errors(primitive: PosePrimitive, segments: Sequence[Segment]) -
         }
         if orientation is not None and primitive.orientation is not None:
             turn = primitive.orientation.unroll(
-                orientation.dt,
-                orientation.orientation[0],
-                orientation.orientation[-1],
-                orientation.duration,
+                orientation.dt, orientation.orientation[0], orientation.orientation[-1], orientation.duration
             )
             angle = np.degrees(quaternion.angle_between(turn.orientation, orientation.orientation))
             row |= {"mean_deg": angle.mean(), "max_deg": angle.max(), "end_deg": angle[-1]}

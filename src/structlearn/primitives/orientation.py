@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from structlearn.ground import quaternion
-from structlearn.primitives import canonical, kernels, regression
+from structlearn.primitives import canonical, kernels
 from structlearn.primitives.trajectory import OrientationTrajectory
 from structlearn.primitives.transformation import ALPHA, ALPHA_G, BETA, Coupling, step_matrix
 from structlearn.primitives.vector import sample_count
@@ -48,20 +48,10 @@ class QuaternionPrimitive:
         coupling: Coupling | None = None,
         until: float | None = None,
     ) -> OrientationTrajectory:
-        """Generate the movement; what is not given is the demonstrations' mean.
+        """Generate the movement, (..., T, 4) orientations; arguments as of `VectorPrimitive.unroll`.
 
-        Args:
-            dt: sampling interval in s.
-            start: (4,) initial orientation.
-            goal: (4,) steady goal.
-            duration: s.
-            velocity: (3,) initial angular velocity in rad/s.
-            acceleration: (3,) initial angular acceleration in rad/s^2.
-            coupling: feedback in the loop: (step, Q (..., 4), w (..., 3)) -> c (..., 3).
-            until: time of the last sample in s; default the duration.
-
-        Returns:
-            OrientationTrajectory with (..., T, 4) orientations.
+        `start`, `goal`: (4,). `velocity`, `acceleration`: (3,) rad/s, rad/s^2. `coupling`: of the step, Q
+        (..., 4) and w (..., 3).
         """
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
@@ -76,7 +66,7 @@ class QuaternionPrimitive:
 
 def fit_quaternion(
     demonstrations: Sequence[OrientationTrajectory],
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> QuaternionPrimitive:
     """Learn a quaternion primitive from one or several demonstrations of any durations.
@@ -87,7 +77,7 @@ def fit_quaternion(
     velocities = np.array([path.angular_velocity[0] for path in demonstrations])
     accelerations = np.array([path.angular_acceleration[0] for path in demonstrations])
     return QuaternionPrimitive(
-        weights=regression.forcing_weights(
+        weights=kernels.forcing_weights(
             [forcing_target(path, canonical.time_constant(path.duration)) for path in demonstrations],
             method=method,
             count=kernel_count,
@@ -112,15 +102,8 @@ def initial_goal(
     A goal further than half a turn away cannot be told from one on the other side: the initial acceleration
     is met as long as |(tau^2 wd - f) / ALPHA + tau w| / BETA < pi.
 
-    Args:
-        orientation: (..., 4) initial orientation.
-        velocity: (..., 3) initial angular velocity in rad/s.
-        acceleration: (..., 3) initial angular acceleration in rad/s^2.
-        tau: time constant in s.
-        forcing: (..., 3) f + c at the start.
-
-    Returns:
-        (..., 4) Q_g0.
+    `orientation`: (..., 4). `velocity`, `acceleration`: (..., 3) rad/s, rad/s^2. `forcing`: (..., 3) f + c at
+    the start. Returns (..., 4) Q_g0.
     """
     vector = ((tau**2 * np.asarray(acceleration) - forcing) / ALPHA + tau * np.asarray(velocity)) / BETA
     return quaternion.product(quaternion.from_rotation_vector(vector), orientation)
@@ -153,20 +136,10 @@ def unroll(
     acceleration: np.ndarray | float = 0.0,
     coupling: Coupling | None = None,
 ) -> OrientationTrajectory:
-    """Integrate the orientation system, for one movement or a batch of forcing terms.
+    """Integrate the orientation system, for one movement or a batch of forcing terms (..., T, 3).
 
-    Args:
-        start: (4,) initial orientation.
-        goal: (4,) steady goal.
-        forcing: (..., T, 3) forcing term at the samples.
-        dt: sampling interval in s.
-        tau: time constant in s.
-        velocity: (3,) initial angular velocity in rad/s.
-        acceleration: (3,) initial angular acceleration in rad/s^2; it sets the initial goal.
-        coupling: feedback in the loop, called once per step for the whole batch.
-
-    Returns:
-        OrientationTrajectory with (..., T, 4) orientations.
+    As `transformation.unroll`, from `start` to `goal` (4,); `velocity`, `acceleration`: (3,) rad/s, rad/s^2.
+    Returns (..., T, 4) orientations.
     """
     batch, samples = forcing.shape[:-2], forcing.shape[-2]
     times = dt * np.arange(samples)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground.frames import FrameKind, frame_kind, local_frame
-from structlearn.primitives import kernels, regression, transformation
+from structlearn.primitives import kernels, transformation
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
 
@@ -40,21 +40,10 @@ class PositionPrimitive:
         until: float | None = None,
         frame: np.ndarray | None = None,
     ) -> Trajectory:
-        """Generate the movement in the base frame; what is not given is the demonstrations' mean.
+        """Generate the movement in the base frame, (..., T, 3) m; arguments as of `VectorPrimitive.unroll`.
 
-        Args:
-            dt: sampling interval in s.
-            start: (3,) m.
-            goal: (3,) m.
-            duration: s.
-            velocity: (3,) initial velocity in m/s.
-            acceleration: (3,) initial acceleration in m/s^2.
-            coupling: feedback in the loop, in the local frame and relative to the start.
-            until: time of the last sample in s; default the duration.
-            frame: (3, 3) local to base; default the local frame from start to goal.
-
-        Returns:
-            Trajectory with (..., T, 3) signals.
+        `coupling`: in the local frame and relative to the start. `frame`: (3, 3) local to base; default the
+        local frame from start to goal.
         """
         start = self.start if start is None else np.asarray(start, dtype=float)
         goal = self.goal if goal is None else np.asarray(goal, dtype=float)
@@ -70,17 +59,14 @@ class PositionPrimitive:
             until=until,
         )
         return Trajectory(
-            path.time,
-            start + path.position @ axes.T,
-            path.velocity @ axes.T,
-            path.acceleration @ axes.T,
+            path.time, start + path.position @ axes.T, path.velocity @ axes.T, path.acceleration @ axes.T
         )
 
 
 def fit_position(
     demonstrations: Sequence[Trajectory],
     scaled: Sequence[bool] = (False, False, False),
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> PositionPrimitive:
     """Learn a position primitive; each demonstration is turned into its own local frame.

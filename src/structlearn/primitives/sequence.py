@@ -11,7 +11,7 @@ from pydantic import Field
 from structlearn.ground import quaternion
 from structlearn.ground.frames import UP
 from structlearn.ground.params import Parameters
-from structlearn.primitives import kernels, orientation, position, regression, twist_swing
+from structlearn.primitives import kernels, orientation, position, twist_swing
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 
 OrientationPrimitive = orientation.QuaternionPrimitive | twist_swing.TwistSwingPrimitive
@@ -66,7 +66,7 @@ class GeneraliseParameters(Parameters):
 
 def fit_orientation(
     demonstrations: Sequence[OrientationTrajectory],
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> OrientationPrimitive:
     """Orientation primitive in the form that the demonstrations' largest net turn asks for.
@@ -167,11 +167,7 @@ def sequence_table(path: SequencePath, names: Sequence[str]) -> pd.DataFrame:
     """
     lengths = np.diff(path.switches)
     lengths[-1] += 1
-    signals = {
-        "": path.position.position,
-        "v": path.position.velocity,
-        "a": path.position.acceleration,
-    }
+    signals = {"": path.position.position, "v": path.position.velocity, "a": path.position.acceleration}
     if path.orientation is not None:
         signals |= {
             "q": path.orientation.orientation,

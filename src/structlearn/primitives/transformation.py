@@ -27,23 +27,11 @@ ones at every step, and the next step overwrites them."""
 
 
 def initial_goal(
-    x: np.ndarray,
-    xd: np.ndarray,
-    xdd: np.ndarray | float,
-    tau: float,
-    forcing: np.ndarray | float = 0.0,
+    x: np.ndarray, xd: np.ndarray, xdd: np.ndarray | float, tau: float, forcing: np.ndarray | float = 0.0
 ) -> np.ndarray:
     """Evolving goal at which the system starts with the given acceleration (eq. IV.12).
 
-    Args:
-        x: (..., D) initial position.
-        xd: (..., D) initial velocity.
-        xdd: (..., D) initial acceleration.
-        tau: time constant in s.
-        forcing: (..., D) f + c at the start; 0 when the phase starts at 1.
-
-    Returns:
-        (..., D) g_0.
+    All (..., D); `forcing`: f + c at the start, 0 when the phase starts at 1. Returns g_0.
     """
     return x + ((tau**2 * xdd - forcing) / ALPHA + tau * xd) / BETA
 
@@ -220,12 +208,7 @@ def _step_and_show(
 
 @numba.njit(cache=True)
 def _unroll(
-    matrix: np.ndarray,
-    tau: float,
-    goal: np.ndarray,
-    state: np.ndarray,
-    forcing: np.ndarray,
-    path: np.ndarray,
+    matrix: np.ndarray, tau: float, goal: np.ndarray, state: np.ndarray, forcing: np.ndarray, path: np.ndarray
 ) -> None:
     """All steps without feedback, one movement after the other: they are contiguous in memory."""
     batch, samples, axes = forcing.shape

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground import quaternion
-from structlearn.primitives import kernels, regression
+from structlearn.primitives import kernels
 from structlearn.primitives.trajectory import OrientationTrajectory, Trajectory
 from structlearn.primitives.transformation import Coupling
 from structlearn.primitives.vector import VectorPrimitive, fit_vector
@@ -48,25 +48,11 @@ class TwistSwingPrimitive:
         coupling: Coupling | None = None,
         until: float | None = None,
     ) -> OrientationTrajectory:
-        """Generate the movement; what is not given is the demonstrations' mean.
+        """Generate the movement, (T, 4) orientations; arguments as of `QuaternionPrimitive.unroll`.
 
-        Of the many ways round from start to goal, the one nearest to the demonstrations is taken.
-
-        Args:
-            dt: sampling interval in s.
-            start: (4,) initial orientation.
-            goal: (4,) steady goal.
-            duration: s.
-            velocity: (3,) initial angular velocity in rad/s, given together with
-            acceleration: (3,) initial angular acceleration in rad/s^2.
-            coupling: feedback in the loop, in chart coordinates: (step, (..., 3), rates) -> (..., 3).
-            until: time of the last sample in s; default the duration.
-
-        Returns:
-            OrientationTrajectory with (T, 4) orientations.
-
-        Raises:
-            ValueError: only one of velocity and acceleration is given; on the chart they belong together.
+        Of the many ways round from start to goal, the one nearest to the demonstrations is taken. `coupling`:
+        in chart coordinates: (step, (..., 3), rates) -> (..., 3). Raises ValueError: only one of velocity and
+        acceleration is given; on the chart they belong together.
         """
         if (velocity is None) != (acceleration is None):
             raise ValueError("velocity and acceleration must be given together")
@@ -89,7 +75,7 @@ class TwistSwingPrimitive:
 
 def fit_twist_swing(
     demonstrations: Sequence[OrientationTrajectory],
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> TwistSwingPrimitive:
     """Learn an orientation primitive in the chart about the demonstrations' dominant axis.
@@ -164,10 +150,7 @@ def angular_rates(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Angular velocity and acceleration in the base frame of a movement on the chart.
 
-    `coordinates`: (..., 3) rad. `rates`: (..., 3) rad/s. `accelerations`: (..., 3) rad/s^2. `axes`: (3, 3).
-
-    Returns:
-        w: (..., 3) rad/s.   wd: (..., 3) rad/s^2.
+    `coordinates`, `rates`, `accelerations`: (..., 3) rad, rad/s, rad/s^2. Returns w and wd likewise.
     """
     matrix, bias = _chart_jacobian(coordinates, rates, axes)
     velocity = (matrix @ rates[..., None])[..., 0]
@@ -177,14 +160,7 @@ def angular_rates(
 def chart_rates(
     coordinates: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rates and accelerations on the chart of a given angular motion, the inverse of `angular_rates`.
-
-    `coordinates`: (..., 3) rad. `velocity`: (..., 3) angular velocity in rad/s. `acceleration`: (..., 3)
-    angular acceleration in rad/s^2. `axes`: (3, 3).
-
-    Returns:
-        rates: (..., 3) rad/s.   accelerations: (..., 3) rad/s^2.
-    """
+    """Rates and accelerations (..., 3) on the chart, the inverse of `angular_rates`."""
     matrix, _ = _chart_jacobian(coordinates, np.zeros_like(coordinates), axes)
     rates = np.linalg.solve(matrix, velocity[..., None])[..., 0]
     _, bias = _chart_jacobian(coordinates, rates, axes)

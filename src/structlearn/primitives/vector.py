@@ -1,12 +1,16 @@
-"""Primitive of a vector signal: sensor traces, chart coordinates, positions in a local frame (IV.3)."""
+"""Primitive of a vector signal: sensor traces, chart coordinates, positions in a local frame (IV.3).
+
+An expected sensor trace, what a sensor should read while a primitive runs (associative skill memory), is such
+a primitive with one dimension per channel; deviations from it are what feedback models take as input.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from structlearn.primitives import canonical, kernels, regression, transformation
-from structlearn.primitives.trajectory import Trajectory
+from structlearn.primitives import canonical, kernels, transformation
+from structlearn.primitives.trajectory import Trajectory, differentiated
 
 SMALLEST_AMPLITUDE = 1e-3
 """An axis along which the demonstrations move less than this is never scaled (its ratio means nothing)."""
@@ -82,7 +86,7 @@ class VectorPrimitive:
 def fit_vector(
     demonstrations: Sequence[Trajectory],
     scaled: Sequence[bool] | None = None,
-    method: regression.Regression = "joint",
+    method: kernels.Regression = "joint",
     kernel_count: int = kernels.KERNEL_COUNT,
 ) -> VectorPrimitive:
     """Learn a primitive from one or several demonstrations of any durations (IV.5.4).
@@ -103,7 +107,7 @@ def fit_vector(
     velocities = np.array([demonstration.velocity[0] for demonstration in demonstrations])
     accelerations = np.array([demonstration.acceleration[0] for demonstration in demonstrations])
     return VectorPrimitive(
-        weights=regression.forcing_weights(targets, scales, method, kernel_count),
+        weights=kernels.forcing_weights(targets, scales, method, kernel_count),
         start=start,
         goal=goal,
         velocity=np.mean(durations * velocities, axis=0),
@@ -126,3 +130,35 @@ def relative_scale(distance: np.ndarray, amplitude: np.ndarray, scaled: np.ndarr
 def sample_count(duration: float, dt: float) -> int:
     """Number of samples 0, dt, 2 dt, ... up to the one nearest to the duration in s."""
     return round(duration / dt) + 1
+
+
+OFFSET_SAMPLES = 5  # The offset of a run is the mean of this many samples at its start
+
+
+def without_offset(trace: np.ndarray, first: np.ndarray | None = None) -> np.ndarray:
+    """A trace relative to the sensor's reading at the start of the run.
+
+    `trace`: (T, E) counts. `first`: (S, E) samples at the start of the run; default the trace itself. For
+    later primitives of a run: the trace of its first primitive. Returns (T, E) counts.
+    """
+    return trace - (trace if first is None else first)[:OFFSET_SAMPLES].mean(axis=0)
+
+
+def fit_expected_traces(traces: Sequence[np.ndarray], dt: float, smoothing_hz: float) -> VectorPrimitive:
+    """Expected traces from repeated runs of a primitive.
+
+    `traces`: per run (T_l, E) readings without offset, on one uniform clock from start to end.
+    `smoothing_hz`: low-pass before the traces are differentiated. Returns a vector primitive with one
+    dimension per channel.
+    """
+    return fit_vector([differentiated(trace, dt, smoothing_hz) for trace in traces])
+
+
+def expected_traces(primitive: VectorPrimitive, samples: int, dt: float) -> np.ndarray:
+    """Expected traces over a run of `samples` samples: (samples, E) counts."""
+    return primitive.unroll(dt, duration=dt * (samples - 1)).position
+
+
+def deviation(primitive: VectorPrimitive, trace: np.ndarray, dt: float) -> np.ndarray:
+    """Deviation s_actual - s_expected of a run without offset: (T, E) -> (T, E) counts."""
+    return trace - expected_traces(primitive, len(trace), dt)

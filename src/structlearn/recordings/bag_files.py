@@ -19,7 +19,7 @@ from typing import Literal
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import NAME, read_values
-from structlearn.recordings.bag_reader import COMPRESSED, Bag, joined, read_bag, unpacked_messages
+from structlearn.recordings.bag import COMPRESSED, Bag, joined, read_bag, unpacked_messages
 from structlearn.recordings.pose_table import read_pose_table
 from structlearn.recordings.rosbags_reader import read_db3, read_ros1_bag
 from structlearn.recordings.shape_table import FILE as SHAPE_FILE
@@ -69,10 +69,8 @@ class RecordingFile:
 def recording_files(source: str | Path) -> list[RecordingFile]:
     """Every recording of a source, in natural order of their names: 2 before 10.
 
-    Args:
-        source: one file; a folder of files; a ROS 2 bag (folder with metadata.yaml); or a folder of such
-            bags. `~` is the home folder. Hidden files and other ones are passed over, and tables where there
-            are bags.
+    A source is one file; a folder of files; a ROS 2 bag (folder with metadata.yaml); or a folder of such
+    bags. `~` is the home folder. Hidden and other files are passed over, and tables where there are bags.
 
     Raises:
         InputError: there is no such source or nothing in it, a file of a bag is missing, a bag has files of
@@ -84,9 +82,7 @@ def recording_files(source: str | Path) -> list[RecordingFile]:
     if not source.is_dir():
         return [as_recording_file(source)]
     folders = [source, *sorted(path.parent for path in source.glob(f"*/{METADATA}"))]
-    found = [file for folder in folders for file in _bags(folder)] or [
-        as_recording_file(path) for path in _files(source, ("table",))
-    ]
+    found = [file for folder in folders for file in _bags(folder)] or _files(source, ("table",))
     if not found:
         raise InputError(f"{source}: holds no bag (.mcap, .db3, .bag) and no table (.csv, .parquet)")
     for file in found:
@@ -103,10 +99,7 @@ def as_recording_file(path: Path) -> RecordingFile:
 
 
 def open_bag(file: RecordingFile, topics: Collection[str]) -> Bag:
-    """Topics, their types, and messages of the topics that are wanted, of a file of any format.
-
-    Messages are ROS 2 messages (CDR) with their definitions, whatever the file holds. A table has the topics
-    of `pose_table.TABLE_TOPICS`.
+    """Topics with their types, and messages (ROS 2, CDR) of those that are wanted, of a file of any format.
 
     Raises:
         InputError: the file cannot be read, is damaged, or needs the extra `bags`, which is not installed.
@@ -150,7 +143,7 @@ def _suffix(path: Path) -> str:
     return "".join(path.suffixes[-2:]) if path.suffix == COMPRESSED else path.suffix
 
 
-def _files(folder: Path, formats: Collection[str]) -> list[Path]:
+def _files(folder: Path, formats: Collection[str]) -> list[RecordingFile]:
     """Files of some formats in natural order; tables of shapes are no recordings."""
     paths = [
         path
@@ -159,16 +152,19 @@ def _files(folder: Path, formats: Collection[str]) -> list[Path]:
         and not path.name.startswith(".")
         and not path.name.endswith(SHAPE_FILE)
     ]
-    return sorted(paths, key=lambda path: natural_order(path.name))
+    return [as_recording_file(path) for path in sorted(paths, key=lambda path: natural_order(path.name))]
 
 
 def _bags(folder: Path) -> list[RecordingFile]:
     """Bags in a folder: its files one by one, unless it is a bag that is split over them."""
-    files = [as_recording_file(path) for path in _files(folder, READERS)]
+    files = _files(folder, READERS)
     if not (folder / METADATA).exists():
         return files
+    content = read_values(folder / METADATA)
+    information = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    listed = information.get("relative_file_paths") if isinstance(information, dict) else None
     present = {path.name.removesuffix(COMPRESSED) for file in files for path in file.paths}
-    for name in _listed(folder / METADATA):
+    for name in [PurePath(str(name)).name for name in listed] if isinstance(listed, list) else []:
         if name.removesuffix(COMPRESSED) not in present:
             raise InputError(f"{folder}: the bag's file {name}, which {METADATA} names, is missing")
     if len(files) < 2:
@@ -177,11 +173,3 @@ def _bags(folder: Path) -> list[RecordingFile]:
     if len(formats) > 1:
         raise InputError(f"{folder}: the bag has files of several kinds: {', '.join(formats)}")
     return [RecordingFile(folder.name, formats[0], tuple(file.paths[0] for file in files))]
-
-
-def _listed(path: Path) -> list[str]:
-    """Names of the files that the description of a bag lists; none where it has another form."""
-    content = read_values(path)
-    information = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
-    listed = information.get("relative_file_paths") if isinstance(information, dict) else None
-    return [PurePath(str(name)).name for name in listed] if isinstance(listed, list) else []

@@ -1,36 +1,67 @@
-"""One recording from one file of any format: messages of the topics that are named become streams."""
+"""One recording and its file: messages of the topics that are named become streams, and streams messages."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag import Bag, damage_named, write_bag
 from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag
-from structlearn.recordings.bag_reader import Bag, damage_named, own_provenance
+from structlearn.recordings.checks import check_recording
 from structlearn.recordings.forward_kinematics import joint_pose
 from structlearn.recordings.joint_series import JointSeries, chosen, joint_series
-from structlearn.recordings.messages import check_readable, to_shapes, to_stream
-from structlearn.recordings.recording import JOINT_KINDS, Recording, Stream
+from structlearn.recordings.messages import check_readable, shapes_message, to_messages, to_shapes, to_stream
+from structlearn.recordings.recording import JOINT_KINDS, NamedShape, Recording, Stream
 from structlearn.recordings.shape_table import read_shapes, shape_file
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
-from structlearn.recordings.topics import OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
+from structlearn.recordings.topics import MAX_FINGERS, OWN_TOPICS, JointPose, Role, TopicMap, TransformPose
 from structlearn.recordings.transforms import transform_pose
+
+_TOPICS: dict[str, str] = {role: topic for topic, role in OWN_TOPICS.roles()}
+_TOPICS.update(zip(JOINT_KINDS, OWN_TOPICS.joint_states, strict=True))
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Write a recording as an MCAP file of ROS 2 messages on `OWN_TOPICS`.
+
+    Log and publish time are the stamp. Shapes stand in one message at the first of all stamps. The same
+    recording gives the same bytes. Tactile counts are written as float32 (whole numbers up to 2^24 are
+    exact), everything else as float64. The name is that of the file. It is written in place: whoever calls
+    publishes it or the folder that it is in (`structlearn.ground.artefacts.publish`).
+
+    Raises:
+        InputError: the recording fails `check_recording`, a stamp is negative or after 2^31 s, a tactile
+            count is beyond float32, or there are more than `MAX_FINGERS` tactile streams.
+    """
+    check_recording(recording)
+    if sum(stream.kind == "tactile" for stream in recording.streams) > MAX_FINGERS:
+        raise InputError(f"{recording.name}: has more than {MAX_FINGERS} tactile streams")
+    tactile = iter(OWN_TOPICS.tactile)
+    messages = []
+    for stream in recording.streams:
+        topic = next(tactile) if stream.kind == "tactile" else _TOPICS[stream.kind]
+        messages.append((topic, to_messages(f"{recording.name}: {topic}", stream)))
+    if recording.shapes:
+        start = min(int(stream.stamps[0]) for stream in recording.streams)
+        messages.append((_TOPICS["obstacles"], shapes_message(start, recording.shapes)))
+    write_bag(path, to_metadata(recording), messages)
+
+
+def to_metadata(recording: Recording) -> dict[str, str]:
+    """The metadata record, values as JSON with sorted keys; numbers keep all their digits."""
+    segments = recording.true_segments
+    return {
+        "provenance": json.dumps(dict(recording.provenance), sort_keys=True),
+        "true_segments": json.dumps(None if segments is None else np.asarray(segments, dtype=float).tolist()),
+    }
 
 
 def read_recording(
     file: str | Path | RecordingFile, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> Recording:
-    """Read a recording from a file of any format (`bag_files`).
-
-    Which message types are understood, and which clock stamps a message, is told in `messages`.
-
-    Args:
-        file: a path, or one of `bag_files.recording_files`.
-        topics: which topic carries which signal, and what the pose is computed from where none does.
-        stamps: how stamps are taken.
+    """Read a recording from a file of any format (`bag_files`), message types as `messages` says.
 
     Returns:
         The recording, named after the file's stem, streams in the order of the topic map. A file without our
@@ -48,10 +79,11 @@ def read_recording(
         file = as_recording_file(Path(file))
     bag = open_bag(file, topics.topics)
     with damage_named(file.path):
-        segments = _true_segments(bag.metadata)
+        known = None if bag.metadata is None else json.loads(bag.metadata["true_segments"])
+        segments = None if known is None else np.array(known, dtype=float).reshape(-1, 2)
     read = _Reading(file, bag, topics, stamps)
     streams = read.streams()
-    provenance = own_provenance(bag, file.path) | read.remarks()
+    provenance = bag.provenance(file.path) | read.remarks()
     table = shape_file(file.path, file.name)
     shapes = read.shapes() + (read_shapes(table) if table else ())
     return Recording(file.name, tuple(streams), segments, provenance, shapes)
@@ -72,13 +104,13 @@ class _Reading:
         pose = self._topics.pose
         streams = [] if isinstance(pose, str) else [self._computed_pose(pose)]
         joints: list[JointSeries] = []
+        place = 0
         for topic, role in self._topics.roles():
             if role == "obstacles" or not self._has(topic, role):
                 continue
             where = self._checked(topic, role)
             if role == "joint_states":
-                if not joints:
-                    place = len(streams)
+                place = place if joints else len(streams)
                 joints += self._joints(topic)
             else:
                 stream, note = to_stream(where, topic, role, self._bag.messages[topic], self._policy)
@@ -88,24 +120,21 @@ class _Reading:
             streams[place:place] = self._joint_streams(joints)
         return streams
 
-    def shapes(self) -> tuple:
+    def shapes(self) -> tuple[NamedShape, ...]:
         """Solids on the topic that is named for them."""
-        found: tuple = ()
-        for topic, role in self._topics.roles():
-            if role == "obstacles" and self._has(topic, role):
-                found += to_shapes(self._checked(topic, role), self._bag.messages[topic])
-        return found
+        topics = [topic for topic, role in self._topics.roles() if role == "obstacles"]
+        found = [topic for topic in topics if self._has(topic, "obstacles")]
+        wheres = [self._checked(topic, "obstacles") for topic in found]
+        return sum(map(to_shapes, wheres, (self._bag.messages[topic] for topic in found)), ())
 
     def remarks(self) -> dict[str, str]:
         """What provenance is to say of how the bag was read."""
-        remarks = {}
-        if self._mended:
-            remarks["stamps"] = "; ".join(f"{topic}: {note}" for topic, note in self._mended.items())
-        if self._policy.clock == "log":
-            remarks["clock"] = "log"
-        if self._left_out:
-            remarks["joints"] = "; ".join(self._left_out)
-        return remarks
+        remarks = {
+            "stamps": "; ".join(f"{topic}: {note}" for topic, note in self._mended.items()),
+            "clock": "log" if self._policy.clock == "log" else "",
+            "joints": "; ".join(self._left_out),
+        }
+        return {key: remark for key, remark in remarks.items() if remark}
 
     def _computed_pose(self, pose: TransformPose | JointPose) -> Stream:
         if isinstance(pose, JointPose):
@@ -144,26 +173,26 @@ class _Reading:
         return series
 
     def _joint_streams(self, series: Sequence[JointSeries]) -> list[Stream]:
-        """Streams of joint states of all topics."""
+        """Streams of joint states of all topics; a kind of signal that some joints lack is left out."""
         named = all(one.names for one in series)
         if self._topics.joints is not None:
             where = f"{self._path}: {', '.join(dict.fromkeys(one.topic for one in series))}"
             series, _ = chosen(where, series, self._topics.joints)
         streams = [stream for one in series for stream in one.streams()]
-        for kind in JOINT_KINDS:
-            sources = [stream for stream in streams if stream.kind == kind]
-            joints = [name for stream in sources for name in stream.joints]
-            if len(sources) > 1 and (not named or len(set(joints)) < len(joints)):
-                listing = ", ".join(dict.fromkeys(stream.topic for stream in sources))
+        joints = {kind: [n for s in streams if s.kind == kind for n in s.joints] for kind in JOINT_KINDS}
+        for kind, names in joints.items():
+            topics = [stream.topic for stream in streams if stream.kind == kind]
+            if len(topics) > 1 and (not named or len(set(names)) < len(names)):
+                listing = ", ".join(dict.fromkeys(topics))
                 raise InputError(f"{self._path}: {kind} come from several topics: {listing}")
         if not named:
             return streams
-        of_kind = {kind: {n for s in streams if s.kind == kind for n in s.joints} for kind in JOINT_KINDS}
-        most = set[str]().union(*of_kind.values())
-        for kind, names in of_kind.items():
-            if names and names != most:
-                self._left_out.append(f"{kind} are not of {', '.join(sorted(most - names))} and left out")
-        kept = [stream for stream in streams if of_kind[stream.kind] == most]
+        most = {name for names in joints.values() for name in names}
+        for kind, names in joints.items():
+            if names and set(names) != most:
+                lacking = ", ".join(sorted(most - set(names)))
+                self._left_out.append(f"{kind} are not of {lacking} and left out")
+        kept = [stream for stream in streams if set(joints[stream.kind]) == most]
         if not kept:
             raise InputError(
                 f"{self._path}: no signal is of all joints {', '.join(sorted(most))}: name those that are "
@@ -179,7 +208,7 @@ class _Reading:
             raise self._missing(topic, role)
         return False
 
-    def _checked(self, topic: str, role: Role | Literal["transforms"]) -> str:
+    def _checked(self, topic: str, role: Role) -> str:
         """File and topic, whose messages can be read in the role, and of which there are some."""
         where = self._where(topic)
         check_readable(where, role, self._bag.topics[topic])
@@ -198,8 +227,3 @@ class _Reading:
     def _note(self, topic: str, note: str | None) -> None:
         if note is not None:
             self._mended[topic] = note
-
-
-def _true_segments(metadata: Mapping[str, str] | None) -> np.ndarray | None:
-    segments = None if metadata is None else json.loads(metadata["true_segments"])
-    return None if segments is None else np.array(segments, dtype=float).reshape(-1, 2)

@@ -35,12 +35,9 @@ def short_name(message_type: str) -> str:
 
 
 def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleNamespace | None:
-    """Views of all fields of messages that have one layout.
+    """Views of all fields of messages (T, L) uint8, in C order, that have one layout.
 
-    Args:
-        message_type: `package/msg/Type` or `package/Type`.
-        definition: text of the type with those of all nested types, as MCAP's `ros2msg` encoding has it.
-        messages: (T, L) uint8, one message per row, in C order.
+    The definition is the text of the type with those of all nested types, as in the encoding `ros2msg`.
 
     Returns:
         Fields under their names, nested as in the definition: numbers as (T,), sequences of numbers as (T, n)
@@ -56,16 +53,7 @@ def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleN
 
 
 def like_the_first(message_type: str, definition: str, messages: np.ndarray) -> np.ndarray | None:
-    """Which messages have the layout of the first one.
-
-    Args:
-        message_type: as for `columns`.
-        definition: likewise.
-        messages: likewise.
-
-    Returns:
-        (T,) bool; None where the first one has no layout that `columns` could follow.
-    """
+    """Which messages (T, L) have the layout of the first one; None where `columns` cannot follow that."""
     found = _of_first(message_type, definition, messages)
     return None if found is None else (messages[:, found[1]] == messages[0, found[1]]).all(axis=1)
 

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.recording import JOINT_KINDS, WIDTHS, Kind, Recording, Stream
+from structlearn.recordings.recording import JOINT_KINDS, WIDTHS, Recording, Stream
 
 NORM_TOLERANCE = 1e-3
 """How far a quaternion's norm may be from 1: printed digits and float32 stay well below, a wrong column or a
@@ -29,8 +29,11 @@ def check_recording(recording: Recording) -> None:
     if counts["pose"] == 0:
         raise InputError(f"{recording.name}: has no pose stream")
     for kind, count in counts.items():
-        if count > 1 and kind != "tactile" and not _of_different_joints(recording, kind):
-            topics = ", ".join(stream.topic for stream in recording.streams if stream.kind == kind)
+        its = [stream for stream in recording.streams if stream.kind == kind]
+        names = recording.joints_of(kind)
+        different = all(stream.joints for stream in its) and len(set(names)) == len(names)
+        if count > 1 and kind != "tactile" and not different:
+            topics = ", ".join(stream.topic for stream in its)
             raise InputError(f"{recording.name}: {kind} comes from several topics: {topics}")
     for stream in recording.streams:
         if stream.joints and len(stream.joints) != stream.values.shape[-1]:
@@ -51,7 +54,8 @@ def check_recording(recording: Recording) -> None:
     for stream in recording.streams:
         where = f"{recording.name}: {stream.topic}"
         _check_shape(where, stream)
-        _check_clock(where, stream.stamps)
+        if fault := disorder(stream.stamps):
+            raise InputError(f"{where}: {fault}")
         _check_values(where, stream)
 
 
@@ -60,13 +64,6 @@ def at_row(row: int, stamps: np.ndarray) -> str:
     stamp = int(stamps[row])
     sign, stamp = ("-", -stamp) if stamp < 0 else ("", stamp)
     return f"row {row} (stamp {sign}{stamp // 10**9}.{stamp % 10**9:09d} s)"
-
-
-def _of_different_joints(recording: Recording, kind: Kind) -> bool:
-    """Whether all streams of a kind of joint signals name their joints, and none is named twice."""
-    names = recording.joints_of(kind)
-    named = all(stream.joints for stream in recording.streams if stream.kind == kind)
-    return kind in JOINT_KINDS and named and len(set(names)) == len(names)
 
 
 def disorder(stamps: np.ndarray) -> str | None:
@@ -92,11 +89,6 @@ def _check_shape(where: str, stream: Stream) -> None:
         raise InputError(f"{where}: needs at least two samples, has {len(stream.stamps)}")
 
 
-def _check_clock(where: str, stamps: np.ndarray) -> None:
-    if fault := disorder(stamps):
-        raise InputError(f"{where}: {fault}")
-
-
 def _check_values(where: str, stream: Stream) -> None:
     finite = np.isfinite(stream.values)
     if not finite.all():
@@ -118,10 +110,6 @@ def check_speed(name: str, stream: Stream) -> None:
 
     Bursts of messages are no jumps: a step counts as no shorter than the mean one. A turn in one step may lie
     between two touches of a surface; a reading is off where the next one turns back.
-
-    Args:
-        name: of the recording.
-        stream: poses that `check_recording` let pass.
 
     Raises:
         InputError: a step from one pose to the next is faster than `FASTEST`; topic and row are named.

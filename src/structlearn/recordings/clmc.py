@@ -4,6 +4,7 @@ Data files of the repository gsutanto/dmp, in its layout. Values are kept as rec
 hold each tactile value for about three rows, since the sensor is slower than the robot.
 """
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,13 @@ import numpy as np
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.recording import Recording, Stream
-from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance, uniform_stamps
+from structlearn.recordings.text_log import (
+    read_each,
+    read_stamped_table,
+    read_table,
+    source_provenance,
+    uniform_stamps,
+)
 
 REPOSITORY = "https://github.com/gsutanto/dmp"
 COMMIT = "4f4492cf4295d9c3fe0ba9ce2fb726bf37be40df"
@@ -24,19 +31,15 @@ ELECTRODES = 19
 """Electrodes of one BioTac finger."""
 
 
-def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recording]:
+def read_reaches(
+    folder: str | Path, dataset: str = "dataset1", left_out: dict[str, str] | None = None
+) -> list[Recording]:
     """Reaches of one end-effector, 1000 Hz, named by their number.
 
     The orientation was not recorded: poses have the identity and twists no rotation, and the provenance says
-    so (`"orientation": "not recorded"`), which makes both None in a demonstration.
-
-    Args:
-        folder: the data set's folder.
-        dataset: the reaches' folder in `cart_coord_dmp`, or in a folder there; of several that a pattern
-            means, such as `dataset2*`, the first in alphabetical order.
-
-    Returns:
-        Recordings in the order of their numbers, with pose and twist.
+    so (`"orientation": "not recorded"`), which makes both None in a demonstration. `dataset` is their folder
+    in `cart_coord_dmp`, or in a folder there; of several that a pattern means, the first by the alphabet.
+    `left_out`: see `text_log.read_each`.
 
     Raises:
         MissingInputError: there are no numbered files.
@@ -47,20 +50,15 @@ def read_reaches(folder: str | Path, dataset: str = "dataset1") -> list[Recordin
     files = [path for path in reaches.glob("*.txt") if path.stem.isdecimal()]
     if not files:
         raise MissingInputError(f"{reaches}: holds no reaches (1.txt, 2.txt, ...)")
-    return [_reach(Path(folder), path) for path in sorted(files, key=lambda path: int(path.stem))]
+    files = sorted(files, key=lambda path: int(path.stem))
+    return read_each(partial(_reach, Path(folder)), files, left_out)
 
 
-def read_unscrewing(folder: str | Path) -> list[Recording]:
+def read_unscrewing(folder: str | Path, left_out: dict[str, str] | None = None) -> list[Recording]:
     """Robot logs of unscrewing by one full turn, 300 Hz: pose, twist, wrench, left finger's electrodes.
 
     Times are printed with five digits, up to 0.03 ms off the 300 Hz at which the robot ran; the exact times
     are restored.
-
-    Args:
-        folder: the data set's folder.
-
-    Returns:
-        Recordings named after their files: "01", "02", ...
 
     Raises:
         MissingInputError: there is no file.
@@ -70,19 +68,14 @@ def read_unscrewing(folder: str | Path) -> list[Recording]:
     files = sorted(logs.rglob("*.txt"), key=lambda path: natural_order(path.stem))
     if not files:
         raise MissingInputError(f"{logs}: holds no logs (01.txt, 02.txt, ...)")
-    return [_unscrewing(Path(folder), path) for path in files]
+    return read_each(partial(_unscrewing, Path(folder)), files, left_out)
 
 
 def read_scraping_execution(folder: str | Path, trial: str | None = None) -> list[Recording]:
     """One robot execution of the scraping primitives on a tilted board, 300 Hz, without times.
 
-    Args:
-        folder: the data set's folder.
-        trial: the execution's folder in `scraping`; None: the first that holds primitives.
-
-    Returns:
-        Recordings "prim1", "prim2", ... with pose, twist, joint positions and two fingers' electrodes (left,
-        right); each starts at time 0.
+    Recordings "prim1", "prim2", ... have pose, twist, joint positions and two fingers' electrodes (left,
+    right); each starts at time 0. `trial` is a folder in `scraping`; None: the first that holds primitives.
 
     Raises:
         MissingInputError: there is no such execution.

@@ -32,14 +32,13 @@ def synchronise(
 
     Signals are interpolated linearly between neighbouring samples, orientations by slerp. For a signal x and
     neighbouring samples `gap` apart the error is at most gap^2 / 8 * max|x''|: at 150 Hz and 10 m/s^2 that is
-    0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied, so a signal sampled down keeps
-    its noise.
+    0.06 mm, over a hole of 0.15 s it is 28 mm. No filter is applied: a signal sampled down keeps its noise.
 
     Args:
         recording: streams with stamps in ns.
         rate_hz: ticks per second; None: one over the median step of the pose stream.
-        max_gap_s: longest step in s between neighbouring samples of a stream within the clock's time.
-        refuse_jumps: False for who looks at speeds himself, and leaves out what the sensor lost.
+        max_gap_s: longest step between neighbouring samples of a stream within the clock's time.
+        refuse_jumps: False for whoever looks at speeds himself, and leaves out what the sensor lost.
 
     Returns:
         All signals at (T,) ticks. Orientations have unit norm and no jumps between Q and -Q. Several tactile
@@ -96,13 +95,7 @@ def synchronise(
 def on_one_clock(
     name: str, streams: Sequence[Stream], rate_hz: float, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Sample streams of plain signals, of which none need be a pose, as `synchronise` does.
-
-    Args:
-        name: of what they belong to, for messages.
-        streams: without orientations; several may be of one kind.
-        rate_hz: ticks per second.
-        max_gap_s: longest step in s between neighbouring samples of a stream within the clock's time.
+    """Sample streams without orientations, of which none need be a pose, as `synchronise` does.
 
     Returns:
         Times (T,) of the ticks in s since the start, and each stream's values (T, D).
@@ -122,10 +115,8 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
     """Error of linear interpolation, measured: every second sample is predicted from its two neighbours.
 
     The gaps that are bridged here are twice the stream's own, so a smooth signal suffers up to four times the
-    error of `synchronise`; noise of the sensor counts in full.
-
-    Args:
-        stream: at least three samples; of a pose only the position is taken.
+    error of `synchronise`; noise of the sensor counts in full. Needs three samples; of a pose only the
+    position is taken.
 
     Returns:
         Root mean squared error and largest error, in the unit of the signal, over all columns.
@@ -137,17 +128,11 @@ def held_out_error(stream: Stream) -> tuple[float, float]:
 
 
 def shared_stamps(sources: Sequence[np.ndarray]) -> np.ndarray:
-    """The clock on which several sources are put together: that of the slowest one.
+    """The clock on which several sources (T,) ns are put together: that of the slowest one.
 
-    It leaves out times at which another source has a hole, more than two mean steps of the slowest one: what
-    is put together has that hole too, and whoever samples it finds it.
-
-    Args:
-        sources: (T,) int64 ns of each, increasing.
-
-    Returns:
-        (M,) int64 ns: stamps of the source that has the fewest of them in the time that all cover; of several
-        with as few, the first. There may be none.
+    These are the stamps (M,) int64 ns, maybe none, of the source that has the fewest in the time that all
+    cover; of several with as few, the first. It leaves out times at which another source has a hole, more
+    than two mean steps of the slowest one: what is put together has that hole too.
     """
     start, end = max(int(one[0]) for one in sources), min(int(one[-1]) for one in sources)
     inside = [one[(one >= start) & (one <= end)] for one in sources]

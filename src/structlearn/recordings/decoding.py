@@ -1,7 +1,7 @@
 """Raw messages of one topic, decoded: columns over as many messages as have one layout, the others singly.
 
 Publishers that share a topic, and messages whose sequences grow, have layouts of their own: messages are put
-together by channel, length and layout before their columns are looked for (`cdr.columns`).
+together by definition, length and layout before their columns are looked for (`cdr.columns`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from mcap.well_known import MessageEncoding
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings import cdr
-from structlearn.recordings.bag_reader import RawMessages
+from structlearn.recordings.bag import RawMessages, damage_named
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.stamps import StampPolicy
 
@@ -36,26 +36,23 @@ class Decoded:
     message: Any
 
 
-def decoded(messages: RawMessages) -> list[Decoded]:
-    """All messages of a topic, those with the first row first.
-
-    Raises:
-        Exception: of any kind where a message is damaged; see `bag_reader.damage_named`.
-    """
+def decoded(where: str, messages: RawMessages) -> list[Decoded]:
+    """All messages of a topic, those with the first row first; an InputError where one is damaged."""
     lengths = np.fromiter(map(len, messages.data), dtype=np.int64, count=len(messages.data))
-    layouts, owners = np.unique(
-        np.stack([messages.channels.astype(np.int64), lengths]), axis=1, return_inverse=True
-    )
+    layouts, owners = np.unique(np.stack([messages.kinds, lengths]), axis=1, return_inverse=True)
     groups: list[Decoded] = []
-    for number, (channel, length) in enumerate(layouts.T.tolist()):
-        rows = np.flatnonzero(owners.ravel() == number)
-        raw = np.frombuffer(b"".join(messages.data[row] for row in rows.tolist()), dtype=np.uint8)
-        groups += _of_one_length(messages.schemas[channel], rows, raw.reshape(len(rows), length))
+    with damage_named(where, "message"):
+        for number, (kind, length) in enumerate(layouts.T.tolist()):
+            rows = np.flatnonzero(owners.ravel() == number)
+            raw = np.frombuffer(b"".join(messages.data[row] for row in rows.tolist()), dtype=np.uint8)
+            schema = messages.schemas[kind]
+            assert schema is not None  # `messages.check_readable` lets none pass
+            groups += _of_one_length(schema, rows, raw.reshape(len(rows), length))
     return sorted(groups, key=lambda group: int(group.rows[0]))
 
 
 def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterator[Decoded]:
-    """Messages of one channel, (M, L) bytes: those of a layout together while there are few layouts."""
+    """Messages of one type, (M, L) bytes: those of a layout together while there are few layouts."""
     text = schema.data.decode()
     for _ in range(MOST_LAYOUTS):
         alike = cdr.like_the_first(schema.name, text, raw)

@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-from structlearn.ground.artefacts import read_metrics, read_table, write_metrics, write_table
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
+from structlearn.recordings.series_table import Series, read_series, write_series
+from structlearn.recordings.text_log import check_rising, read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/notvenky/eFlesh"
 COMMIT = "ab5ca56a87df7cbf59264138998bf74efc216b13"
@@ -34,6 +33,7 @@ MISSING = -1.0
 """What the log holds where the scale gave no reading."""
 
 PLACE = ["x_m", "y_m", "z_m"]
+UNITS = {"time_s": "s", "force_n": "N"} | dict.fromkeys(PLACE, "m")
 
 
 @dataclass(frozen=True)
@@ -57,34 +57,15 @@ class ProbeRun:
     provenance: dict[str, str] = field(default_factory=dict)
 
 
-def read_runs(folder: str | Path, kind: str) -> list[ProbeRun]:
-    """All runs of one kind.
-
-    Args:
-        folder: the data set's folder.
-        kind: `PRESSES` or `STROKES`.
-
-    Returns:
-        Runs in the order of their names, which are times; none where the kind's folder is missing.
-
-    Raises:
-        InputError: see `read_run`.
-    """
+def read_runs(folder: str | Path, kind: str, left_out: dict[str, str] | None = None) -> list[ProbeRun]:
+    """All runs of one kind, `PRESSES` or `STROKES`, in the order of their names, which are times."""
     folder = Path(folder)
     paths = sorted(path.parent for path in (folder / FOLDERS[kind]).glob("*/states.csv"))
-    return [read_run(path, folder, kind == STROKES) for path in paths]
+    return read_each(lambda path: read_run(path, folder, kind == STROKES), paths, left_out)
 
 
 def read_run(path: Path, root: Path, on_scale: bool) -> ProbeRun:
-    """One run.
-
-    Args:
-        path: folder of `states.csv` and `sensor_post_baselines.csv`.
-        root: the data set's folder.
-        on_scale: whether the states end with a scale's reading.
-
-    Returns:
-        The run, in SI units.
+    """One run from a folder below the data set's; `on_scale`: its states end with a scale's reading.
 
     Raises:
         InputError: a file is missing or no table of its columns, times do not rise, a reading has no state
@@ -124,84 +105,49 @@ def nearest_rows(stamps: np.ndarray, asked: np.ndarray) -> np.ndarray:
     return np.where(asked - stamps[before] <= stamps[after] - asked, before, after)
 
 
-def read_all_runs(folder: str | Path) -> dict[str, list[ProbeRun]]:
-    """Runs of all kinds, by kind.
-
-    Args:
-        folder: the data set's folder.
+def read_all_runs(folder: str | Path, left_out: dict[str, str] | None = None) -> dict[str, list[ProbeRun]]:
+    """Runs of all kinds, by kind; `left_out`: see `text_log.read_each`.
 
     Raises:
         MissingInputError: there is no run over places.
         InputError: see `read_run`.
     """
-    found = {kind: read_runs(folder, kind) for kind in FOLDERS}
+    found = {kind: read_runs(folder, kind, left_out) for kind in FOLDERS}
     if not found[PRESSES]:
         raise MissingInputError(f"{folder}: holds no run ({FOLDERS[PRESSES]}/RUN/states.csv)")
     return found
 
 
 def write_runs(found: Mapping[str, Sequence[ProbeRun]], target: Path) -> None:
-    """Write runs as tables, one per kind, with their provenance.
-
-    Args:
-        found: runs by kind.
-        target: an empty folder.
-    """
+    """Write runs by kind as tables into an empty folder, with their provenance."""
     for kind, runs in found.items():
+        series = []
+        for run in runs:
+            values = np.column_stack([run.time, run.force, run.place, run.counts])
+            columns = dict(zip([*UNITS, *CHANNELS], values.T, strict=True))
+            series.append(Series(run.name, columns, run.provenance))
         if runs:
-            write_table(to_table(runs), target / f"{kind}.parquet")
-    provenance = {
-        f"{run.name}.{key}": value
-        for runs in found.values()
-        for run in runs
-        for key, value in run.provenance.items()
-    }
-    write_metrics(provenance, target / "provenance.json")
-
-
-def to_table(runs: Sequence[ProbeRun]) -> pd.DataFrame:
-    """One table: `run`, `time_s`, `x_m`, `y_m`, `z_m`, `force_n` and the channels."""
-    return pd.concat(
-        [
-            pd.DataFrame({"run": run.name, "time_s": run.time, "force_n": run.force}).join(
-                pd.DataFrame(np.hstack([run.place, run.counts]), columns=[*PLACE, *CHANNELS])
-            )
-            for run in runs
-        ],
-        ignore_index=True,
-    )
+            write_series(series, UNITS | dict.fromkeys(CHANNELS, "counts"), target / f"{kind}.parquet")
 
 
 def read_imported(folder: str | Path, kind: str, channels: Sequence[str] = CHANNELS) -> list[ProbeRun]:
-    """Runs as `write_runs` wrote them; none where there were none of a kind.
-
-    Args:
-        folder: that was written to.
-        kind: `PRESSES` or `STROKES`.
-        channels: columns that are the skin's, in this order.
+    """Runs of a kind as `write_runs` wrote them, with these of their columns as channels; maybe none.
 
     Raises:
         InputError: the table lacks a channel.
     """
     path = Path(folder) / f"{kind}.parquet"
-    if not path.exists():
-        return []
-    table = read_table(path)
-    if missing := set(channels) - set(table.columns):
+    series = read_series(path) if path.exists() else []
+    if missing := {channel for one in series for channel in channels if channel not in one.columns}:
         raise InputError(f"{path}: has no channel {', '.join(sorted(missing))}")
-    known = read_metrics(path.with_name("provenance.json"))
     return [
         ProbeRun(
-            name=str(name),
-            time=its["time_s"].to_numpy(),
-            place=its[PLACE].to_numpy(),
-            counts=its[list(channels)].to_numpy(),
-            force=its["force_n"].to_numpy(),
-            provenance={
-                key.rpartition(".")[2]: str(value)
-                for key, value in known.items()
-                if key.rpartition(".")[0] == str(name)
-            },
+            one.name,
+            one.columns["time_s"],
+            one.stacked(PLACE),
+            one.stacked(channels),
+            one.columns["force_n"],
+            dict(one.about),
         )
-        for name, its in table.groupby("run")
+        for one in series
     ]

@@ -1,19 +1,14 @@
-"""Sets of demonstrations: one recording after the other from a source of any format (`bag_files`).
-
-Files are read and written one after the other: one of 10 000 messages takes 10 to 15 ms, less than processes
-gain before there are hundreds.
-"""
+"""Sets of demonstrations: one recording after the other from a source of any format (`bag_files`)."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_files import RecordingFile, check_name, check_unique, recording_files
-from structlearn.recordings.bag_recording import read_recording
+from structlearn.recordings.bag_files import check_name, check_unique, recording_files
+from structlearn.recordings.bag_recording import read_recording, write_recording
 from structlearn.recordings.checks import check_recording
 from structlearn.recordings.clock import MAX_GAP_S, synchronise
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.mcap_file import write_recording
 from structlearn.recordings.recording import Recording
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
 from structlearn.recordings.topics import OWN_TOPICS, TopicMap
@@ -26,7 +21,7 @@ def read_demonstrations(
     max_gap_s: float = MAX_GAP_S,
     stamps: StampPolicy = AS_WRITTEN,
 ) -> list[Demonstration]:
-    """Read demonstrations, each on a uniform clock (see `clock.synchronise`).
+    """Read demonstrations, each on a uniform clock (`clock.synchronise`), in natural order of their names.
 
     Args:
         source: see `bag_files.recording_files`.
@@ -35,41 +30,42 @@ def read_demonstrations(
         max_gap_s: longest hole in s that is bridged by interpolation.
         stamps: how stamps are taken.
 
-    Returns:
-        One demonstration per recording, in natural order of their names: 2 before 10.
-
     Raises:
         InputError: the source fails `bag_files.recording_files`, or a recording `read_recording` or
             `synchronise`; the message names it.
     """
-    return [_read(file, topics, rate_hz, max_gap_s, stamps) for file in recording_files(source)]
+    found = []
+    for file in recording_files(source):
+        recording = read_recording(file, topics, stamps)
+        try:
+            found.append(synchronise(recording, rate_hz, max_gap_s))
+        except InputError as error:
+            raise InputError(f"{file.path}: {error}") from error
+    return found
 
 
 def read_recordings(
     source: str | Path, topics: TopicMap = OWN_TOPICS, stamps: StampPolicy = AS_WRITTEN
 ) -> list[Recording]:
-    """Read recordings as they are, each stream with its own clock.
-
-    Args:
-        source: as in `read_demonstrations`.
-        topics: which topic carries which signal.
-        stamps: how stamps are taken.
-
-    Returns:
-        One recording per file, in natural order of their names.
+    """Read recordings as they are, each stream with its own clock; arguments as of `read_demonstrations`.
 
     Raises:
         InputError: as `read_demonstrations`, but for the clock; or a recording fails `check_recording`.
     """
-    return [_read_checked(file, topics, stamps) for file in recording_files(source)]
+    found = []
+    for file in recording_files(source):
+        found.append(read_recording(file, topics, stamps))
+        try:
+            check_recording(found[-1])
+        except InputError as error:
+            raise InputError(f"{file.path}: {error}") from error
+    return found
 
 
 def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> None:
     """Write recordings as folder/NAME.mcap; numbers as names are padded with zeros to equal length.
 
-    Args:
-        recordings: with different names.
-        folder: made if missing. Publish it as a whole: `with publish(...) as folder: write_recordings(...)`.
+    The folder is made if missing. Publish it as a whole.
 
     Raises:
         InputError: names repeat or are no file names, or a recording fails `write_recording`.
@@ -83,22 +79,3 @@ def write_recordings(recordings: Sequence[Recording], folder: str | Path) -> Non
     Path(folder).mkdir(parents=True, exist_ok=True)
     for recording, stem in zip(recordings, stems, strict=True):
         write_recording(recording, Path(folder) / f"{stem}.mcap")
-
-
-def _read(
-    file: RecordingFile, topics: TopicMap, rate_hz: float | None, max_gap_s: float, stamps: StampPolicy
-) -> Demonstration:
-    recording = read_recording(file, topics, stamps)
-    try:
-        return synchronise(recording, rate_hz, max_gap_s)
-    except InputError as error:
-        raise InputError(f"{file.path}: {error}") from error
-
-
-def _read_checked(file: RecordingFile, topics: TopicMap, stamps: StampPolicy) -> Recording:
-    recording = read_recording(file, topics, stamps)
-    try:
-        check_recording(recording)
-    except InputError as error:
-        raise InputError(f"{file.path}: {error}") from error
-    return recording

@@ -20,14 +20,7 @@ from structlearn.recordings.topics import JointPose
 
 
 def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> Stream:
-    """Stream of the pose of a link.
-
-    Joints that come at different times are put on the clock of the slowest (`clock.shared_stamps`).
-
-    Args:
-        where: file and topic of the joint states, for error messages.
-        series: with names.
-        pose: robot and link.
+    """Stream of the pose of a link, on the clock of the slowest of its joints (`clock.shared_stamps`).
 
     Raises:
         InputError: the URDF is missing or no URDF, has no such link, or a joint on the way to it is not
@@ -60,11 +53,7 @@ def joint_pose(where: str, series: Sequence[JointSeries], pose: JointPose) -> St
 
 
 class _Chain:
-    """The joints between a robot's root and a link.
-
-    Attributes:
-        names: (n,) of the joints, from the root on.
-    """
+    """The joints between a robot's root and a link; `names` (n,) from the root on."""
 
     def __init__(self, pose: JointPose) -> None:
         import pinocchio  # half a second, which only those who need it wait for
@@ -77,12 +66,13 @@ class _Chain:
             raise InputError(f"{path}: has no link '{pose.tip}'; it has {links}")
         self._frame = self._model.getFrameId(pose.tip, body)
         carrying = self._model.frames[self._frame].parentJoint
-        self._joints = [joint for joint in self._model.supports[carrying] if joint > 0]
-        if not self._joints:
+        places = [joint for joint in self._model.supports[carrying] if joint > 0]
+        if not places:
             raise InputError(f"{path}: no joint moves link '{pose.tip}'")
-        self.names = [self._model.names[joint] for joint in self._joints]
+        self.names = [self._model.names[place] for place in places]
+        self._joints = [self._model.joints[place] for place in places]
         for name, joint in zip(self.names, self._joints, strict=True):
-            if self._model.joints[joint].nv != 1:
+            if joint.nv != 1:
                 raise InputError(f"{path}: joint '{name}' is not revolute, continuous or prismatic")
 
     def poses(self, positions: np.ndarray) -> np.ndarray:
@@ -94,7 +84,10 @@ class _Chain:
         poses = np.empty((len(positions), 7))
         for row, angles in enumerate(positions):
             for joint, angle in zip(self._joints, angles.tolist(), strict=True):
-                _set(configuration, self._model.joints[joint], angle)
+                if joint.nq == 1:
+                    configuration[joint.idx_q] = angle
+                else:  # a joint that turns without end has its cosine and sine there
+                    configuration[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)
             pinocchio.forwardKinematics(self._model, data, configuration)
             placement = pinocchio.updateFramePlacement(self._model, data, self._frame)
             poses[row, :3] = placement.translation
@@ -109,22 +102,13 @@ def _model(path: Path) -> Any:
 
     try:
         root = ElementTree.parse(path).getroot()
-        if root.tag != "robot":
-            raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
-        return pinocchio.buildModelFromUrdf(str(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except ElementTree.ParseError as error:
         raise InputError(f"{path}: not an XML file: {error}") from error
+    if root.tag != "robot":
+        raise InputError(f"{path}: not a URDF file: its root is <{root.tag}>, not <robot>")
+    try:
+        return pinocchio.buildModelFromUrdf(str(path))
     except ValueError as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(f"{path}: not a valid URDF model; its parser has printed why") from error
-
-
-def _set(configuration: np.ndarray, joint: Any, angle: float) -> None:
-    """Write one joint's position; one that turns without end has its cosine and sine there."""
-    if joint.nq == 1:
-        configuration[joint.idx_q] = angle
-    else:
-        configuration[joint.idx_q : joint.idx_q + 2] = np.cos(angle), np.sin(angle)

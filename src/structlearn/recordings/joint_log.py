@@ -13,13 +13,12 @@ from typing import TypeVar
 import numpy as np
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag import write_bag
 from structlearn.recordings.bag_files import RecordingFile, as_recording_file, open_bag, recording_files
-from structlearn.recordings.bag_reader import own_provenance
-from structlearn.recordings.bag_writer import write_bag
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.clock import MAX_GAP_S, on_one_clock
 from structlearn.recordings.joint_series import chosen, joint_series
-from structlearn.recordings.messages import check_readable, joint_topic
+from structlearn.recordings.messages import check_readable, joint_messages
 from structlearn.recordings.recording import JOINT_KINDS, Stream
 from structlearn.recordings.series_table import Series, read_series, write_series
 from structlearn.recordings.stamps import AS_WRITTEN, StampPolicy
@@ -154,7 +153,7 @@ def read_log_table(
 def on_clock(
     log: DriveLog, rate_hz: float, delays_s: np.ndarray, max_gap_s: float = MAX_GAP_S
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A log on one uniform clock, where each joint's current is put back to when it acted.
+    """A log on one uniform clock (`clock.on_one_clock`), each joint's current put back to when it acted.
 
     Args:
         log: n joints.
@@ -165,9 +164,6 @@ def on_clock(
 
     Returns:
         Times (N,) s, positions and velocities (N, n), currents (..., N, n).
-
-    Raises:
-        InputError: see `clock.on_one_clock`.
     """
     late = np.round(np.asarray(delays_s) * 1e9).astype(np.int64)
     streams = [
@@ -184,18 +180,15 @@ def on_clock(
 
 
 def write_joint_log(log: JointLog, path: str | Path) -> None:
-    """Write a log as an MCAP file; the same log gives the same bytes. The caller publishes the file.
-
-    Args:
-        log: its name is not written, the file's stem is the name.
-        path: the file; its folder exists.
+    """Write a log as an MCAP file, which gives the log its name; the caller publishes it.
 
     Raises:
         InputError: a stamp is negative or after 2^31 s.
     """
     values = dict(zip(JOINT_KINDS, (log.positions, log.velocities, log.torques), strict=True))
-    topic = joint_topic(f"{log.name}: {JOINT_STATES}", JOINT_STATES, log.joints, log.stamps, values)
-    write_bag(path, {"provenance": json.dumps(dict(log.provenance), sort_keys=True)}, [topic])
+    messages = joint_messages(f"{log.name}: {JOINT_STATES}", log.joints, log.stamps, values)
+    provenance = json.dumps(dict(log.provenance), sort_keys=True)
+    write_bag(path, {"provenance": provenance}, [(JOINT_STATES, messages)])
 
 
 def read_joint_logs(
@@ -204,11 +197,7 @@ def read_joint_logs(
     joints: Sequence[str] | None = None,
     stamps: StampPolicy = AS_WRITTEN,
 ) -> list[JointLog]:
-    """Read the logs of a source of any format (`bag_files`), in natural order of their names.
-
-    Raises:
-        InputError: the source fails `bag_files.recording_files`, or a log `read_joint_log`.
-    """
+    """Read the logs of a source as of `bag_files.recording_files`, in natural order of their names."""
     return [read_joint_log(file, topic, joints, stamps) for file in recording_files(source)]
 
 
@@ -218,17 +207,10 @@ def read_joint_log(
     joints: Sequence[str] | None = None,
     stamps: StampPolicy = AS_WRITTEN,
 ) -> JointLog:
-    """Read a log from a file of any format (`bag_files`), ours or a robot's.
+    """Read a log, named after its file, from one of any format (`bag_files`), ours or a robot's.
 
-    Args:
-        path: the file, e.g. as `ros2 bag record -s mcap` or `write_joint_log` leaves it, or one of
-            `bag_files.recording_files`.
-        topic: has joint states with names, positions, velocities and efforts.
-        joints: names of those that are taken; None: those of the publisher that has the most.
-        stamps: how stamps are taken.
-
-    Returns:
-        The log, named after the file's stem, columns in the order of the first message's names.
+    Columns are those of the joints that are named, or of all joints of the publisher that has the most, in
+    the order of its first message.
 
     Raises:
         InputError: the file is missing, cut off or of another kind; it lacks the topic, or the topic is of
@@ -239,8 +221,9 @@ def read_joint_log(
     where = f"{file.path}: topic '{topic}'"
     bag = open_bag(file, [topic])
     if topic not in bag.messages:
-        present = sorted(bag.topics)
-        raise InputError(f"{file.path}: has no joint states on '{topic}'; its topics are {present}")
+        raise InputError(
+            f"{file.path}: has no joint states on '{topic}'; its topics are {sorted(bag.topics)}"
+        )
     check_readable(where, "joint_states", bag.topics[topic])
     series, note = joint_series(where, topic, bag.messages[topic], stamps)
     if not series[0].names:
@@ -256,7 +239,7 @@ def read_joint_log(
                 f"{where} has no {kind.replace('_', ' ')}; a dynamics model is learned from "
                 "position, velocity and effort"
             )
-    provenance = own_provenance(bag, file.path)
+    provenance = bag.provenance(file.path)
     if note is not None:
         provenance["stamps"] = f"{topic}: {note}"
     if others:

@@ -5,27 +5,25 @@ message may have some of the joints only. Joints that always come together are o
 Joints that ever come together, directly or through others, belong to one publisher.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import RawMessages, damage_named
+from structlearn.recordings.bag import RawMessages
 from structlearn.recordings.checks import at_row
 from structlearn.recordings.decoding import (
+    Decoded,
     decoded,
     fields_named,
     header_stamps,
     sample_stamps,
     sequence,
-    table,
 )
+from structlearn.recordings.messages import FIELDS
 from structlearn.recordings.recording import JOINT_KINDS, Kind, Stream
 from structlearn.recordings.stamps import StampPolicy, in_order
-
-FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
-"""Field of a joint state that each kind of stream comes from."""
 
 
 @dataclass(frozen=True)
@@ -63,50 +61,38 @@ class JointSeries:
 def joint_series(
     where: str, topic: str, messages: RawMessages, policy: StampPolicy
 ) -> tuple[list[JointSeries], str | None]:
-    """Joint states of one topic.
+    """Joint states of one topic, and what was done about their stamps, if anything.
 
     A field that is NaN throughout counts as not filled, since drivers put NaN for what they do not measure.
 
-    Args:
-        where: file and topic, for error messages.
-        topic: its name.
-        messages: its messages.
-        policy: how stamps are taken.
-
     Returns:
-        The series, those that came first first, joints in the order in which a message first had them; and
-        what was done about their stamps, if anything.
+        The series, those that came first first, joints in the order in which a message first had them.
 
     Raises:
         InputError: a message cannot be decoded or lacks a field; messages of the same joints differ in their
             number of values, or have another number than of names; a joint is named twice in a message, or
             some messages name joints and some do not; nothing is filled; stamps of a series do not increase.
     """
-    with damage_named(where, "message"):
-        groups = decoded(messages)
+    groups = decoded(where, messages)
     with fields_named(where):
         stamps = sample_stamps(messages.log_times, header_stamps(groups), policy)
-        sets = _by_names(where, stamps, groups)
+        orders = [tuple(group.message.name) for group in groups]
+        _check_names(where, stamps, groups, orders)
+        joints = tuple(dict.fromkeys(name for names in orders for name in names))
+        tables = {kind: _table(where, stamps, groups, orders, joints, kind) for kind in JOINT_KINDS}
+    several = len(set(map(frozenset, orders))) > 1
     found, notes = [], []
-    for publisher, names, members in _clocks(sets):
-        rows = np.sort(np.concatenate([member.rows for member in members]))
-        place = np.empty(len(stamps), dtype=int)
-        place[rows] = np.arange(len(rows))
-        values = {}
-        for kind in JOINT_KINDS:
-            if all(kind in member.values for member in members):
-                whole = np.empty((len(rows), len(names) or members[0].values[kind].shape[1]))
-                for member in members:
-                    columns = [member.names.index(name) for name in names]
-                    its = member.values[kind]
-                    whole[place[member.rows]] = its.take(columns, axis=1) if names else its
-                if not np.isnan(whole).all():
-                    values[kind] = whole
-        whom = f"{where}: joints {', '.join(names)}" if len(sets) > 1 else where
+    for publisher, names, rows in _clocks(groups, orders, joints):
+        whom = f"{where}: joints {', '.join(names)}" if several else where
         kept, note = in_order(whom, stamps[rows], policy)
         if note is not None:
-            notes.append(f"{note} of {', '.join(names)}" if len(sets) > 1 else note)
-            values = {kind: whole[kept] for kind, whole in values.items()}
+            notes.append(f"{note} of {', '.join(names)}" if several else note)
+        columns = [joints.index(name) for name in names]
+        values = {}
+        for kind, (table, filled) in tables.items():
+            its = table[rows].take(columns, axis=1) if names else table
+            if filled[rows].all() and not np.isnan(its).all():
+                values[kind] = its if note is None else its[kept]
         if values:
             found.append(JointSeries(topic, names, publisher, stamps[rows][kept], values))
     if not found:
@@ -117,16 +103,9 @@ def joint_series(
 def chosen(
     where: str, series: Sequence[JointSeries], joints: Sequence[str] | None
 ) -> tuple[list[JointSeries], list[str]]:
-    """The series of the joints that are wanted.
+    """The series of the joints that are wanted, in their order, and the joints that are left out.
 
-    Args:
-        where: of the series, for the message.
-        series: with names.
-        joints: names of those that are wanted; None: those of the publisher that has the most, of several the
-            first.
-
-    Returns:
-        The series, in the order of the names; and the names of the joints that are left out.
+    Without names these are the joints of the publisher that has the most, of several the first.
 
     Raises:
         InputError: a joint that is wanted is in none of them.
@@ -150,69 +129,61 @@ def chosen(
     return kept, [name for name in present if name not in names]
 
 
-@dataclass(frozen=True)
-class _Members:
-    """Messages of one set of joints: their rows, and (M, J) of each field that is not empty."""
-
-    names: tuple[str, ...]
-    rows: np.ndarray
-    values: Mapping[Kind, np.ndarray]
-
-
-def _by_names(where: str, stamps: np.ndarray, groups: Sequence) -> list[_Members]:
-    """Messages put together by the set of their joints, whatever order they name them in."""
-    orders: dict[frozenset[str], dict[tuple[str, ...], list]] = {}
-    for group in groups:
-        names = tuple(group.message.name)
+def _check_names(
+    where: str, stamps: np.ndarray, groups: Sequence[Decoded], orders: Sequence[tuple[str, ...]]
+) -> None:
+    for group, names in zip(groups, orders, strict=True):
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(f"{where}: {at_row(int(group.rows[0]), stamps)} names joint '{twice}' twice")
-        orders.setdefault(frozenset(names), {}).setdefault(names, []).append(group)
-    nameless = orders.get(frozenset())
-    if nameless and len(orders) > 1:
-        row = min(int(group.rows[0]) for group in nameless[()])
+    if any(orders) and () in orders:
+        row = int(groups[orders.index(())].rows[0])
         raise InputError(f"{where}: {at_row(row, stamps)} names no joints, other messages do")
-    return [_member(where, stamps, by_order) for by_order in orders.values()]
 
 
-def _member(where: str, stamps: np.ndarray, by_order: Mapping[tuple[str, ...], list]) -> _Members:
-    """Messages of one set of joints in the order of names of the first."""
-    names = next(iter(by_order))
-    ordered = [(order, group) for order, groups in by_order.items() for group in groups]
-    ordered.sort(key=lambda pair: int(pair[1].rows[0]))
-    rows = np.concatenate([group.rows for _, group in ordered])
-    inverse = np.empty(len(stamps), dtype=int)
-    inverse[np.sort(rows)] = np.arange(len(rows))
-    values = {}
-    for kind, field in FIELDS.items():
-        parts = []
-        for order, group in ordered:
-            columns = sequence(getattr(group.message, field))
-            if len(columns) == len(order) and order != names:
-                columns = [columns[order.index(name)] for name in names]
-            parts.append((inverse[group.rows], columns))
-        whole = table(where, stamps[np.sort(rows)], parts)
-        if names and whole.shape[1] not in (0, len(names)):
-            raise InputError(f"{where} names {len(names)} joints and has {whole.shape[1]} {kind} per message")
-        if whole.shape[1]:
-            values[kind] = whole
-    return _Members(names, np.sort(rows), values)
+def _table(
+    where: str,
+    stamps: np.ndarray,
+    groups: Sequence[Decoded],
+    orders: Sequence[tuple[str, ...]],
+    joints: Sequence[str],
+    kind: Kind,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(T, J) of one field of all joints, NaN where a message lacks it, and (T,) whether it is filled."""
+    fields = [sequence(getattr(group.message, FIELDS[kind])) for group in groups]
+    table = np.full((len(stamps), len(joints) or len(fields[0])), np.nan)
+    filled = np.zeros(len(stamps), dtype=bool)
+    widths: dict[frozenset[str], int] = {}
+    for group, names, columns in zip(groups, orders, fields, strict=True):
+        width = widths.setdefault(frozenset(names), len(columns))
+        if len(columns) != width:
+            row = at_row(int(group.rows[0]), stamps)
+            raise InputError(f"{where}: {row} has {len(columns)} values, the first has {width}")
+        if names and width not in (0, len(names)):
+            raise InputError(f"{where} names {len(names)} joints and has {width} {kind} per message")
+        if width:
+            places = np.array([joints.index(name) for name in names] or range(width))
+            its = np.array(columns, dtype=float).reshape(width, len(group.rows)).T
+            table[group.rows[:, None], places] = its
+            filled[group.rows] = True
+    return table, filled
 
 
-def _clocks(sets: Sequence[_Members]) -> list[tuple[int, tuple[str, ...], list[_Members]]]:
-    """Joints that always come together: their publisher, their names, the messages that have them."""
-    if not sets[0].names:
-        return [(0, (), list(sets))]
+def _clocks(
+    groups: Sequence[Decoded], orders: Sequence[tuple[str, ...]], joints: Sequence[str]
+) -> Iterator[tuple[int, tuple[str, ...], np.ndarray]]:
+    """Joints that always come together: their publisher, their names, the messages (M,) that have them."""
+    rows: dict[frozenset[str], list[np.ndarray]] = {}
+    for group, names in zip(groups, orders, strict=True):
+        rows.setdefault(frozenset(names), []).append(group.rows)
+    sets = list(rows)
     together: dict[tuple[int, ...], list[str]] = {}
-    names = list(dict.fromkeys(name for members in sets for name in members.names))
-    for name in names:
-        has = tuple(number for number, members in enumerate(sets) if name in members.names)
-        together.setdefault(has, []).append(name)
+    for name in joints:
+        together.setdefault(tuple(n for n, its in enumerate(sets) if name in its), []).append(name)
     publishers = list(range(len(sets)))  # of each set; sets with a joint in common have one
     for has in together:
-        joined = {publishers[number] for number in has}
-        publishers = [min(joined) if one in joined else one for one in publishers]
-    return [
-        (publishers[has[0]], tuple(names), [sets[number] for number in has])
-        for has, names in together.items()
-    ]
+        one = {publishers[number] for number in has}
+        publishers = [min(one) if publisher in one else publisher for publisher in publishers]
+    for has, mine in together.items() or [((0,), [])]:
+        found = [part for number in has for part in rows[sets[number]]]
+        yield publishers[has[0]], tuple(mine), np.sort(np.concatenate(found))

@@ -24,8 +24,7 @@ from mcap.reader import make_reader
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
 from structlearn.recordings import cdr
-from structlearn.recordings.bag_reader import RawMessages, damage_named
-from structlearn.recordings.bag_writer import RawTopic
+from structlearn.recordings.bag import RawMessages, of_one_type
 from structlearn.recordings.decoding import (
     decoded,
     fields_named,
@@ -40,23 +39,17 @@ from structlearn.recordings.stamps import StampPolicy, in_order
 from structlearn.recordings.topics import Role
 
 FRAME = "base"
-"""Frame of the poses, twists, wrenches and joint states that we write: the robot's base."""
+"""Frame of what we write: the robot's base."""
 
 LAST_STAMP = 2**31 * 10**9 - 1
 """ns: seconds of a header are int32."""
 
+FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
+"""Field of a joint state that each kind of stream comes from."""
+
 
 def check_readable(where: str, role: Role | Literal["transforms"], types: Sequence[str]) -> None:
-    """Check that messages can be read as what the user says the topic is.
-
-    Args:
-        where: file and topic, for error messages.
-        role: what the user says the topic is.
-        types: of the topic's messages, `package/msg/Type` or `package/Type`.
-
-    Raises:
-        InputError: there are several types, or messages of the type cannot be read in that role.
-    """
+    """Raise an InputError unless all messages of a topic have one type that can be read in its role."""
     if len(types) > 1:
         raise InputError(f"{where} has messages of several types: {', '.join(types)}")
     if cdr.short_name(types[0]) not in READERS[role]:
@@ -68,26 +61,14 @@ def check_readable(where: str, role: Role | Literal["transforms"], types: Sequen
 def to_stream(
     where: str, topic: str, role: Kind, messages: RawMessages, policy: StampPolicy
 ) -> tuple[Stream, str | None]:
-    """Stream of one topic.
-
-    Args:
-        where: file and topic, for error messages.
-        topic: its name.
-        role: what the topic is, one in which its messages can be read; joint states and shapes are not of
-            them.
-        messages: its messages.
-        policy: how stamps are taken.
-
-    Returns:
-        The stream, and what was done about its stamps, if anything (`stamps.in_order`).
+    """Stream of one topic, neither of joint states nor of shapes, and what was done about its stamps.
 
     Raises:
         InputError: a message cannot be decoded, lacks a field of its type or has another length than the
             first one, or stamps do not increase; the error names the row.
     """
-    with damage_named(where, "message"):
-        groups = decoded(messages)
-    short = cdr.short_name(next(iter(messages.schemas.values())).name)
+    groups = decoded(where, messages)
+    short = _type_of(messages)
     read = READERS[role][short]
     with fields_named(where):
         header = None if short in WITHOUT_HEADER else header_stamps(groups)
@@ -106,16 +87,11 @@ def to_stream(
     return Stream(topic, role, stamps, values), note
 
 
-def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
-    """Messages of a stream, one per row, for `write_bag`.
+def to_messages(where: str, stream: Stream) -> RawMessages:
+    """Messages of a stream, one per row.
 
-    Counts of tactile sensors are float32 in their message: whole numbers up to 2^24 are exact. All other
-    values keep their 64 bits.
-
-    Args:
-        where: whose stream it is, and its topic, for error messages.
-        topic: to write on.
-        stream: stamps in ns; the stamp goes into the header where the type has one.
+    Counts of tactile sensors are float32: whole numbers up to 2^24 are exact. All other values keep their 64
+    bits. The stamp goes into the header where the type has one.
 
     Raises:
         InputError: a stamp is negative or beyond what a header holds, a tactile count beyond float32.
@@ -123,43 +99,37 @@ def to_topic(where: str, topic: str, stream: Stream) -> RawTopic:
     values = stream.values
     if stream.kind in JOINT_KINDS:
         names = stream.joints or [f"joint_{joint + 1}" for joint in range(values.shape[1])]
-        return joint_topic(where, topic, names, stream.stamps, {stream.kind: values})
+        return joint_messages(where, names, stream.stamps, {stream.kind: values})
     if stream.kind == "pose":
         values = np.hstack([values[:, :3], quaternion.to_xyzw(values[:, 3:])])
     elif stream.kind == "tool_to_board":
         values = quaternion.to_xyzw(values)
     lengths = {"data": values.shape[1]} if stream.kind == "tactile" else {}
-    raw, columns = _blank(where, topic, MESSAGE_TYPES[stream.kind], stream.stamps, (), lengths)
-    places = READERS[stream.kind][cdr.short_name(raw.message_type)](columns)
+    message_type = MESSAGE_TYPES[stream.kind]
+    content, columns = _blank(where, message_type, stream.stamps, (), lengths)
+    places = READERS[stream.kind][cdr.short_name(message_type)](columns)
     with np.errstate(over="ignore"):
         for place, column in zip(places, values.T, strict=True):
             place[:] = column
     if np.isinf(places).any():
         raise InputError(f"{where}: a count is too large for float32")
-    return raw
+    return of_one_type(message_type, definition(message_type), stream.stamps, content)
 
 
-def joint_topic(
-    where: str, topic: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
-) -> RawTopic:
-    """Messages of joint states, one per row, for `write_bag`.
-
-    Args:
-        where: whose joints they are, and the topic, for error messages.
-        topic: to write on.
-        names: (J,) of the joints.
-        stamps: (T,) int64 ns.
-        values: (T, J) of each kind that is filled.
+def joint_messages(
+    where: str, names: Sequence[str], stamps: np.ndarray, values: Mapping[Kind, np.ndarray]
+) -> RawMessages:
+    """Joint states, one per row: (T,) int64 ns, and (T, J) of each kind that is filled.
 
     Raises:
         InputError: a stamp is negative or beyond what a header holds.
     """
-    fields = {("position", "velocity", "effort")[JOINT_KINDS.index(kind)]: values[kind] for kind in values}
-    lengths = {field: columns.shape[1] for field, columns in fields.items()}
-    raw, columns = _blank(where, topic, MESSAGE_TYPES["joint_positions"], stamps, names, lengths)
-    for field, its in fields.items():
-        getattr(columns, field)[:] = its
-    return raw
+    message_type = MESSAGE_TYPES["joint_positions"]
+    lengths = {FIELDS[kind]: its.shape[1] for kind, its in values.items()}
+    content, columns = _blank(where, message_type, stamps, names, lengths)
+    for kind, its in values.items():
+        getattr(columns, FIELDS[kind])[:] = its
+    return of_one_type(message_type, definition(message_type), stamps, content)
 
 
 def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
@@ -168,24 +138,21 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     A marker is named by its namespace, with its number behind it where several have the same. Markers of
     other types (arrows, text, meshes) are passed over.
 
-    Args:
-        where: file and topic, for error messages.
-        messages: its messages.
-
     Raises:
         InputError: a message cannot be decoded or lacks a field of its type, or a shape is not finite, has no
             extent, or no orientation.
     """
-    with damage_named(where, "message"):
-        (first,) = decoded(replace(messages, channels=messages.channels[:1], data=messages.data[:1]))
-    short = cdr.short_name(next(iter(messages.schemas.values())).name)
+    (first,) = decoded(where, replace(messages, kinds=messages.kinds[:1], data=messages.data[:1]))
     with fields_named(where):
-        markers = [one for one in READERS["obstacles"][short](first.message) if one[2] in FORMS]
-    spaces = [space for space, *_ in markers]
+        markers = READERS["obstacles"][_type_of(messages)](first.message)
+        found = [_of_marker(one) for one in markers]
+    spaces = [space for space, _, kind, _ in found if kind in FORMS]
     shapes = []
-    for space, number, kind, values in markers:
+    for space, number, kind, values in found:
+        if kind not in FORMS:
+            continue
         name = space if spaces.count(space) == 1 else f"{space} {number}"
-        position, orientation, size = np.split(np.array(values), (3, 7))
+        position, orientation, size = np.split(values, (3, 7))
         if not (np.isfinite(values).all() and (size > 0).all()):
             raise InputError(f"{where}: shape '{name}' needs a finite pose and a positive size")
         length = np.linalg.norm(orientation)
@@ -196,21 +163,16 @@ def to_shapes(where: str, messages: RawMessages) -> tuple[NamedShape, ...]:
     return tuple(shapes)
 
 
-def shapes_topic(topic: str, stamp: int, shapes: Sequence[NamedShape]) -> RawTopic:
-    """One message of markers with all shapes, for `write_bag`.
-
-    Args:
-        topic: to write on.
-        stamp: ns, when they are there; also in the headers.
-        shapes: with different names, which become the markers' namespaces.
-    """
+def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
+    """One message of markers with all shapes; their names, which differ, become the namespaces."""
     seconds, rest = divmod(int(stamp), 10**9)
     header = {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": FRAME}
+    kinds = {form: kind for kind, form in FORMS.items()}
     markers = [
         {
             "header": header,
             "ns": shape.name,
-            "type": _MARKERS[shape.form],
+            "type": kinds[shape.form],
             "pose": {
                 "position": dict(zip("xyz", map(float, shape.position), strict=True)),
                 "orientation": dict(zip("wxyz", map(float, shape.orientation), strict=True)),
@@ -221,17 +183,18 @@ def shapes_topic(topic: str, stamp: int, shapes: Sequence[NamedShape]) -> RawTop
         for shape in shapes
     ]
     data = np.frombuffer(_encoded(SHAPES_TYPE, {"markers": markers}), dtype=np.uint8)
-    return RawTopic(topic, SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
+    return of_one_type(SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
+
+
+def _type_of(messages: RawMessages) -> str:
+    schema = messages.schemas[0]
+    assert schema is not None  # `check_readable` lets none pass
+    return cdr.short_name(schema.name)
 
 
 def _blank(
-    where: str,
-    topic: str,
-    message_type: str,
-    stamps: np.ndarray,
-    names: Sequence[str],
-    lengths: Mapping[str, int],
-) -> tuple[RawTopic, SimpleNamespace]:
+    where: str, message_type: str, stamps: np.ndarray, names: Sequence[str], lengths: Mapping[str, int]
+) -> tuple[np.ndarray, SimpleNamespace]:
     """Messages with stamps, joints' names and sequences of zeros, and columns to fill in the numbers."""
     if stamps.min() < 0 or stamps.max() > LAST_STAMP:
         fault = "before 0" if stamps.min() < 0 else "beyond 2^31 s"
@@ -243,7 +206,7 @@ def _blank(
     if hasattr(columns, "header"):
         stamp = columns.header.stamp
         stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
-    return RawTopic(topic, message_type, definition(message_type), stamps, messages), columns
+    return messages, columns
 
 
 @cache
@@ -268,80 +231,68 @@ def _encoded(message_type: str, message: Mapping[str, Any]) -> bytes:
 
 def _of_pose(pose: Any) -> Sequence:
     """x, y, z, then the quaternion in ROS's order x, y, z, w."""
-    p, q = pose.position, pose.orientation
-    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+    return (*_of_vector(pose.position), *_of_quaternion(pose.orientation))
 
 
-def _of_transform(message: Any) -> Sequence:
-    p, q = message.transform.translation, message.transform.rotation
-    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+def _of_transform(transform: Any) -> Sequence:
+    return (*_of_vector(transform.translation), *_of_quaternion(transform.rotation))
+
+
+def _of_vector(v: Any) -> Sequence:
+    return (v.x, v.y, v.z)
 
 
 def _of_quaternion(q: Any) -> Sequence:
     return (q.x, q.y, q.z, q.w)
 
 
-def _of_twist(message: Any) -> Sequence:
-    v, w = message.twist.linear, message.twist.angular
-    return (v.x, v.y, v.z, w.x, w.y, w.z)
-
-
-def _of_wrench(message: Any) -> Sequence:
-    f, m = message.wrench.force, message.wrench.torque
-    return (f.x, f.y, f.z, m.x, m.y, m.z)
-
-
-def _of_array(message: Any) -> Sequence | np.ndarray:
-    return sequence(message.data)
-
-
-def _of_markers(markers: Sequence[Any]) -> list[tuple[str, int, int, list[float]]]:
-    """Namespace, number, type, and pose and size as 10 numbers of each marker of one message."""
-    rows = []
-    for one in markers:
-        numbers = [one.id, one.type, *_of_pose(one.pose), one.scale.x, one.scale.y, one.scale.z]
-        number, kind, *values = (float(np.ravel(value)[0]) for value in numbers)  # a column of one row, or it
-        rows.append((one.ns, int(number), int(kind), values))
-    return rows
+def _of_marker(one: Any) -> tuple[str, int, int, np.ndarray]:
+    """Namespace, number, type, and (10,) pose and size; its numbers may be columns of one row."""
+    numbers = [one.id, one.type, *_of_pose(one.pose), *_of_vector(one.scale)]
+    number, kind, *values = (float(np.ravel(value)[0]) for value in numbers)
+    return one.ns, int(number), int(kind), np.array(values)
 
 
 FORMS: Mapping[int, Form] = {1: "cube", 2: "sphere", 3: "cylinder"}
 """What a marker's type says; the others are no solids."""
 
-_MARKERS = {form: kind for kind, form in FORMS.items()}
+_ARRAYS = [f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")]
 
-
-WITHOUT_HEADER = frozenset(
-    {"geometry_msgs/Pose"}
-    | {f"std_msgs/{number}MultiArray" for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")}
-)
+WITHOUT_HEADER = {"geometry_msgs/Pose", *_ARRAYS}
 """Understood types that have no header."""
 
 READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Callable[[Any], Any]]] = {
     "pose": {
         "geometry_msgs/PoseStamped": lambda message: _of_pose(message.pose),
         "geometry_msgs/PoseWithCovarianceStamped": lambda message: _of_pose(message.pose.pose),
-        "geometry_msgs/TransformStamped": _of_transform,
+        "geometry_msgs/TransformStamped": lambda message: _of_transform(message.transform),
         # An odometry's twist is given in the child frame, ours in the base frame: only the pose is taken.
         "nav_msgs/Odometry": lambda message: _of_pose(message.pose.pose),
         "geometry_msgs/Pose": _of_pose,
     },
-    "twist": {"geometry_msgs/TwistStamped": _of_twist},
+    "twist": {
+        "geometry_msgs/TwistStamped": lambda message: (
+            *_of_vector(message.twist.linear),
+            *_of_vector(message.twist.angular),
+        )
+    },
     "joint_states": {"sensor_msgs/JointState": lambda message: message},
     "transforms": dict.fromkeys(("tf2_msgs/TFMessage", "tf/tfMessage"), lambda message: message.transforms),
-    "wrench": {"geometry_msgs/WrenchStamped": _of_wrench},
-    "tactile": {
-        f"std_msgs/{number}MultiArray": _of_array
-        for number in ("Float32", "Float64", "Int16", "Int32", "UInt16")
+    "wrench": {
+        "geometry_msgs/WrenchStamped": lambda message: (
+            *_of_vector(message.wrench.force),
+            *_of_vector(message.wrench.torque),
+        )
     },
+    "tactile": dict.fromkeys(_ARRAYS, lambda message: sequence(message.data)),
     "tool_to_board": {
         "geometry_msgs/QuaternionStamped": lambda message: _of_quaternion(message.quaternion),
         "geometry_msgs/PoseStamped": lambda message: _of_quaternion(message.pose.orientation),
         "geometry_msgs/TransformStamped": lambda message: _of_quaternion(message.transform.rotation),
     },
     "obstacles": {
-        "visualization_msgs/MarkerArray": lambda message: _of_markers(message.markers),
-        "visualization_msgs/Marker": lambda message: _of_markers([message]),
+        "visualization_msgs/MarkerArray": lambda message: message.markers,
+        "visualization_msgs/Marker": lambda message: [message],
     },
 }
 """Message types that can be read in each role, and how a message gives its columns: numbers, or where its

@@ -5,14 +5,13 @@ Franka Emika Panda robot with retrieval of feasible parameters using penalty-bas
 Torques are those of the links, gravity included.
 """
 
+from functools import partial
 from pathlib import Path
-
-import numpy as np
 
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.joint_log import JointLog
-from structlearn.recordings.text_log import read_stamped_table, read_table, source_provenance
+from structlearn.recordings.text_log import read_each, read_stamped_table, read_table, source_provenance
 
 REPOSITORY = "https://github.com/marcocognetti/FrankaEmikaPandaDynModel"
 COMMIT = "24d85ce4e648e2e894c832bfeee9b16711eb1a1a"
@@ -25,17 +24,11 @@ SIGNALS = {"positions": "positions", "velocities": "velocity", "torques": "torqu
 """Signals and the last word of their files' names."""
 
 
-def read_trajectories(folder: str | Path) -> list[JointLog]:
-    """Read all motions of a folder; the one of the repository has 21 s at about 1 kHz.
+def read_trajectories(folder: str | Path, left_out: dict[str, str] | None = None) -> list[JointLog]:
+    """All motions of a folder of NAME_{positions,velocity,torques,time}.txt, or of folders of them.
 
-    The logger wrote positions in five or six significant digits and its times by hundredths of a millisecond;
-    nothing is done about either here.
-
-    Args:
-        folder: holds NAME_{positions,velocity,torques,time}.txt, or folders of them.
-
-    Returns:
-        The logs by their names, such as `exciting_traj`, with the folders' before it where there are some.
+    The one of the repository, `exciting_traj`, has 21 s at about 1 kHz; positions have five or six
+    significant digits. Names of folders stand before those of their motions. `left_out`: see `read_each`.
 
     Raises:
         MissingInputError: there is no file of positions.
@@ -45,7 +38,7 @@ def read_trajectories(folder: str | Path) -> list[JointLog]:
     found = sorted(folder.rglob("*_positions.txt"), key=lambda path: natural_order(path.as_posix()))
     if not found:
         raise MissingInputError(f"{folder}: holds no motion (exciting_traj_positions.txt, ...)")
-    return [_read(folder, path) for path in found]
+    return read_each(partial(_read, folder), found, left_out)
 
 
 def _read(folder: Path, positions: Path) -> JointLog:
@@ -64,4 +57,4 @@ def _read(folder: Path, positions: Path) -> JointLog:
         signals[signal] = values.reshape(len(stamps), len(JOINTS))
     provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [times, *paths.values()])
     whole_name = "_".join([*times.parent.relative_to(folder).parts, name])
-    return JointLog(whole_name, JOINTS, np.asarray(stamps), **signals, provenance=provenance)
+    return JointLog(whole_name, JOINTS, stamps, **signals, provenance=provenance)

@@ -16,18 +16,14 @@ gives recordings whose orientation was not recorded. It becomes what a bag is: R
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from mcap.records import Schema
-from mcap.well_known import SchemaEncoding
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import Bag, RawMessages
-from structlearn.recordings.bag_writer import RawTopic
-from structlearn.recordings.joint_series import FIELDS
-from structlearn.recordings.messages import LAST_STAMP, joint_topic, to_topic
+from structlearn.recordings.bag import Bag
+from structlearn.recordings.messages import FIELDS, LAST_STAMP, joint_messages, to_messages
 from structlearn.recordings.recording import Stream
 from structlearn.recordings.text_log import read_stamped_table
 
@@ -52,28 +48,32 @@ def read_pose_table(path: Path) -> Bag:
         raise InputError(f"{path}: row {row}: {TIME} is {stamps[row] * 1e-9:.9g}, not between 0 and 2^31")
     joints = _joints(path, names)
     columns = dict(zip(names, values.T, strict=True))
-    oriented = _complete(path, columns, ORIENTATION)
+    for group in (ORIENTATION, WRENCH):
+        missing = [name for name in group if name not in columns]
+        if missing and len(missing) < len(group):
+            raise InputError(f"{path}: has no column {', '.join(missing)}; {', '.join(group)} come together")
+    oriented = ORIENTATION[0] in columns
     pose = np.zeros((len(stamps), 7))
     pose[:, 3] = 1.0
     pose[:, : 7 if oriented else 3] = _block(columns, POSITION + (ORIENTATION if oriented else ()))
-    topics = [to_topic(str(path), TABLE_TOPICS["pose"], Stream("", "pose", stamps, pose))]
-    if _complete(path, columns, WRENCH):
+    messages = {TABLE_TOPICS["pose"]: to_messages(str(path), Stream("", "pose", stamps, pose))}
+    if WRENCH[0] in columns:
         wrench = Stream("", "wrench", stamps, _block(columns, WRENCH))
-        topics.append(to_topic(str(path), TABLE_TOPICS["wrench"], wrench))
+        messages[TABLE_TOPICS["wrench"]] = to_messages(str(path), wrench)
     if joints:
         fields = {
-            kind: _block(columns, [f"{field}.{joint}" for joint in joints])
+            kind: _block(columns, (f"{field}.{joint}" for joint in joints))
             for kind, field in FIELDS.items()
             if f"{field}.{joints[0]}" in columns
         }
-        topics.append(joint_topic(str(path), TABLE_TOPICS["joint_states"], joints, stamps, fields))
+        messages[TABLE_TOPICS["joint_states"]] = joint_messages(str(path), joints, stamps, fields)
     provenance = {"origin": "recorded", "source": path.name}
     if not oriented:
         provenance["orientation"] = "not recorded"
     return Bag(
-        topics={topic.name: [topic.message_type] for topic in topics},
+        topics={topic: [one.name for one in its.schemas if one] for topic, its in messages.items()},
         metadata={"provenance": json.dumps(provenance, sort_keys=True), "true_segments": "null"},
-        messages={topic.name: _messages(topic) for topic in topics},
+        messages=messages,
     )
 
 
@@ -151,21 +151,6 @@ def _joints(path: Path, names: Sequence[str]) -> list[str]:
     return joints
 
 
-def _complete(path: Path, columns: Mapping[str, np.ndarray], names: Sequence[str]) -> bool:
-    """Whether a table has all of some columns; only some of them are an error."""
-    missing = [name for name in names if name not in columns]
-    if missing and len(missing) < len(names):
-        raise InputError(f"{path}: has no column {', '.join(missing)}; {', '.join(names)} come together")
-    return not missing
-
-
-def _block(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
+def _block(columns: Mapping[str, np.ndarray], names: Iterable[str]) -> np.ndarray:
     """(T, D) of some columns."""
     return np.stack([columns[name] for name in names], axis=1)
-
-
-def _messages(topic: RawTopic) -> RawMessages:
-    definition = topic.definition.encode()
-    schema = Schema(id=1, name=topic.message_type, encoding=SchemaEncoding.ROS2, data=definition)
-    data = [row.tobytes() for row in topic.messages]
-    return RawMessages({1: schema}, np.ones(len(data), dtype=np.int64), topic.stamps, data)

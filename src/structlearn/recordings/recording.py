@@ -42,7 +42,6 @@ class NamedShape:
     """A solid at rest beside the movement: an obstacle, or what is reached for.
 
     Attributes:
-        name: unique within its recording.
         form: what it is; a cylinder stands along its own z axis.
         position: (3,) m, its centre in the base frame.
         orientation: (4,) unit quaternion w, x, y, z, own to base frame.

@@ -4,45 +4,37 @@ The library is an extra of this package, since most have MCAP. Messages of ROS 1
 same numbers in CDR, headers without their counter.
 """
 
-import tempfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mcap.records import Schema
 from mcap.well_known import SchemaEncoding
 
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import COMPRESSED, Bag, RawMessages, unpack_file
+from structlearn.recordings.bag import Bag, Row, in_time_order, unpacked_file
 
 HEADER = "std_msgs/msg/Header"
 
 
 def read_db3(path: Path, topics: Collection[str]) -> Bag:
-    """Read a .db3 file; one that is compressed as a whole has `bag_reader.COMPRESSED` at its end.
-
-    Definitions of messages stand in the file since ROS 2 Iron; for older ones those of the library stand in.
+    """Read a .db3 file; files older than ROS 2 Iron lack definitions, those of the library stand in.
 
     Raises:
         InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
     """
-    with _library_named(path), _with_suffix(path) as plain:
+    with _library_named(path), unpacked_file(path) as plain:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
         latest = get_typestore(Stores.LATEST)
         with AnyReader([plain], default_typestore=latest) as reader:
-            return _bag(reader, topics, (reader.typestore, latest), bytes)
+            return _bag(reader, topics, (reader.typestore, latest), lambda raw, kind: raw)
 
 
 def read_ros1_bag(path: Path, topics: Collection[str]) -> Bag:
-    """Read a .bag file of ROS 1.
-
-    Raises:
-        InputError: `rosbags` is not installed, or the file is missing or damaged; the message names it.
-    """
+    """Read a .bag file of ROS 1; raises as `read_db3`."""
     with _library_named(path):
         from rosbags.rosbag1 import Reader
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -78,52 +70,24 @@ def _library_named(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: damaged bag: {type(error).__name__}: {error}") from error
 
 
-@contextmanager
-def _with_suffix(path: Path) -> Iterator[Path]:
-    """The file, or its content unpacked beside others that nobody needs; the library goes by the suffix."""
-    if path.suffix != COMPRESSED:
-        yield path
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        plain = Path(folder) / path.stem
-        with open(path, "rb") as file, open(plain, "wb") as unpacked:
-            unpack_file(path, file, unpacked)
-        yield plain
-
-
 def _bag(reader: Any, topics: Collection[str], stores: Collection[Any], to_cdr: Any) -> Bag:
-    """Content of an open reader; `stores` know the types, `to_cdr` turns (bytes, type) or bytes into CDR."""
+    """Content of an open reader; `stores` know the types, `to_cdr` turns content and type into CDR."""
     present: dict[str, list[str]] = {}
     for connection in reader.connections:
         types = present.setdefault(connection.topic, [])
-        if connection.msgtype not in types:
-            types.append(connection.msgtype)
+        types += [connection.msgtype] * (connection.msgtype not in types)
     wanted = [connection for connection in reader.connections if connection.topic in topics]
-    schemas = {
-        name: _schema(number, name, stores)
-        for number, name in enumerate(dict.fromkeys(one.msgtype for one in wanted), start=1)
-    }
-    numbers = {name: schema.id for name, schema in schemas.items()}
-    rows: dict[str, list[tuple[int, int, bytes]]] = {}
+    schemas = {name: _schema(name, stores) for name in dict.fromkeys(one.msgtype for one in wanted)}
+    rows: dict[str, list[Row]] = {}
     for connection, log_time, raw in reader.messages(connections=wanted) if wanted else ():
-        kind = connection.msgtype
-        data = bytes(raw) if to_cdr is bytes else bytes(to_cdr(raw, kind))
-        rows.setdefault(connection.topic, []).append((numbers[kind], log_time, data))
-    messages = {topic: _messages(its, schemas) for topic, its in rows.items()}
-    return Bag(present, None, messages)
+        row = (log_time, schemas[connection.msgtype], bytes(to_cdr(raw, connection.msgtype)))
+        rows.setdefault(connection.topic, []).append(row)
+    return Bag(present, None, {topic: in_time_order(its) for topic, its in rows.items()})
 
 
-def _schema(number: int, name: str, stores: Collection[Any]) -> Schema:
+def _schema(name: str, stores: Collection[Any]) -> Schema:
     store = next((store for store in stores if name in store.fielddefs), None)
     if store is None:
         raise LookupError(f"the type {name} is not defined")
     text, _ = store.generate_msgdef(name, ros_version=2)
-    return Schema(id=number, name=name, encoding=SchemaEncoding.ROS2, data=text.encode())
-
-
-def _messages(rows: list[tuple[int, int, bytes]], schemas: Mapping[str, Schema]) -> RawMessages:
-    """Messages of one topic in the order of their log times; each type is a channel."""
-    rows = sorted(rows, key=lambda row: row[1])
-    channels, log_times, data = zip(*rows, strict=True)
-    used = {schema.id: schema for schema in schemas.values() if schema.id in set(channels)}
-    return RawMessages(used, np.array(channels), np.array(log_times, dtype=np.int64), list(data))
+    return Schema(id=0, name=name, encoding=SchemaEncoding.ROS2, data=text.encode())

@@ -1,7 +1,7 @@
 """Runs: a set of demonstrations or executions on one clock, as every stage behind the reading has them.
 
 One stage per source reads what was recorded, checks it and puts it on the clock (`clock.synchronise`); all
-others read its runs from here.
+others read its runs from here. Where a protocol needs streams on clocks of their own, the stage writes those.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from structlearn.recordings.demonstration import SIGNALS, Demonstration
-from structlearn.recordings.recording import NamedShape
+from structlearn.recordings.recording import NamedShape, Recording, Stream
 from structlearn.recordings.series_table import Series, read_series, write_series
 
 UNITS = {
@@ -51,6 +51,45 @@ def read_runs(path: str | Path) -> list[Demonstration]:
         InputError: the file is missing, damaged or holds something else.
     """
     return [_demonstration(run) for run in read_series(path)]
+
+
+def write_streams(recordings: Sequence[Recording], target: str | Path) -> None:
+    """Publish recordings whose streams keep their own clocks: a series per stream, stamps in ns.
+
+    Shapes, names of joints and true segments are not kept.
+    """
+    series = [
+        Series(
+            f"{one.name} {place}",
+            {"stamp": stream.stamps} | {f"value.{n}": column for n, column in enumerate(stream.values.T)},
+            {
+                "recording": one.name,
+                "topic": stream.topic,
+                "kind": stream.kind,
+                "provenance": dict(one.provenance),
+            },
+        )
+        for one in recordings
+        for place, stream in enumerate(one.streams)
+    ]
+    write_series(series, {"stamp": "ns", "value": "as `recording.Stream` has it"}, target)
+
+
+def read_streams(path: str | Path) -> list[Recording]:
+    """Read what `write_streams` wrote.
+
+    Raises:
+        InputError: the file is missing, damaged or holds something else.
+    """
+    streams: dict[str, list[Stream]] = {}
+    provenance = {}
+    for one in read_series(path):
+        about = one.about
+        values = one.stacked([name for name in one.columns if name != "stamp"])
+        stream = Stream(about["topic"], about["kind"], one.columns["stamp"], values)
+        streams.setdefault(about["recording"], []).append(stream)
+        provenance[about["recording"]] = about["provenance"]
+    return [Recording(name, tuple(its), provenance=provenance[name]) for name, its in streams.items()]
 
 
 def _series(run: Demonstration) -> Series:

@@ -40,12 +40,9 @@ class Series:
 
 
 def write_series(runs: Sequence[Series], units: Mapping[str, str], target: str | Path) -> None:
-    """Publish a set of runs.
+    """Publish a set of runs, maybe none, with different names as a Parquet file.
 
-    Args:
-        runs: with different names; may be none.
-        units: SI unit of each column, up to its first point (`position` of `position.x`); "" without one.
-        target: the Parquet file.
+    Units are those of each column's name up to its first point (`position` of `position.x`), "" without one.
     """
     names = list(dict.fromkeys(name for run in runs for name in run.columns))
     lengths = [len(next(iter(run.columns.values()))) for run in runs]

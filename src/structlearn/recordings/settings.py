@@ -28,14 +28,7 @@ Setting = Annotated[str, BeforeValidator(setting_label), Field(pattern=r"^-?\w[\
 
 
 def setting_folders(source: str | Path, named: Sequence[str]) -> dict[str, Path]:
-    """Folders of recordings by the label of their setting.
-
-    Args:
-        source: folder with a sub-folder per setting; hidden ones and files are passed over.
-        named: labels that there must be.
-
-    Returns:
-        By label, those that are named in their order, then all others that are there.
+    """Folders of a source by the label of their setting: those that are named, then all others.
 
     Raises:
         InputError: there is no such folder, two of its folders are one setting, or one of those named is

@@ -12,7 +12,7 @@ from structlearn.ground import quaternion
 from structlearn.ground.errors import MissingInputError
 from structlearn.recordings.bag_files import natural_order
 from structlearn.recordings.recording import Recording, Stream
-from structlearn.recordings.text_log import read_stamped_table, source_provenance
+from structlearn.recordings.text_log import read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/dexrob/BioTac_slide_20_50"
 COMMIT = "c19638b040791b7b32f2fcf12eee315ca901f80a"
@@ -25,15 +25,13 @@ FIRST_ELECTRODE = 25
 """Columns of `bio` before the electrodes, without the time: pressures, temperatures and 22 vibrations."""
 
 
-def read_slides(folder: str | Path, trials: int | None = None) -> list[Recording]:
-    """Trials of a folder: pose, joint positions, velocities and torques, wrench and 19 electrodes.
+def read_slides(
+    folder: str | Path, trials: int | None = None, left_out: dict[str, str] | None = None
+) -> list[Recording]:
+    """The first trials of each material: pose, joint signals, wrench and 19 electrodes, by Unix time.
 
-    Args:
-        folder: holds MATERIAL_TRIAL_STREAM.csv files, or folders of them, as the repository has.
-        trials: the first so many of each material; None: all.
-
-    Returns:
-        Recordings named "MATERIAL_TRIAL", e.g. "mat9_1", by material and trial; stamps are Unix time.
+    The folder holds MATERIAL_TRIAL_STREAM.csv files, or folders of them; recordings are named like "mat9_1".
+    `left_out`: see `read_each`.
 
     Raises:
         MissingInputError: there is no trial.
@@ -45,7 +43,8 @@ def read_slides(folder: str | Path, trials: int | None = None) -> list[Recording
         by_material.setdefault(material_of(name), []).append(name)
     if not found:
         raise MissingInputError(f"{folder}: holds no trials (mat9_1_cp.csv, ...)")
-    return [read_slide(found[name], name) for names in by_material.values() for name in names[:trials]]
+    paths = [found[name] / name for names in by_material.values() for name in names[:trials]]
+    return read_each(lambda path: read_slide(path.parent, path.name), paths, left_out)
 
 
 def material_of(trial: str) -> str:
@@ -53,20 +52,8 @@ def material_of(trial: str) -> str:
     return trial.rpartition("_")[0]
 
 
-def read_slide(folder: str | Path, name: str) -> Recording:
-    """One trial; see `read_slides`.
-
-    Args:
-        folder: holds the trial's six files.
-        name: "MATERIAL_TRIAL", e.g. "mat9_1".
-
-    Returns:
-        The recording with that name.
-
-    Raises:
-        InputError: a stream is missing or not a table of its columns.
-    """
-    folder = Path(folder)
+def read_slide(folder: Path, name: str) -> Recording:
+    """One trial, e.g. "mat9_1", from its six files in a folder; see `read_slides`."""
     files = {stream: folder / f"{name}_{stream}.csv" for stream in COLUMNS}
     tables = {
         stream: read_stamped_table(path, COLUMNS[stream], separator=",", header_lines=1)

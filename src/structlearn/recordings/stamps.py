@@ -14,11 +14,10 @@ class StampPolicy(Parameters):
     """How the stamps of a user's messages are taken.
 
     Attributes:
-        clock: `header`: when a sample was taken, as its message says; where no message of a topic says so,
-            the log time stands in. `log`: when the recorder got it.
-        disorder: what is done where a stamp repeats or runs back. `error`: the recording is refused. `drop`:
-            as few samples as possible are left out so that the others increase. `sort`: samples are put in
-            the order of their stamps. Of several with one stamp the first stays in either case.
+        clock: `header`: when a sample was taken; the log time where no message of a topic says so. `log`:
+            when the recorder got it.
+        disorder: where a stamp repeats or runs back, `error`: refuse the recording; `drop`: leave out as few
+            samples as possible; `sort`: put them in order. Of several with one stamp the first stays.
     """
 
     clock: Literal["header", "log"]
@@ -30,15 +29,7 @@ AS_WRITTEN = StampPolicy(clock="header", disorder="error")
 
 
 def in_order(where: str, stamps: np.ndarray, policy: StampPolicy) -> tuple[np.ndarray, str | None]:
-    """Which samples are taken, in which order.
-
-    Args:
-        where: file and topic, for the message.
-        stamps: (T,) int64 ns in the order in which the samples came.
-        policy: what is done where they do not increase.
-
-    Returns:
-        rows: (M,) whose stamps increase.   note: what was done, in words with counts; None: nothing was.
+    """Rows (M,) of samples whose stamps (T,) in ns increase, and what was done in words; None: nothing was.
 
     Raises:
         InputError: the stamps do not increase and the policy is `error`; the message names the row.
@@ -69,11 +60,7 @@ def longest_increase(stamps: np.ndarray) -> np.ndarray:
         length = bisect_left(ends, stamp)
         if length:
             before[place] = places[length - 1]
-        if length == len(ends):
-            ends.append(stamp)
-            places.append(place)
-        elif stamp < ends[length]:
-            ends[length], places[length] = stamp, place
+        ends[length : length + 1], places[length : length + 1] = [stamp], [place]
     rows = np.empty(len(ends), dtype=int)
     place = places[-1]
     for row in reversed(range(len(rows))):

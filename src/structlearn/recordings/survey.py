@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from mcap.records import Schema
 from mcap.well_known import SchemaEncoding
 
-from structlearn.recordings.bag_reader import RawMessages
+from structlearn.recordings.bag import RawMessages
 
 INNER = (5.0, 95.0)
 """Percentiles between which jitter and spread are taken: nine of ten samples, whatever the rest does."""
@@ -34,9 +35,6 @@ class Stamps:
     """One clock of a topic.
 
     Attributes:
-        count: of messages.
-        first_s: of the earliest, s.
-        last_s: of the latest, s.
         rate_hz: one over the median step; NaN where all messages have one stamp.
         largest_gap_s: s between neighbouring stamps.
         gap_at_s: where it begins, s since the first stamp.
@@ -65,10 +63,8 @@ class Stamps:
 class Delay:
     """How much later the recorder's clock says a message came than its header says it was sent.
 
-    Attributes:
-        median_s: over the messages.
-        spread_s: half the range of the inner nine tenths.
-        drift_s: median of the last tenth of the messages minus that of the first.
+    The spread is half the range of the inner nine tenths, the drift the median of the last tenth minus that
+    of the first.
     """
 
     median_s: float
@@ -78,14 +74,7 @@ class Delay:
 
 @dataclass(frozen=True)
 class TopicClocks:
-    """Stamps of a topic by both clocks.
-
-    Attributes:
-        log: when the recorder got the messages.
-        header: when they say that they were taken; None where they do not.
-        delay: log minus header; None likewise.
-        frames: names of frames in the headers.
-    """
+    """When the recorder got messages, when they were taken by their headers, and the frames of these."""
 
     log: Stamps
     header: Stamps | None
@@ -99,17 +88,11 @@ class TopicClocks:
 
 
 def topic_clocks(messages: RawMessages) -> TopicClocks:
-    """Both clocks of a topic, from stamps alone.
-
-    Args:
-        messages: at least one.
-
-    Returns:
-        The header's clock is None where the type has no header, or where all its stamps are zero.
-    """
+    """Both clocks of a topic with at least one message; the header's is None where it is never set."""
     log = stamps_of(messages.log_times)
-    place = _header_place(messages)
-    if place is None:
+    places = {_place_in(schema) for schema in messages.schemas}
+    place = places.pop() if len(places) == 1 else None
+    if place is None or any(len(message) < place + 12 for message in messages.data):
         return TopicClocks(log, None, None, ())
     headers = header_stamps(messages, place)
     frames = tuple(sorted({_frame(message, place) for message in messages.data} - {""}))
@@ -145,11 +128,8 @@ def delay_of(log_times: np.ndarray, headers: np.ndarray) -> Delay:
     delays_s = 1e-9 * (log_times - headers)  # exact: int64 before it is rounded
     ends = max(1, round(END_SHARE * len(delays_s)))
     low, high = np.percentile(delays_s, INNER)
-    return Delay(
-        median_s=float(np.median(delays_s)),
-        spread_s=0.5 * float(high - low),
-        drift_s=float(np.median(delays_s[-ends:]) - np.median(delays_s[:ends])),
-    )
+    drift_s = float(np.median(delays_s[-ends:]) - np.median(delays_s[:ends]))
+    return Delay(float(np.median(delays_s)), 0.5 * float(high - low), drift_s)
 
 
 def header_stamps(messages: RawMessages, place: int) -> np.ndarray:
@@ -159,26 +139,18 @@ def header_stamps(messages: RawMessages, place: int) -> np.ndarray:
     stamps = np.zeros(len(heads), dtype=np.int64)
     for order, flag in (("<", 1), (">", 0)):
         mine = heads[:, 1] & 1 == flag
-        seconds = np.ascontiguousarray(heads[mine, place : place + 4]).view(f"{order}i4")[:, 0]
-        rest = np.ascontiguousarray(heads[mine, place + 4 : end]).view(f"{order}u4")[:, 0]
-        stamps[mine] = seconds.astype(np.int64) * 10**9 + rest
+        clock = np.ascontiguousarray(heads[mine, place:end]).view(
+            [("sec", f"{order}i4"), ("ns", f"{order}u4")]
+        )
+        stamps[mine] = clock["sec"][:, 0].astype(np.int64) * 10**9 + clock["ns"][:, 0]
     return stamps
 
 
-def _header_place(messages: RawMessages) -> int | None:
-    """Where stamps stand in all messages of a topic; None where there are none."""
-    schemas = messages.schemas.values()
-    if any(schema is None or schema.encoding != SchemaEncoding.ROS2 for schema in schemas):
-        return None  # the same definition in another encoding puts its fields elsewhere
-    places = {_place_in(schema.data.decode(errors="replace")) for schema in schemas}
-    place = places.pop() if len(places) == 1 else None
-    whole = place is not None and all(len(message) >= place + 12 for message in messages.data)
-    return place if whole else None
-
-
-def _place_in(definition: str) -> int | None:
-    """Where the stamp stands in messages of a type."""
-    lines = (line.partition("#")[0].strip() for line in definition.splitlines())
+def _place_in(schema: Schema | None) -> int | None:
+    """Where the stamp stands in messages of a type; another encoding would put it elsewhere."""
+    if schema is None or schema.encoding != SchemaEncoding.ROS2:
+        return None
+    lines = (line.partition("#")[0].strip() for line in schema.data.decode(errors="replace").splitlines())
     first = next((line for line in lines if line and not re.match(r"\S+\s+[A-Z]\w*\s*=", line)), "")
     return next((place for pattern, place in _HEADERS.items() if pattern.fullmatch(first)), None)
 

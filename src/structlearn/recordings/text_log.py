@@ -1,33 +1,29 @@
-"""Number tables in public text logs, read with every fault named by file and line."""
+"""Number tables in public text logs, read with every fault named by file and line (from 1)."""
 
+import csv
 import hashlib
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
 
+T = TypeVar("T")
+
 
 def read_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> np.ndarray:
-    """Read a table of numbers.
+    """(T, columns) float64 of a text file; blank lines are skipped.
 
-    Args:
-        path: the text file.
-        columns: numbers per line.
-        separator: between numbers, None: white space; a line may end with one. Blank lines are skipped.
-        header_lines: lines to skip at the start.
-
-    Returns:
-        (T, columns) float64.
+    Numbers stand apart by the separator, None: by white space; a line may end with one.
 
     Raises:
         InputError: the file is missing, no text or has no rows; a line has another number of columns, or
-            something that is not a finite number; the message names file and line (counted from 1).
+            something that is not a finite number.
     """
     path = Path(path)
     return _numbers(path, _lines(path, separator, header_lines), columns, separator)
@@ -36,27 +32,68 @@ def read_table(
 def read_stamped_table(
     path: str | Path, columns: int, separator: str | None = None, header_lines: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Read a table of numbers whose first column is a time in s.
+    """A table whose first column is a time in s: (T,) int64 ns, and (T, columns - 1) float64.
 
-    Times are taken as decimal numbers: a float of Unix time in s is 240 ns coarse.
-
-    Args:
-        path: the text file.
-        columns: numbers per line, the time included.
-        separator: see `read_table`.
-        header_lines: see `read_table`.
-
-    Returns:
-        stamps: (T,) int64 ns.   values: (T, columns - 1) float64.
-
-    Raises:
-        InputError: as `read_table`.
+    Times are taken as decimal numbers: a float of Unix time in s is 240 ns coarse. Otherwise as `read_table`.
     """
     path = Path(path)
     lines = _lines(path, separator, header_lines)
-    stamps = [_nanoseconds(path, number, line.split(separator, 1)[0]) for number, line in lines.items()]
+    stamps = [
+        _nanoseconds(f"{path}: line {line}", text.split(separator, 1)[0]) for line, text in lines.items()
+    ]
     values = np.ascontiguousarray(_numbers(path, lines, columns, separator)[:, 1:])
     return np.array(stamps, dtype=np.int64), values
+
+
+def read_rows(path: Path, columns: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
+    """Rows of a CSV file with headings, as words, each with its file and line.
+
+    Raises:
+        InputError: the file is missing, no text, or lacks a column; a line is longer or shorter.
+    """
+    try:
+        with open(path, encoding="utf-8-sig", newline="") as file:
+            header, *rows = list(csv.reader(file)) or [[]]
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: not a CSV file: {error}") from error
+    header = [name.strip() for name in header]
+    if missing := [name for name in columns if name not in header]:
+        raise InputError(f"{path}: has no column {', '.join(missing)}")
+    found = []
+    for line, row in enumerate(rows, start=2):
+        where = f"{path}: line {line}"
+        if row and len(row) != len(header):
+            raise InputError(f"{where} has {len(row)} columns, expected {len(header)}")
+        if row:
+            found.append((where, dict(zip(header, map(str.strip, row), strict=True))))
+    return found
+
+
+def finite_numbers(where: str, words: Sequence[str]) -> list[float]:
+    """Numbers of a line; an InputError where one is none or not finite."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError as error:
+        raise InputError(f"{where}: not a number: {str(error).rpartition(': ')[2]}") from error
+    for word, value in zip(words, values, strict=True):
+        if not np.isfinite(value):
+            raise InputError(f"{where}: not a finite number: {word.strip()!r}")
+    return values
+
+
+def read_each(read: Callable[[Path], T], paths: Iterable[Path], left_out: dict[str, str] | None) -> list[T]:
+    """Read files one by one; with a dict for the reasons, those that cannot be read are left out."""
+    found = []
+    for path in paths:
+        try:
+            found.append(read(path))
+        except InputError as error:
+            if left_out is None:
+                raise
+            left_out[f"{path.parent.name}/{path.name}"] = str(error)
+    return found
 
 
 def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
@@ -64,21 +101,19 @@ def uniform_stamps(count: int, rate_hz: float) -> np.ndarray:
     return np.round(np.arange(count) * (1e9 / rate_hz)).astype(np.int64)
 
 
+def check_rising(path: Path, stamps: np.ndarray) -> None:
+    """Raise an InputError unless each line (T,) comes after the one before it."""
+    steps = np.diff(stamps)
+    if (steps <= 0).any():
+        raise InputError(
+            f"{path}: line {int(np.argmax(steps <= 0)) + 2} does not come after the one before it"
+        )
+
+
 def source_provenance(
     repository: str, commit: str, licence: str, root: Path, files: Sequence[Path]
 ) -> dict[str, str]:
-    """Provenance of a recording taken from published files.
-
-    Args:
-        repository: where the data set was published.
-        commit: its state.
-        licence: under which it was published.
-        root: the data set's folder.
-        files: the text files that the recording was made from.
-
-    Returns:
-        origin "recorded", the above, the files relative to the root and their SHA-256 in the same order.
-    """
+    """Origin "recorded", where and how a set was published, its files below the root, their SHA-256."""
     return {
         "origin": "recorded",
         "source": repository,
@@ -112,45 +147,20 @@ def _numbers(path: Path, lines: Mapping[int, str], columns: int, separator: str 
             return table
     except ValueError:  # tells no line of the file; what is wrong is found line by line
         pass
-    return np.array([_row(path, number, line.split(separator), columns) for number, line in lines.items()])
+    rows = []
+    for line, text in lines.items():
+        words = text.split(separator)
+        if len(words) != columns:
+            raise InputError(f"{path}: line {line} has {len(words)} columns, expected {columns}")
+        rows.append(finite_numbers(f"{path}: line {line}", words))
+    return np.array(rows)
 
 
-def _row(path: Path, number: int, fields: list[str], columns: int) -> list[float]:
-    if len(fields) != columns:
-        raise InputError(f"{path}: line {number} has {len(fields)} columns, expected {columns}")
+def _nanoseconds(where: str, word: str) -> int:
     try:
-        values = [float(field) for field in fields]
-    except ValueError as error:
-        fault = str(error).rpartition(": ")[2]
-        raise InputError(f"{path}: line {number}: not a number: {fault}") from error
-    if not all(map(math.isfinite, values)):
-        bad = next(field for field, value in zip(fields, values, strict=True) if not math.isfinite(value))
-        raise InputError(f"{path}: line {number}: not a finite number: {bad.strip()!r}")
-    return values
-
-
-def _nanoseconds(path: Path, line: int, field: str) -> int:
-    try:
-        nanoseconds = int(Decimal(field).scaleb(9).to_integral_value())
+        nanoseconds = int(Decimal(word).scaleb(9).to_integral_value())
     except (ArithmeticError, ValueError) as error:  # not decimal, out of range, infinite; not a number
-        raise InputError(f"{path}: line {line}: not a time in s: {field.strip()!r}") from error
+        raise InputError(f"{where}: not a time in s: {word.strip()!r}") from error
     if abs(nanoseconds) >= 2**63:
-        raise InputError(f"{path}: line {line}: time out of range: {field.strip()!r}")
+        raise InputError(f"{where}: time out of range: {word.strip()!r}")
     return nanoseconds
-
-
-def check_rising(path: Path, stamps: np.ndarray) -> None:
-    """Raise unless each line comes after the one before it.
-
-    Args:
-        path: of the table, for the message.
-        stamps: (T,) of its lines.
-
-    Raises:
-        InputError: file and line, from 1, are named.
-    """
-    steps = np.diff(stamps)
-    if (steps <= 0).any():
-        raise InputError(
-            f"{path}: line {int(np.argmax(steps <= 0)) + 2} does not come after the one before it"
-        )

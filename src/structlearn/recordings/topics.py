@@ -23,13 +23,7 @@ Topics = Annotated[tuple[Topic, ...], BeforeValidator(_one_or_many)]
 
 
 class TransformPose(Parameters):
-    """A pose that is a chain of transforms, as /tf has them.
-
-    Attributes:
-        parent: frame in which the pose is given, usually the robot's base.
-        child: frame whose pose it is.
-        topic: has the transforms; those at rest are looked up on the topic of this name with `_static` too.
-    """
+    """A pose of the frame `child` in `parent`: a chain of transforms as /tf and /tf_static have them."""
 
     parent: Topic
     child: Topic
@@ -37,18 +31,12 @@ class TransformPose(Parameters):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Where transforms may be."""
+        """Where transforms may be; those of the second are at rest."""
         return self.topic, f"{self.topic}_static"
 
 
 class JointPose(Parameters):
-    """A pose that follows from joint positions by the robot's kinematics, in the frame of the URDF's root.
-
-    Attributes:
-        urdf: file of the robot; `~` is the home folder.
-        tip: link whose pose it is.
-        topic: has the joint states; joints are matched by their names.
-    """
+    """A pose of the link `tip`, from joint states by the robot's kinematics, in the frame of its root."""
 
     urdf: str = Field(min_length=1)
     tip: Topic
@@ -82,14 +70,10 @@ class TopicMap(Parameters):
 
     Attributes:
         pose: end-effector pose, the one signal that every demonstration has: its topic, or what it is
-            computed from. Joint states may be of the topic that gives the pose.
-        twist: end-effector velocity.
-        joint_states: joint positions, velocities and torques; one topic usually has all three, several topics
-            may share them.
-        joints: names of the joints that are taken from joint states, in this order; None: those of whoever
-            publishes the most joints.
-        wrench: force and torque at the wrist.
-        tactile: one topic per tactile sensor, in the order in which their channels are put side by side.
+            computed from, which may be joint states of `joint_states` too.
+        joint_states: one topic usually has positions, velocities and torques, several may share them.
+        joints: names of the joints that are taken, in this order; None: those of whoever publishes the most.
+        tactile: one topic per sensor, in the order in which their channels are put side by side.
         tool_to_board: orientation of the tool relative to the board, e.g. from motion capture.
     """
 
@@ -132,11 +116,7 @@ class TopicMap(Parameters):
 
 
 class SceneTopicMap(TopicMap):
-    """Topics of a demonstration in a scene of which something is known.
-
-    Attributes:
-        obstacles: solids at rest around the movement.
-    """
+    """Topics of a demonstration with solids at rest around the movement."""
 
     obstacles: Topic | None
 

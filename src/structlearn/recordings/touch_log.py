@@ -24,14 +24,7 @@ READERS = {".csv": pd.read_csv, ".parquet": partial(pd.read_parquet, page_checks
 
 @dataclass(frozen=True)
 class TouchLog:
-    """One recording of a skin.
-
-    Attributes:
-        name: of the recording.
-        channels: names, in the order of the columns.
-        counts: (N, E) readings as they came.
-        place: (N, 3) m of what touches; None: not known.
-    """
+    """One recording of a skin: counts (N, E) by channel, and the place (N, 3) m of what touches if known."""
 
     name: str
     channels: tuple[str, ...]
@@ -40,11 +33,7 @@ class TouchLog:
 
 
 def touch_of(demonstration: Demonstration) -> TouchLog:
-    """Of a recording with a tactile signal.
-
-    Raises:
-        InputError: it has none.
-    """
+    """Of a recording with a tactile signal; an InputError where it has none."""
     counts = demonstration.tactile
     if counts is None:
         raise InputError(f"{demonstration.name}: has no tactile signal; name its topic in the parameters")
@@ -53,11 +42,7 @@ def touch_of(demonstration: Demonstration) -> TouchLog:
 
 
 def touch_tables(source: Path) -> list[Path]:
-    """The tables of a file or folder, in natural order; none where it has bags alone.
-
-    Raises:
-        InputError: there is no such file or folder.
-    """
+    """The tables of a file or folder, in natural order; none where it has bags alone."""
     if not source.exists():
         raise InputError(f"{source}: no such file or folder")
     paths = source.iterdir() if source.is_dir() else [source]
@@ -68,11 +53,7 @@ def touch_tables(source: Path) -> list[Path]:
 
 
 def read_touch_table(path: Path, channels: Sequence[str] | None) -> TouchLog:
-    """Read one table.
-
-    Args:
-        path: of the table.
-        channels: columns that are channels; None: all but place and time.
+    """Read one table; channels None: all columns but place and time.
 
     Raises:
         InputError: it cannot be read, lacks a channel or has none, or holds something that is not a finite
@@ -102,13 +83,11 @@ def read_touch_table(path: Path, channels: Sequence[str] | None) -> TouchLog:
 
 def _numbers(path: Path, table: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
     """(N, C) of some columns."""
-    found = []
-    for name in names:
-        values = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
-        if not np.isfinite(values).all():
-            row = int(np.argmin(np.isfinite(values)))
-            raise InputError(
-                f"{path}: row {row}, column {name}: is not a finite number: {table[name].iloc[row]}"
-            )
-        found.append(values)
-    return np.stack(found, axis=1)
+    values = table[list(names)].apply(pd.to_numeric, errors="coerce").to_numpy(float)
+    if not np.isfinite(values).all():
+        column, row = np.argwhere(~np.isfinite(values.T))[0]
+        raise InputError(
+            f"{path}: row {row}, column {names[column]}: is not a finite number: "
+            f"{table[names[column]].iloc[row]}"
+        )
+    return np.ascontiguousarray(values)

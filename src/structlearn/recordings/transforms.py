@@ -13,7 +13,7 @@ import numpy as np
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError
-from structlearn.recordings.bag_reader import RawMessages, damage_named
+from structlearn.recordings.bag import RawMessages
 from structlearn.recordings.checks import NORM_TOLERANCE
 from structlearn.recordings.clock import linear, shared_stamps, slerp
 from structlearn.recordings.decoding import decoded, fields_named, nanoseconds, sample_stamps
@@ -27,13 +27,11 @@ Edge = tuple[str, str]
 
 @dataclass(frozen=True)
 class TransformSeries:
-    """One transform as it came.
+    """One transform as it came: the child's pose in the parent's frame.
 
     Attributes:
-        parent: frame in which it is given.
-        child: frame whose pose it is.
         stamps: (T,) int64 ns in the order in which they came.
-        values: (T, 7) m, then unit quaternion w, x, y, z: the child's pose in the parent's frame.
+        values: (T, 7) m, then unit quaternion w, x, y, z.
     """
 
     parent: str
@@ -48,22 +46,15 @@ class TransformSeries:
 
 
 def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> dict[Edge, TransformSeries]:
-    """Every transform on a topic; names of frames without the slash that ROS 1 put before them.
-
-    Args:
-        where: file and topic, for error messages.
-        messages: of type TFMessage.
-        policy: which clock stamps them; their order is left as it is.
+    """Every transform on a topic in the order in which they came; frames without the slash of ROS 1.
 
     Raises:
         InputError: a message cannot be decoded or lacks a field of its type, or a quaternion is not of unit
             norm; frames are named.
     """
     pieces: dict[Edge, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
-    with damage_named(where, "message"):
-        groups = decoded(messages)
     with fields_named(where):
-        for group in groups:
+        for group in decoded(where, messages):
             for one in group.message.transforms:
                 edge = one.header.frame_id.lstrip("/"), one.child_frame_id.lstrip("/")
                 stamps = np.atleast_1d(nanoseconds(one.header.stamp))
@@ -86,12 +77,6 @@ def transform_series(where: str, messages: RawMessages, policy: StampPolicy) -> 
 
 def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Edge]:
     """The transforms on the way from one frame to another, in its order; either may be above the other.
-
-    Args:
-        where: file and topic, for error messages.
-        edges: of all transforms.
-        parent: frame to begin at.
-        child: frame to end at, another one.
 
     Raises:
         InputError: a frame is in none of them, none leads on, or a frame on the way has two parents.
@@ -121,21 +106,11 @@ def chain(where: str, edges: Sequence[Edge], parent: str, child: str) -> list[Ed
 
 
 def transform_pose(
-    where: str,
-    messages: Mapping[str, RawMessages],
-    pose: TransformPose,
-    policy: StampPolicy,
+    where: str, messages: Mapping[str, RawMessages], pose: TransformPose, policy: StampPolicy
 ) -> tuple[Stream, str | None]:
-    """Stream of the pose of one frame in another.
+    """Stream of the pose of one frame in another, and what was done about stamps of its transforms.
 
-    Args:
-        where: the file, for error messages.
-        messages: of each of `pose.topics` that the file has.
-        pose: frames and topic.
-        policy: how stamps are taken.
-
-    Returns:
-        The stream, named after the topic, and what was done about stamps of its transforms, if anything.
+    `messages` are those of each of `pose.topics` that the file has.
 
     Raises:
         InputError: as `transform_series` and `chain`; stamps of a transform do not increase; nothing on the

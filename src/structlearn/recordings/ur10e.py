@@ -4,12 +4,15 @@ Files of the repository shamilmamedov/dynamic_calibration ("Practical Aspects of
 Detection", Frontiers in Robotics and AI 2020). Times are those of the controller, about 100 Hz and uneven.
 """
 
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.recordings.bag_files import check_unique
-from structlearn.recordings.drive_log import DriveLog
-from structlearn.recordings.text_log import check_rising, read_stamped_table, source_provenance
+from structlearn.recordings.joint_log import DriveLog, signals_of
+from structlearn.recordings.text_log import check_rising, read_each, read_stamped_table, source_provenance
 
 REPOSITORY = "https://github.com/shamilmamedov/dynamic_calibration"
 COMMIT = "11af40e7deb758ec080a175fed8fcdd6c99aca29"
@@ -28,21 +31,17 @@ JOINTS = (
 URDF = "ur10e.urdf"
 """Beside the logs: kinematics and the maker's inertias."""
 
-SIGNALS = ("positions", "velocities", "currents", "desired_currents", "target_torques")
+SIGNALS = signals_of(DriveLog)
 """In the order of the columns, one of each per joint."""
 
 OLDER_COLUMNS = 19
 """Of the logs of 2019, which hold positions, velocities and currents alone: no gain follows from them."""
 
 
-def read_logs(folder: str | Path) -> list[DriveLog]:
-    """All logs of a folder, whatever their number; those of `OLDER_COLUMNS` are left aside.
+def read_logs(folder: str | Path, left_out: dict[str, str] | None = None) -> list[DriveLog]:
+    """All logs `ur-NAME.csv` of a folder or of folders there; those of `OLDER_COLUMNS` are left aside.
 
-    Args:
-        folder: holds `ur-*.csv`, or folders of them; no header; time in s, then the columns of `SIGNALS`.
-
-    Returns:
-        Logs by name, the file's stem without its `ur-`.
+    They have no header; time in s, then the columns of `SIGNALS`. `left_out`: see `read_each`.
 
     Raises:
         MissingInputError: there is no log.
@@ -57,15 +56,11 @@ def read_logs(folder: str | Path) -> list[DriveLog]:
     if not paths:
         raise MissingInputError(f"{folder}: holds no logs (ur-*.csv)")
     check_unique([path.name for path in paths], str(folder))
-    return [_read_log(folder, path) for path in paths]
+    return read_each(partial(_read_log, folder), paths, left_out)
 
 
 def urdf_path(folder: str | Path) -> Path:
-    """The arm's URDF beside its logs, or in a folder there.
-
-    Raises:
-        InputError: there is none.
-    """
+    """The arm's URDF beside its logs, or in a folder there; an InputError where there is none."""
     path = Path(folder) / URDF
     found = path if path.is_file() else next(iter(sorted(Path(folder).rglob(URDF))), None)
     if found is None:
@@ -79,14 +74,11 @@ def _is_older(path: Path) -> bool:
 
 
 def _read_log(folder: Path, path: Path) -> DriveLog:
-    joints = len(JOINTS)
-    stamps, values = read_stamped_table(path, 1 + len(SIGNALS) * joints, separator=",")
+    stamps, values = read_stamped_table(path, 1 + len(SIGNALS) * len(JOINTS), separator=",")
     check_rising(path, stamps)
-    parts = {
-        name: values[:, place * joints : (place + 1) * joints].copy() for place, name in enumerate(SIGNALS)
-    }
+    parts = [part.copy() for part in np.split(values, len(SIGNALS), axis=1)]
     provenance = source_provenance(REPOSITORY, COMMIT, LICENCE, folder, [path])
     try:
-        return DriveLog(path.stem.removeprefix("ur-"), JOINTS, stamps, **parts, provenance=provenance)
+        return DriveLog(path.stem.removeprefix("ur-"), JOINTS, stamps, *parts, provenance=provenance)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

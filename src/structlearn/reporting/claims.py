@@ -166,8 +166,7 @@ def unknown(reason: str) -> Evidence:
     return replace(UNKNOWN, reason=reason)
 
 
-Found = Evidence | Mapping[str, Evidence]
-"""What was found for one claim: one number, or one by case."""
+Found = Evidence | Mapping[str, Evidence]  # what was found for one claim: one number, or one by case
 
 
 def quoted(found: Mapping[str, Found], study: str) -> dict[str, Found]:
@@ -290,10 +289,8 @@ def judge(
 ) -> list[Judged]:
     """Hold claims against what was found.
 
-    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used.
-
-    Raises:
-        ValueError: evidence is missing, or no claim uses it.
+    `claims`: of `read_claims`; `evidence`: by the names that the claims use; all of it is used. Raises
+    ValueError: evidence is missing, or no claim uses it.
     """
     used = {claim.evidence for claim in claims}
     if used != set(evidence):

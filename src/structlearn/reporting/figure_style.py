@@ -26,15 +26,11 @@ from PIL import Image
 
 from structlearn.palette import BLACK, LIGHT_GREY
 
-WIDTH = 9.4
-"""Inches of a figure as wide as the page; all have it, so that letters have one size on a page."""
-
-PANEL_WIDTH = 4.7
-"""Inches of a panel, two of which stand beside each other on a wide page."""
+WIDTH = 9.4  # inches of a figure as wide as the page; all have it, so that letters have one size on a page
+PANEL_WIDTH = 4.7  # inches of a panel, two of which stand beside each other on a wide page
 
 DPI = 150
-COLOURS = 256
-"""Colours of a file; more than a line plot needs, and a third of the bytes of true colour."""
+COLOURS = 256  # colours of a file; more than a line plot needs, and a third of the bytes of true colour
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same letters on every machine
@@ -107,8 +103,7 @@ class Raster:
     figure: Figure
 
 
-Drawing = Figure | Raster | np.ndarray
-"""What becomes one file; an array is a picture (H, W, 3) of bytes."""
+Drawing = Figure | Raster | np.ndarray  # what becomes one file; an array is a picture (H, W, 3) of bytes
 
 
 def canvas(height: float, width: float = WIDTH) -> Figure:

@@ -15,8 +15,7 @@ from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, finish_space, styled
 from structlearn.reporting.prose import capitalised
 
-SPEED_CUTOFF_HZ = 5.0
-"""Low-pass of the speeds that are drawn; differences of raw positions are mostly noise."""
+SPEED_CUTOFF_HZ = 5.0  # low-pass of the speeds that are drawn; differences of raw positions are mostly noise
 
 
 def speed(demonstration: Demonstration) -> np.ndarray:

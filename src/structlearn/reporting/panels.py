@@ -5,11 +5,8 @@ from matplotlib.figure import Figure
 
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas
 
-HEIGHT = 3.1
-"""Inches of a panel."""
-
-SAMPLES = 60
-"""Of a curve among a hundred; no eye sees more."""
+HEIGHT = 3.1  # inches of a panel
+SAMPLES = 60  # of a curve among a hundred; no eye sees more
 
 
 def panel(title: str, height: float = HEIGHT, **labels: object) -> tuple[Figure, Axes]:

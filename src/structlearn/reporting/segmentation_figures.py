@@ -20,9 +20,10 @@ from structlearn.palette import (
 )
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
+from structlearn.segmentation.alignment import METHODS, RESULT
 from structlearn.segmentation.cut_errors import aligned_segments, aligned_spread_mm
 from structlearn.segmentation.parameters import AXES, PrimitiveParameters
-from structlearn.segmentation.result import METHODS, RESULT, Segmentation
+from structlearn.segmentation.segments import Segmentation
 
 PAIRS_SHOWN = 16
 TOP_PAIRS = 8
@@ -161,9 +162,8 @@ def noise_figure(
 ) -> list[Figure]:
     """Cut errors over the noise, and the paired differences to the result's method; a panel each.
 
-    `by_level`: of `segmentation.method_comparison.errors_by_level`; `comparison`: of
-    `segmentation.method_comparison.paired_comparison`; `pair`: what the two errors of a difference have in
-    common.
+    `by_level`: of `cut_errors.errors_by_level`; `comparison`: of `cut_errors.paired_comparison`; `pair`: what
+    the two errors of a difference have in common.
     """
     figures = [canvas(3.6, PANEL_WIDTH) for _ in range(2)]
     errors, differences = (figure.subplots() for figure in figures)
@@ -192,12 +192,7 @@ def noise_figure(
 
 
 def _draw_methods(
-    panel: Axes,
-    table: pd.DataFrame,
-    places: dict[float, int],
-    mean: str,
-    half: str,
-    methods: Sequence[str],
+    panel: Axes, table: pd.DataFrame, places: dict[float, int], mean: str, half: str, methods: Sequence[str]
 ) -> None:
     """Lines with error bars; methods stand a little beside each other so that the bars can be told apart."""
     for number, method in enumerate(methods):

@@ -9,8 +9,9 @@ quoted, but the page says so, and whether part of a cell came out equal when it 
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 
@@ -20,8 +21,7 @@ from pydantic import Field, PositiveFloat
 
 from structlearn.ground.artefacts import publish, read_csv, read_metrics, write_csv
 from structlearn.ground.errors import InputError
-from structlearn.ground.params import Parameters, checked, read_parameters, read_values
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Parameters, Population, checked, read_parameters, read_values
 from structlearn.ground.source_closure import SourceTree
 from structlearn.reporting.claims import mean
 from structlearn.reporting.document import Document, Table, render
@@ -149,7 +149,11 @@ class Study:
 
     def values(self, variant: str, key: str) -> np.ndarray:
         """One number of a variant, (N,) by repeat, in order: values of two variants are pairs."""
-        return self.table.loc[self.table["variant"] == variant, key].to_numpy(float)
+        return self.table[key].to_numpy(float)[self._rows.get(variant, [])]
+
+    @cached_property
+    def _rows(self) -> dict[Hashable, np.ndarray]:
+        return self.table.groupby("variant").indices
 
     def summary(self, columns: Mapping[str, str]) -> Table:
         """A row per variant: mean over repeats, with its interval where there are two or more.

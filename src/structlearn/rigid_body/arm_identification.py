@@ -11,17 +11,17 @@ import pandas as pd
 from structlearn.ground.metrics import nmse
 from structlearn.ground.parallel import parallel_map
 from structlearn.networks.torch_settings import one_thread
-from structlearn.rigid_body.agreement import torque_differences
+from structlearn.rigid_body.base_parameters import link_table
 from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.identification import fit_structure, least_squares, normalised_triangle
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
-from structlearn.rigid_body.inertia_tables import link_table
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
 from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.newton_euler import torque_differences
 from structlearn.rigid_body.training_grid import FRICTIONS
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot, read_urdf
+from structlearn.rigid_body.tree import KinematicTree, Robot, read_urdf
 from structlearn.rigid_body.urdf_writer import write_urdf
 
 URDF, LEAST_SQUARES = "urdf", "least_squares"
@@ -48,13 +48,7 @@ WRITTEN: ModelKey = ("cov", "coulomb")
 
 @dataclass(frozen=True)
 class NetworkTraining:
-    """How networks of a kind are trained.
-
-    Attributes:
-        learning: nodes and optimiser.
-        seeds: so many networks.
-        epochs: all are run.
-    """
+    """How networks of a kind are trained: all epochs are run, by so many networks as there are seeds."""
 
     learning: LearningParameters
     seeds: int
@@ -83,14 +77,10 @@ def identify_arm(
     networks: Mapping[Kind, NetworkTraining],
     structures: Sequence[Structure] = STRUCTURES,
 ) -> Identified:
-    """Every model on the part `TRAIN`, and what it foretells of all parts.
+    """Every model on the part `TRAIN`, and what it predicts of all parts.
 
-    Args:
-        robot: with the inertias of its URDF, where identification starts.
-        parts: motions of the robot.
-        iterations: of L-BFGS for a structure.
-        networks: of those kinds of `NETWORKS` that are to be learned.
-        structures: that are learned, with every friction of `LEARNED_FRICTIONS`.
+    Identification starts from the URDF's inertias, with `iterations` of L-BFGS for a structure; structures
+    are learned with every friction of `LEARNED_FRICTIONS`, networks as they are listed.
     """
     kinds = [kind for kind in NETWORKS if kind in networks]
     work: list[tuple[Kind, str]] = [(kind, name) for kind in kinds for name in NETWORKS[kind]]
@@ -200,8 +190,7 @@ def write_identified(source: Path, target: Path, robot: Robot, identified: Ident
         of Pinocchio's recursive Newton-Euler with the file.
     """
     model = identified.models[WRITTEN]
-    its = model.inertias()
-    inertias = LinkInertias(its.mass[0], its.first_moment[0], its.inertia[0])
+    inertias = model.inertias().of(0)
     viscous, coulomb = model.friction_coefficients()[0].T
     write_urdf(source, target, robot.tree, inertias, viscous, coulomb)
     differences = torque_differences(read_urdf(target), inertias)

@@ -1,14 +1,18 @@
 """Combinations of inertial parameters that joint torques can tell apart (Gautier and Khalil 1990).
 
 Of the ten parameters of each link some never act on a joint, and others act only in sums. A learned mass need
-not be the link's mass, while the base parameters of a good model are those of the robot.
+not be the link's mass, while the base parameters of a good model are those of the robot. How well a motion
+tells them is Gautier's (1992) condition number. Tables hold learned inertias beside the true ones.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from scipy.linalg import qr
 
+from structlearn.ground.block_bootstrap import block_sums, blocks, drawn_counts, percentiles
+from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.regressor import SYMMETRIC_COLUMNS, link_parameters, torque_regressor
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
@@ -19,6 +23,7 @@ SYMBOLS = ("m", "hx", "hy", "hz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 _STATES = 200
 _MOST_SAMPLES = 3000  # of a motion whose condition number is asked for: more would change its third digit
 _DEPENDENT = 1e-4  # of a column; rounding leaves 1e-15, and URDFs write a right angle as 1.5708 rad
+_SINGULAR = 1e-10  # directions excited by less than this share of the strongest (of squares) are left at zero
 _NO_SHARE = 1e-9  # factors below are rounding
 _NOT_WORTH_A_WORD = 1e-5  # factors below are not written
 
@@ -48,14 +53,10 @@ class BaseParameters:
 
 
 def base_parameters(tree: KinematicTree, seed: int = 0) -> BaseParameters:
-    """Base parameters of a robot, found from its regressor at random states.
+    """Base parameters of a robot, found from its regressor at random states within the limits.
 
     Columns are taken from the base to the tip; one that depends on those before it is distributed among them,
-    so that what belongs to a link is added to the links that carry it.
-
-    Args:
-        tree: n joints.
-        seed: of the states, positions within the limits; the result does not depend on it.
+    so that what belongs to a link is added to the links that carry it. The seed does not matter.
     """
     q, qd, qdd = _random_states(tree, np.random.default_rng(seed))
     stacked = torque_regressor(tree, q, qd, qdd).reshape(q.size, -1)
@@ -70,15 +71,8 @@ def condition_number(tree: KinematicTree, motion: Motion) -> float:
     """Condition number of the regressor of the base parameters over a motion, columns scaled to unit length.
 
     By so much errors of the torques may grow on their way to the parameters; below 100 counts as well
-    excited.
-
-    Args:
-        tree: n joints.
-        motion: of these joints, in the tree's order.
-
-    Returns:
-        At least 1; infinite where a parameter does not show at all, or there are fewer torques than
-        parameters.
+    excited. It is infinite where a parameter does not show at all, or there are fewer torques than
+    parameters.
     """
     part = motion.part(np.unique(np.linspace(0, len(motion) - 1, _MOST_SAMPLES).round().astype(int)))
     columns = base_parameters(tree).columns
@@ -88,6 +82,94 @@ def condition_number(tree: KinematicTree, motion: Motion) -> float:
         return float("inf")
     values = np.linalg.svd(stacked / lengths, compute_uv=False)
     return float(values[0] / values[-1]) if values[-1] > 0.0 else float("inf")
+
+
+@dataclass(frozen=True)
+class BaseFit:
+    """Least squares of base parameters and friction.
+
+    Attributes:
+        condition: ratio of the largest to the least singular value, columns scaled to unit length; infinite
+            where something does not show at all.
+        parameters: (r,) base parameters, SI units.
+        low: (r,) lower end of the 95 % interval; `high` the upper.
+    """
+
+    condition: float
+    parameters: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def fit_base(
+    tree: KinematicTree,
+    base: BaseParameters,
+    motion: Motion,
+    friction: tuple[FrictionTerm, ...],
+    length: int,
+    draws: int,
+    seed: int,
+) -> BaseFit:
+    """Fit base parameters and friction to a motion; every joint's error counts over its torque's variance.
+
+    Intervals come from `draws` of blocks of `length` samples.
+    """
+    columns = torque_regressor(tree, motion.q, motion.qd, motion.qdd)[..., base.columns]
+    columns = np.concatenate([columns, friction_regressor(motion.qd, friction)], axis=-1)
+    weight = 1.0 / np.sqrt(motion.torque_variance)[:, None]
+    columns, torque = weight * columns, weight[:, 0] * motion.torque  # (N, n, r), (N, n)
+    scale = np.sqrt(np.square(columns).sum(axis=(0, 1)))
+    shows = scale > 0.0
+    columns = columns / np.where(shows, scale, 1.0)
+    squares = np.array([np.tensordot(its, its, ((0, 1), (0, 1))) for its in blocks(columns, length)])
+    products = block_sums(np.einsum("njp,nj->np", columns, torque), length)
+    counts = np.vstack([np.ones(len(squares)), drawn_counts(len(squares), draws, seed)])
+    inverse = np.linalg.pinv(np.tensordot(counts, squares, 1), rcond=_SINGULAR, hermitian=True)
+    found = np.einsum("dpq,dq->dp", inverse, counts @ products) / np.where(shows, scale, 1.0)
+    singular = np.linalg.svd(columns.reshape(-1, columns.shape[-1]), compute_uv=False)
+    condition = singular[0] / singular[-1] if singular[-1] > 0.0 else np.inf
+    values = found[:, : len(base.columns)]
+    return BaseFit(float(condition), values[0], *percentiles(values[1:]))
+
+
+def link_table(tree: KinematicTree, learned: LinkInertias, truth: LinkInertias) -> pd.DataFrame:
+    """Masses, centres of mass and principal moments of M learned models, mass (M, n), and the truth (n,).
+
+    Returns:
+        Per model and link: `seed`, `link`, `mass_kg`, `centre_{x,y,z}_m`, `moment_{1,2,3}_kg_m2` in rising
+        order, the same with the prefix `true_`, and whether such a body can exist: `positive_mass`,
+        `positive_definite`, `triangle` (no moment above the sum of the others).
+    """
+    models = len(learned.mass)
+    own, true = _columns(learned), _columns(truth)
+    table = pd.DataFrame(
+        {"seed": np.repeat(np.arange(models), len(tree.names)), "link": np.tile(tree.names, models)}
+    )
+    for name, values in own.items():
+        table[name] = values.ravel()
+    for name, values in true.items():
+        table[f"true_{name}"] = np.tile(values, models)
+    moments = [own[f"moment_{place}_kg_m2"].ravel() for place in (1, 2, 3)]
+    table["positive_mass"] = table["mass_kg"] > 0.0
+    table["positive_definite"] = moments[0] > 0.0
+    table["triangle"] = moments[0] + moments[1] >= moments[2]
+    return table
+
+
+def base_table(
+    tree: KinematicTree, base: BaseParameters, learned: LinkInertias, truth: LinkInertias
+) -> pd.DataFrame:
+    """Base parameters of M models: `seed`, `parameter`, `value`, `truth`, all in SI units."""
+    values = base.values(learned)
+    models = len(values)
+    return pd.DataFrame(
+        {
+            "seed": np.repeat(np.arange(models), values.shape[1]),
+            "parameter": np.tile(base.formulas(tree), models),
+            "value": values.ravel(),
+            "truth": np.tile(base.values(truth), models),
+        }
+    )
 
 
 def _random_states(
@@ -129,3 +211,13 @@ def _formula(row: np.ndarray, own: int, names: tuple[str, ...]) -> str:
 def _label(column: int, names: tuple[str, ...]) -> str:
     link, entry = divmod(int(column), SYMMETRIC_COLUMNS)
     return f"{SYMBOLS[entry]}[{names[link]}]"
+
+
+def _columns(inertias: LinkInertias) -> dict[str, np.ndarray]:
+    """Columns (..., n) of one set of inertias; of a tensor that is not symmetric, its symmetric part."""
+    centre = inertias.first_moment / inertias.mass[..., None]
+    symmetric = 0.5 * (inertias.inertia + np.swapaxes(inertias.inertia, -1, -2))
+    moments = np.linalg.eigvalsh(symmetric)
+    columns = {"mass_kg": inertias.mass}
+    columns |= {f"centre_{axis}_m": centre[..., place] for place, axis in enumerate("xyz")}
+    return columns | {f"moment_{place + 1}_kg_m2": moments[..., place] for place in range(3)}

@@ -101,13 +101,8 @@ def workspace(count: int) -> Workspace:
 def step(body: Body, q: np.ndarray, v: np.ndarray, torques: np.ndarray, dt: float, work: Workspace) -> None:
     """Move q and v (n,) on by a semi-implicit Euler step of dt in s, as PyBullet does.
 
-    Args:
-        body: the robot.
-        q: (n,) rad or m; changed.
-        v: (n,) rad/s or m/s; changed.
-        torques: (n,) N m or N on the joints; they become the accelerations.
-        dt: s.
-        work: of `dynamics` at q and v; afterwards of that at the new ones.
+    Torques (n,) on the joints become the accelerations; the workspace is of `dynamics` at q and v, afterwards
+    at the new ones.
     """
     accelerations(work, torques)
     for j in range(len(q)):

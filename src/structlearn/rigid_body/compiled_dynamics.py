@@ -52,12 +52,9 @@ class RigidBodies(NamedTuple):
 def inverse_dynamics(
     tree: KinematicTree, inertias: LinkInertias, friction: np.ndarray | None = None
 ) -> RigidBodies:
-    """Newton-Euler inverse dynamics of one state (eq. III.1).
+    """Newton-Euler inverse dynamics of one state (eq. III.1); the inertias need not be physical.
 
-    Args:
-        tree: the arm.
-        inertias: of its links, physical or not.
-        friction: (3, n) of its joints as `friction_rows` gives it; None: none.
+    Friction (3, n) of the joints is as `friction_rows` gives it; None: none.
     """
     numbers = (tree.gravity, inertias.mass, inertias.first_moment, inertia_about_origin(inertias))
     rubbing = np.zeros((3, len(tree.names))) if friction is None else friction
@@ -65,14 +62,9 @@ def inverse_dynamics(
 
 
 def friction_rows(coefficients: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """Friction of each joint, all terms, as compiled functions take it.
+    """Friction of each joint, all terms, as compiled functions take it, from (n, k) of the terms at hand.
 
-    Args:
-        coefficients: (n, k) of the terms at hand.
-        terms: k of viscous, coulomb and offset.
-
-    Returns:
-        (3, n) viscous in N m s/rad, Coulomb in N m and offset in N m; zero where a term is not at hand.
+    (3, n) viscous in N m s/rad, Coulomb in N m and offset in N m; zero where a term is not at hand.
     """
     rows = np.zeros((3, len(coefficients)))
     for column, term in enumerate(terms):

@@ -1,98 +1,182 @@
-"""Learned models as inverse dynamics of one state, for control loops."""
+"""Inverse dynamics of one state by any kind of model, compiled: what a control loop evaluates in every tick.
 
-from collections.abc import Sequence
+Known or learned bodies, a perceptron or a Lagrangian network: one compiled loop takes them all. The batched
+references that are trained are in `network_models`; `dynamics_models.compiled_model` packs them.
+"""
 
+import math
+from typing import NamedTuple
+
+import numba
 import numpy as np
 
-from structlearn.ground.errors import InputError
-from structlearn.networks.compiled_layers import Layers, layer_values, pack
-from structlearn.rigid_body.any_model import (
-    LAGRANGIAN,
-    PERCEPTRON,
-    InverseDynamics,
-    bodies_model,
-    networks_model,
-)
-from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
-from structlearn.rigid_body.compiled_networks import Networks
-from structlearn.rigid_body.dynamics_models import DynamicsModels
-from structlearn.rigid_body.lagrangian import SMALLEST_INERTIA, StackedLagrangianNetworks
-from structlearn.rigid_body.multilayer_perceptron import SCALING, StackedPerceptrons
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.networks.compiled_layers import affine, hidden_layers
+from structlearn.rigid_body.compiled_dynamics import RigidBodies, add_friction, newton_euler
 
 
-def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> InverseDynamics:
-    """One of M learned models, with its friction.
+class Networks(NamedTuple):
+    """A perceptron, or the two networks of a Lagrangian one, as compiled functions take them.
 
-    Args:
-        models: of one kind.
-        model: which, from 0.
-        tree: of the arm; the networks do not use it.
-
-    Raises:
-        InputError: the models were learned on an arm with other joints.
+    Attributes:
+        values: all numbers, as in `compiled_layers.PackedNetworks`.
+        first: (P,) where each network begins in `values`.
+        sizes: (P, L + 1) inputs, then width of each layer.
+        memory: (P, L + 2, W) for the layers' values.
+        rows: (n (n + 1) / 2,) where outputs of a Lagrangian's first network stand in the inertia's factor.
+        columns: likewise; both are empty of a perceptron.
+        least_inertia: of a Lagrangian, added to the diagonal of its inertia.
+        friction: (3, n) of `compiled_dynamics.friction_rows`, beside a Lagrangian.
     """
-    if models.joints != tree.names:
-        raise InputError(
-            f"models of kind {models.kind}: learned with the joints {', '.join(models.joints)}; the arm has "
-            f"{', '.join(tree.names)}"
-        )
-    networks = None if models.structured else models.networks()
-    if isinstance(networks, StackedPerceptrons):  # they need no friction beside them
-        return networks_model(PERCEPTRON, perceptron(networks, model))
-    friction = friction_rows(models.friction_coefficients()[model], models.friction)
-    if isinstance(networks, StackedLagrangianNetworks):
-        return networks_model(LAGRANGIAN, lagrangian(networks, model, friction))
-    every = models.inertias()
-    own = LinkInertias(every.mass[model], every.first_moment[model], every.inertia[model])
-    return bodies_model(inverse_dynamics(tree, own, friction))
+
+    values: np.ndarray
+    first: np.ndarray
+    sizes: np.ndarray
+    memory: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    least_inertia: float
+    friction: np.ndarray
 
 
-def perceptron(networks: StackedPerceptrons, model: int) -> Networks:
-    """One of M perceptrons as inverse dynamics of one state.
+@numba.njit(cache=True)
+def perceptron_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (n,) in N m of a perceptron."""
+    inputs = np.concatenate((q, qd, qdd))
+    return _forward(networks.values, 0, networks.sizes[0], inputs, networks.memory[0]).copy()
 
-    Args:
-        networks: trained.
-        model: which, from 0.
+
+@numba.njit(cache=True)
+def lagrangian_torques(networks: Networks, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (n,) in N m of a Lagrangian network; the equations are in `lagrangian`'s header."""
+    values, first, sizes = networks.values, networks.first, networks.sizes
+    inertia_work, potential_work = networks.memory[0], networks.memory[1]
+    rows, columns = networks.rows, networks.columns
+    n = len(q)
+    raw = _forward(values, first[0], sizes[0], q, inertia_work)
+    raw_rate = _tangent(values, first[0], sizes[0], inertia_work, qd)
+    factor, factor_rate, slope = np.zeros((n, n)), np.zeros((n, n)), np.ones(len(rows))
+    for k in range(len(rows)):
+        row, column = rows[k], columns[k]
+        value = raw[k]
+        if row == column:
+            slope[k] = 1.0 / (1.0 + math.exp(-value))
+            value = max(value, 0.0) + math.log1p(math.exp(-abs(value)))  # softplus
+        factor[row, column] = value
+        factor_rate[row, column] = slope[k] * raw_rate[k]
+    momentum, bracket = np.zeros(n), np.zeros(n)
+    for i in range(n):
+        for j in range(i + 1):
+            momentum[j] += factor[i, j] * qd[i]
+            bracket[j] += factor[i, j] * qdd[i] + factor_rate[i, j] * qd[i]
+    torques = networks.least_inertia * qdd
+    for i in range(n):
+        for j in range(i + 1):
+            torques[i] += factor[i, j] * bracket[j] + factor_rate[i, j] * momentum[j]
+    cotangent = np.empty(len(rows))
+    for k in range(len(rows)):
+        cotangent[k] = slope[k] * qd[rows[k]] * momentum[columns[k]]
+    _forward(values, first[1], sizes[1], q, potential_work)
+    torques -= _adjoint(values, first[1], sizes[0], inertia_work, cotangent)
+    torques += _adjoint(values, len(values), sizes[1], potential_work, np.ones(1))
+    add_friction(networks.friction, qd, torques)
+    return torques
+
+
+@numba.njit(cache=True, fastmath={"contract"})
+def _forward(
+    values: np.ndarray, begin: int, sizes: np.ndarray, inputs: np.ndarray, work: np.ndarray
+) -> np.ndarray:
+    """Outputs of a network whose last layer is linear; its layers' values stay in rows of work."""
+    last = len(sizes) - 2
+    at = hidden_layers(values, begin, last, sizes, inputs, work)
+    affine(values, at, sizes[last], sizes[last + 1], work[last], work[last + 1])
+    return work[last + 1, : sizes[last + 1]]
+
+
+@numba.njit(cache=True, fastmath={"contract"})
+def _tangent(
+    values: np.ndarray, begin: int, sizes: np.ndarray, work: np.ndarray, direction: np.ndarray
+) -> np.ndarray:
+    """Change of the outputs along a direction of the inputs."""
+    change, at, last = direction, begin + 2 * sizes[0], len(sizes) - 2
+    for layer in range(last + 1):
+        before, after = sizes[layer], sizes[layer + 1]
+        matrix = values[at : at + before * after].reshape(before, after)
+        out = np.zeros(after)
+        for i in range(before):
+            for j in range(after):
+                out[j] += matrix[i, j] * change[i]
+        if layer < last:
+            for j in range(after):
+                out[j] *= 1.0 - work[layer + 1, j] * work[layer + 1, j]
+        change, at = out, at + (before + 1) * after
+    return change
+
+
+@numba.njit(cache=True, fastmath={"contract", "reassoc"})
+def _adjoint(
+    values: np.ndarray, end: int, sizes: np.ndarray, work: np.ndarray, cotangent: np.ndarray
+) -> np.ndarray:
+    """Gradient at the inputs of the outputs times a cotangent; the network's numbers stand before `end`."""
+    gradient, at = cotangent, end
+    for layer in range(len(sizes) - 2, -1, -1):
+        before, after = sizes[layer], sizes[layer + 1]
+        at -= (before + 1) * after
+        matrix = values[at : at + before * after].reshape(before, after)
+        out = np.empty(before)
+        for i in range(before):
+            total = 0.0
+            for j in range(after):
+                total += matrix[i, j] * gradient[j]
+            out[i] = total
+        if layer > 0:
+            for i in range(before):
+                out[i] *= 1.0 - work[layer, i] * work[layer, i]
+        gradient = out
+    return gradient
+
+
+BODIES, PERCEPTRON, LAGRANGIAN = range(3)
+
+
+class InverseDynamics(NamedTuple):
+    """A model of whatever kind, as arrays.
+
+    Attributes:
+        kind: `BODIES`, `PERCEPTRON` or `LAGRANGIAN`.
+        bodies: of the first kind; without joints of the others.
+        networks: of the others; without numbers of the first kind.
     """
-    layers = networks.network.layers_of(model)
-    mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
-    # Standardising is linear and becomes part of the first and the last layer.
-    (weights, biases), inner = layers[0], layers[1:]
-    turned = np.ascontiguousarray(weights.T) / scale[:, None]
-    layers = [(turned.T, biases - mean @ turned), *inner]
-    weights, biases = layers[-1]
-    layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
-    nowhere = np.empty(0, dtype=np.int64)
-    return _packed([layers], nowhere, nowhere, 0.0, np.zeros((3, len(out_mean))))
+
+    kind: int
+    bodies: RigidBodies
+    networks: Networks
+
+    def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Torques (n,) in N m at position, velocity and acceleration of the joints, (n,) each."""
+        return model_torques(self, q, qd, qdd)
 
 
-def lagrangian(
-    networks: StackedLagrangianNetworks, model: int, friction: np.ndarray | None = None
-) -> Networks:
-    """One of M deep Lagrangian networks as inverse dynamics of one state.
-
-    Args:
-        networks: trained.
-        model: which, from 0.
-        friction: (3, n) rows of friction (`friction_rows`) that act beside the network; None: none.
-    """
-    layers = [part.layers_of(model) for part in (networks.inertia, networks.potential)]
-    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
-    rubbing = np.zeros((3, networks.joints)) if friction is None else friction
-    return _packed(layers, *places, SMALLEST_INERTIA, rubbing)
+def bodies_model(bodies: RigidBodies) -> InverseDynamics:
+    """Rigid bodies among all kinds of models."""
+    places = np.empty(0, dtype=np.int64)
+    empty = (np.empty(0), places, np.empty((0, 0), dtype=np.int64), np.empty((0, 0, 0)))
+    return InverseDynamics(BODIES, bodies, Networks(*empty, places, places, 0.0, np.empty((3, 0))))
 
 
-def _packed(
-    layers: Sequence[Layers],
-    rows: np.ndarray,
-    columns: np.ndarray,
-    least_inertia: float,
-    friction: np.ndarray,
-) -> Networks:
-    inputs = [np.shape(own[0][0])[1] for own in layers]
-    packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
-    memory = np.stack([layer_values(packed.sizes)] * len(layers))
-    return Networks(
-        packed.values, packed.first, packed.sizes, memory, rows, columns, least_inertia, np.array(friction)
-    )
+def networks_model(kind: int, networks: Networks) -> InverseDynamics:
+    """Networks among all kinds of models."""
+    frames, vectors = np.empty((0, 3, 3)), np.empty((0, 3))
+    chain = (np.empty(0, dtype=np.int64), frames, vectors, vectors, np.empty(0, dtype=bool))
+    nothing = RigidBodies(*chain, np.zeros(3), np.empty(0), vectors, frames, np.empty((3, 0)))
+    return InverseDynamics(kind, nothing, networks)
+
+
+@numba.njit(cache=True)
+def model_torques(model: InverseDynamics, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Torques (n,) in N m of a model of any kind."""
+    if model.kind == PERCEPTRON:
+        return perceptron_torques(model.networks, q, qd, qdd)
+    if model.kind == LAGRANGIAN:
+        return lagrangian_torques(model.networks, q, qd, qdd)
+    return newton_euler(model.bodies, q, qd, qdd)

@@ -31,16 +31,13 @@ NOSTR, SYMM, SPD, TRI, COV = range(len(STRUCTURES))
 
 @numba.njit(cache=True)
 def structure_theta(structure: int, free: np.ndarray, rubbing: np.ndarray, squared: np.ndarray) -> np.ndarray:
-    """Parameters of the regressor's columns.
+    """Parameters of the regressor's columns: (M, 10 n + t n), of nostr (M, 13 n + t n).
 
     Args:
         structure: its place in `STRUCTURES`.
         free: (M, n, k) of the inertias.
         rubbing: (M, n, t) of friction.
         squared: (t,) whether a coefficient of friction is the square of its free parameter.
-
-    Returns:
-        (M, 10 n + t n), of nostr (M, 13 n + t n).
     """
     models, links, width = free.shape
     terms = len(squared)
@@ -61,8 +58,7 @@ def structure_gradient(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gradients against free parameters of what has a slope (M, P) against `structure_theta`.
 
-    Returns:
-        (M, n, k) of the inertias and (M, n, t) of friction.
+    (M, n, k) of the inertias and (M, n, t) of friction.
     """
     models, links, width = free.shape
     terms = len(squared)

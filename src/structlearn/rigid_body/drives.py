@@ -58,18 +58,9 @@ def resting_gains(
 def moving_gains(
     current: np.ndarray, torque: np.ndarray, velocity: np.ndarray, length: int, draws: int, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gains of drives that move an arm, beside friction as a smooth function of the velocity.
+    """Gains of drives that move an arm at (N, n) rad/s, beside friction as a smooth function of the velocity.
 
-    Args:
-        current: (N, n) A that the controller asks for.
-        torque: (N, n) N m that it thinks the links need.
-        velocity: (N, n) rad/s.
-        length: samples of a block of the bootstrap.
-        draws: of the bootstrap.
-        seed: of the draws.
-
-    Returns:
-        (n,) N m/A and (draws, n).
+    As `resting_gains`, the torque that which the links need.
     """
     drawn_blocks = drawn_counts(block_count(len(current), length), draws, seed)
     counts = np.vstack([np.ones_like(drawn_blocks[:1]), drawn_blocks])  # the first is the whole

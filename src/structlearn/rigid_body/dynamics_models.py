@@ -1,7 +1,7 @@
-"""Learned dynamics models: in files, back as inertias with friction or as networks, and their torques."""
+"""Learned dynamics models: in files, as inertias or networks, their torques, and compiled for control."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,12 +10,26 @@ import torch
 
 from structlearn.ground.artefacts import read_description, read_tensors, write_tensors
 from structlearn.ground.errors import InputError
+from structlearn.networks.compiled_layers import Layers, layer_values, pack
+from structlearn.rigid_body.compiled_dynamics import friction_rows, inverse_dynamics
+from structlearn.rigid_body.compiled_models import (
+    LAGRANGIAN,
+    PERCEPTRON,
+    InverseDynamics,
+    Networks,
+    bodies_model,
+    networks_model,
+)
 from structlearn.rigid_body.friction import FrictionTerm, friction_coefficients, friction_columns
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, link_inertias
-from structlearn.rigid_body.lagrangian import StackedLagrangianNetworks
 from structlearn.rigid_body.learner import KINDS, Kind
 from structlearn.rigid_body.motion import Motion
-from structlearn.rigid_body.multilayer_perceptron import StackedPerceptrons
+from structlearn.rigid_body.network_models import (
+    SCALING,
+    SMALLEST_INERTIA,
+    StackedLagrangianNetworks,
+    StackedPerceptrons,
+)
 from structlearn.rigid_body.regressor import link_parameters, torque_regressor
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
@@ -107,13 +121,7 @@ def rigid_body_torques(tree: KinematicTree, inertias: LinkInertias, motion: Moti
 
 
 def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motion) -> np.ndarray:
-    """Torques (M, N, n) in N m of M learned models on a motion, friction included.
-
-    Args:
-        models: of the robot.
-        tree: the robot.
-        motion: whose torques are not looked at.
-    """
+    """Torques (M, N, n) in N m of M learned models on a motion, friction included."""
     if models.structured:
         torques = rigid_body_torques(tree, models.inertias(), motion)
     else:
@@ -127,3 +135,62 @@ def predicted_torques(models: DynamicsModels, tree: KinematicTree, motion: Motio
         columns = friction_columns(motion.qd, models.friction)
         torques = torques + np.einsum("njt,mjt->mnj", columns, models.friction_coefficients())
     return torques
+
+
+def compiled_model(models: DynamicsModels, model: int, tree: KinematicTree) -> InverseDynamics:
+    """One of M learned models, with its friction, as inverse dynamics of one state.
+
+    Raises:
+        InputError: the models were learned on an arm with other joints.
+    """
+    if models.joints != tree.names:
+        raise InputError(
+            f"models of kind {models.kind}: learned with the joints {', '.join(models.joints)}; the arm has "
+            f"{', '.join(tree.names)}"
+        )
+    networks = None if models.structured else models.networks()
+    if isinstance(networks, StackedPerceptrons):  # they need no friction beside them
+        return networks_model(PERCEPTRON, perceptron(networks, model))
+    friction = friction_rows(models.friction_coefficients()[model], models.friction)
+    if isinstance(networks, StackedLagrangianNetworks):
+        return networks_model(LAGRANGIAN, lagrangian(networks, model, friction))
+    return bodies_model(inverse_dynamics(tree, models.inertias().of(model), friction))
+
+
+def perceptron(networks: StackedPerceptrons, model: int) -> Networks:
+    """One of M trained perceptrons."""
+    layers = networks.network.layers_of(model)
+    mean, scale, out_mean, out_scale = (getattr(networks, name).double().numpy() for name in SCALING)
+    # Standardising is linear and becomes part of the first and the last layer.
+    (weights, biases), inner = layers[0], layers[1:]
+    turned = np.ascontiguousarray(weights.T) / scale[:, None]
+    layers = [(turned.T, biases - mean @ turned), *inner]
+    weights, biases = layers[-1]
+    layers[-1] = (weights * out_scale[:, None], biases * out_scale + out_mean)
+    nowhere = np.empty(0, dtype=np.int64)
+    return _packed([layers], nowhere, nowhere, 0.0, np.zeros((3, len(out_mean))))
+
+
+def lagrangian(
+    networks: StackedLagrangianNetworks, model: int, friction: np.ndarray | None = None
+) -> Networks:
+    """One of M deep Lagrangian networks, with (3, n) rows of friction (`friction_rows`) beside it."""
+    layers = [part.layers_of(model) for part in (networks.inertia, networks.potential)]
+    places = (networks.row.argmax(dim=1).numpy(), networks.column.argmax(dim=1).numpy())
+    rubbing = np.zeros((3, networks.joints)) if friction is None else friction
+    return _packed(layers, *places, SMALLEST_INERTIA, rubbing)
+
+
+def _packed(
+    layers: Sequence[Layers],
+    rows: np.ndarray,
+    columns: np.ndarray,
+    least_inertia: float,
+    friction: np.ndarray,
+) -> Networks:
+    inputs = [np.shape(own[0][0])[1] for own in layers]
+    packed = pack([(np.zeros(n), np.ones(n), own) for n, own in zip(inputs, layers, strict=True)])
+    memory = np.stack([layer_values(packed.sizes)] * len(layers))
+    return Networks(
+        packed.values, packed.first, packed.sizes, memory, rows, columns, least_inertia, np.array(friction)
+    )

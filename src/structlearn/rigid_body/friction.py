@@ -21,15 +21,7 @@ COULOMB_WIDTH = 0.02
 
 
 def friction_columns(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """What the coefficients of each joint are multiplied with.
-
-    Args:
-        qd: (..., n) rad/s or m/s.
-        terms: k of viscous, coulomb and offset, in the order of the coefficients.
-
-    Returns:
-        (..., n, k).
-    """
+    """What the coefficients of each joint are multiplied with: (..., n, k) of velocities (..., n)."""
     shapes = {
         "viscous": lambda: qd,
         "coulomb": lambda: np.tanh(qd / COULOMB_WIDTH),
@@ -42,10 +34,9 @@ def friction_columns(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarra
 
 
 def friction_regressor(qd: np.ndarray, terms: Sequence[FrictionTerm]) -> np.ndarray:
-    """`friction_columns` as columns of a regressor, to stand beside those of the links.
+    """`friction_columns` (B, n, n k) of (B, n) as columns of a regressor, beside those of the links.
 
-    Returns:
-        (B, n, n k); column j k + t is term t of joint j and is zero for all other joints.
+    Column j k + t is term t of joint j and is zero for all other joints.
     """
     columns = friction_columns(qd, terms)
     batch, joints, count = columns.shape

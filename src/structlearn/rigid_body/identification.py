@@ -1,23 +1,46 @@
-"""Identification from a log: least squares, and the best model among those that can exist.
+"""Identification from a log: least squares, the best model among those that can exist, and a carried load.
 
 Torques are linear in theta, so the unconstrained optimum is one least-squares problem. A physically
 consistent structure (tri, cov) is fitted to the same data and loss by L-BFGS on its free parameters; the loss
 is a quadratic form of theta (`regressor.torque_factors`), so that an iteration does not touch the data.
+
+A load shows in motions without it and the same motions with it:
+
+    tau = Y theta + F phi            without
+    tau = Y theta + F phi + Y_n l    with: l are the ten parameters of what the last link has gained
+
+All is one least-squares problem, so that what the arm itself weighs need not be known; since both motions of
+a pair go the same way, l rests on the difference of their torques. A joint's equations count by how well they
+can be met: errors are divided by what is left of that joint, found by a first fit.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from structlearn.ground.block_bootstrap import blocks, drawn_counts
+from structlearn.ground.parallel import parallel_map
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
+from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FrictionTerm
-from structlearn.rigid_body.inertia_learner import initial_friction, squared
+from structlearn.rigid_body.inertia_learner import MotionRegressor, initial_friction, squared
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, free_parameters
-from structlearn.rigid_body.regressor import TorqueFactors, triangular_factor
-from structlearn.rigid_body.tree import LinkInertias
+from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.regressor import (
+    SYMMETRIC_COLUMNS,
+    TorqueFactors,
+    torque_factors,
+    triangular_factor,
+)
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias
 
 SINGULAR = 1e-8
 """Directions of theta that the data excite by less than this share of the strongest are left at zero."""
+
+UNKNOWN = 1e-6
+"""Directions of which a draw of blocks says less than this share of the best known are left at zero."""
 
 ANCHOR = 1e-6
 """Weight of the squared change of theta, relative to all of it, against the sum of the joints' NMSEs."""
@@ -93,3 +116,119 @@ def fit_structure(
         options={"maxiter": iterations, "maxfun": 2 * iterations, "maxcor": 50, "ftol": 1e-14, "gtol": 1e-10},
     )
     return parts(found.x)
+
+
+def drawn_fits(
+    model: DynamicsModels,
+    regressor: MotionRegressor,
+    known: LinkInertias,
+    iterations: int,
+    length: int,
+    draws: int,
+    seed: int,
+) -> DynamicsModels:
+    """Fits of a structure to blocks of `length` samples, drawn with replacement: `draws` models.
+
+    Args:
+        model: the fit to the whole motion, one, of a structure other than nostr.
+        regressor: of the motion, with the model's terms of friction.
+        known: where the weak pull goes that decides what the data leave open.
+        iterations: of L-BFGS per draw.
+        length: samples of a block.
+        draws: of the bootstrap.
+        seed: of the draws.
+    """
+    start = model.inertias().of(0)
+    whole = regressor.factors  # whose number of samples and variances weight every block
+    triangles = np.array(
+        [
+            normalised_triangle(replace(whole, factors=torque_factors(columns, torque).factors))
+            for columns, torque in zip(
+                blocks(regressor.columns, length), blocks(regressor.torque, length), strict=True
+            )
+        ]
+    )
+    width = triangles.shape[-1]
+    drawn = [
+        triangular_factor((np.sqrt(counts)[:, None, None] * triangles).reshape(-1, width))
+        for counts in drawn_counts(len(triangles), draws, seed)
+    ]
+    refit = partial(_refitted, model=model, start=start, known=known, iterations=iterations)
+    inertias, frictions = zip(*parallel_map(refit, drawn, "intervals of inertias"), strict=True)
+    state = {"inertia": np.concatenate(inertias), "friction": np.concatenate(frictions)}
+    return replace(model, state=state)
+
+
+def _refitted(
+    triangle: np.ndarray, model: DynamicsModels, start: LinkInertias, known: LinkInertias, iterations: int
+) -> tuple[np.ndarray, np.ndarray]:
+    rubbing = np.asarray(model.state["friction"])
+    return fit_structure(model.structure, triangle, model.friction, start, iterations, known, rubbing)
+
+
+def identify_load(
+    tree: KinematicTree,
+    pairs: Sequence[tuple[Motion, Motion]],
+    friction: Sequence[FrictionTerm],
+    length: int,
+    draws: int,
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Inertial parameters of a load at the last link.
+
+    A pair is the same motion without the load and with it, in step; every pair, e.g. a day, has friction of
+    its own. The bootstrap draws blocks of `length` samples of a pair, with both motions then: errors that
+    come back whenever the arm passes there, such as friction's, cancel in part.
+
+    Returns:
+        (10,) mass in kg, first moment in kg m and inertia about the joint's origin in kg m^2 (xx, xy, xz, yy,
+        yz, zz), in the last joint's frame; and (draws, 10).
+    """
+    rows = [_rows(tree, pair, friction, place, len(pairs)) for place, pair in enumerate(pairs)]
+    joints = len(tree.names)
+    measured = np.concatenate([its[..., -1].reshape(-1, joints) for its in rows])
+    theta, _ = _solved(rows, 1.0 / np.sqrt(measured.var(axis=0)))
+    left = np.concatenate([(its[..., :-1] @ theta - its[..., -1]).reshape(-1, joints) for its in rows])
+    weights = 1.0 / np.sqrt((left**2).mean(axis=0))
+    theta, directions = _solved(rows, weights)
+    known = np.zeros(())
+    for place, its in enumerate(rows):
+        scaled = its * weights[:, None]
+        reduced = np.concatenate([scaled[..., :-1] @ directions, scaled[..., -1:]], axis=-1)
+        pieces = [piece.reshape(-1, piece.shape[-1]) for piece in blocks(reduced, length)]
+        products = np.array([piece.T @ piece for piece in pieces])
+        counts = drawn_counts(len(products), draws, seed + place)
+        known = known + np.tensordot(counts, products, 1)
+    inverse = np.linalg.pinv(known[:, :-1, :-1], rcond=UNKNOWN, hermitian=True)
+    drawn = (inverse @ known[:, :-1, -1:])[..., 0] @ directions.T
+    return theta[-SYMMETRIC_COLUMNS:], drawn[:, -SYMMETRIC_COLUMNS:]
+
+
+def _rows(
+    tree: KinematicTree,
+    pair: tuple[Motion, Motion],
+    friction: Sequence[FrictionTerm],
+    place: int,
+    pairs: int,
+) -> np.ndarray:
+    """(N, 2, n, P + 1) of a pair: columns of links, of every pair's friction, of the load; torque."""
+    links = SYMMETRIC_COLUMNS * len(tree.names)
+    parts = []
+    for carries, motion in enumerate(pair):
+        its = MotionRegressor(tree, motion.part(slice(None, min(map(len, pair)))), True, friction)
+        rubbing = its.columns[..., links:]
+        others = [rubbing if other == place else np.zeros_like(rubbing) for other in range(pairs)]
+        gained = carries * its.columns[..., links - SYMMETRIC_COLUMNS : links]
+        columns = [its.columns[..., :links], *others, gained, its.torque[..., None]]
+        parts.append(np.concatenate(columns, axis=-1))
+    return np.stack(parts, axis=1)
+
+
+def _solved(rows: Sequence[np.ndarray], weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares (P,), the smallest of them, and directions (P, r) along which the squares are one."""
+    stacked = np.concatenate([(its * weights[:, None]).reshape(-1, its.shape[-1]) for its in rows])
+    triangle = triangular_factor(stacked)
+    left, strength, right = np.linalg.svd(triangle[:, :-1], full_matrices=False)
+    known = strength > SINGULAR * strength[0]
+    directions = right[known].T / strength[known]
+    return directions @ (left[:, known].T @ triangle[:, -1]), directions

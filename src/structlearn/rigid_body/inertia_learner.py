@@ -5,13 +5,14 @@ While the kinematics are fixed, torques are Y theta. The gradient at theta is a 
 autograd give the same, more slowly.
 """
 
+import math
 from collections.abc import Sequence
 
 import numba
 import numpy as np
 import torch
 
-from structlearn.networks.adam import AdamParameters, adam_step
+from structlearn.networks.torch_settings import AdamParameters
 from structlearn.rigid_body.compiled_structures import structure_gradient, structure_theta
 from structlearn.rigid_body.friction import FrictionTerm, friction_regressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure, draw
@@ -21,6 +22,9 @@ from structlearn.rigid_body.tree import KinematicTree
 
 INITIAL_FRICTION = 0.01
 """N m s/rad or N m; not 0, where the gradient of a square is 0."""
+
+MEAN_DECAY, SMALLEST_ROOT = 0.9, 1e-8
+"""Of Adam: decay of the running mean of gradients per step; added to the root of their mean square."""
 
 
 def initial_friction(models: int, joints: int, terms: Sequence[FrictionTerm]) -> np.ndarray:
@@ -36,11 +40,7 @@ def squared(terms: Sequence[FrictionTerm]) -> np.ndarray:
 class MotionRegressor:
     """A motion as regressor, shared by all models that learn from it.
 
-    Args:
-        tree: kinematics of the robot.
-        motion: N samples.
-        symmetric: whether inertias are taken to be symmetric; nostr's are not.
-        friction: terms of joint friction, columns after those of the links.
+    Inertias are taken to be symmetric, or, for nostr, not; columns of friction come after those of the links.
     """
 
     def __init__(
@@ -57,12 +57,7 @@ class MotionRegressor:
 class InertiaLearner:
     """M models of one structure that learn from the same samples.
 
-    Args:
-        structure: of the inertias.
-        regressor: the motion.
-        weights: (n,) of each joint's squared error in the loss.
-        adam: the optimiser.
-        generators: source of the initial values of each model.
+    `weights` (n,) are those of each joint's squared error in the loss; a generator per model draws its start.
     """
 
     def __init__(
@@ -108,6 +103,11 @@ class InertiaLearner:
         theta = structure_theta(self.structure, self.free, self.rubbing, self.squared)
         return self.regressor.factors.nmse(theta)
 
+    def keep(self, models: np.ndarray) -> None:
+        """Go on with some of the models, (M,) whether each is among them."""
+        self.free, self.rubbing = self.free[models], self.rubbing[models]
+        self.moments = [(mean[models], square[models]) for mean, square in self.moments]
+
     def state(self) -> dict[str, np.ndarray]:
         """Free parameters, each with a leading axis of models."""
         return {"inertia": self.free.copy(), "friction": self.rubbing.copy()}
@@ -137,8 +137,27 @@ def _descend(
         slope = np.zeros_like(theta)
         _add_slopes(columns, torque, 2.0 / len(samples) * weights, samples, free.shape[2], theta, slope)
         inertial, rubbed = structure_gradient(structure, free, rubbing, squared, slope)
-        adam_step(free, inertial, inertial_moments, rate, decay, steps + step + 1)
-        adam_step(rubbing, rubbed, rubbed_moments, rate, decay, steps + step + 1)
+        _adam_step(free, inertial, inertial_moments, rate, decay, steps + step + 1)
+        _adam_step(rubbing, rubbed, rubbed_moments, rate, decay, steps + step + 1)
+
+
+@numba.njit(cache=True, error_model="numpy")  # without a check of each divisor it becomes vectors
+def _adam_step(
+    variable: np.ndarray,
+    gradient: np.ndarray,
+    moments: tuple[np.ndarray, np.ndarray],
+    rate: float,
+    decay: float,
+    count: int,
+) -> None:
+    """One step of Adam in place, by torch's rule; `count` is the number of this step, from 1."""
+    mean, square = moments[0].reshape(-1), moments[1].reshape(-1)
+    values, slopes = variable.reshape(-1), gradient.reshape(-1)
+    step, root = rate / (1.0 - MEAN_DECAY**count), math.sqrt(1.0 - decay**count)
+    for place in range(len(values)):
+        mean[place] += (1.0 - MEAN_DECAY) * (slopes[place] - mean[place])
+        square[place] += (1.0 - decay) * (slopes[place] * slopes[place] - square[place])
+        values[place] -= step * mean[place] / (math.sqrt(square[place]) / root + SMALLEST_ROOT)
 
 
 @numba.njit(cache=True, fastmath={"contract", "reassoc", "nsz"})

@@ -43,11 +43,7 @@ def parameter_count(structure: Structure) -> int:
 
 
 def draw(structure: Structure, links: int, generators: list[torch.Generator]) -> Tensor:
-    """Initial free parameters of M models, one generator each: normal, about zero.
-
-    Returns:
-        (M, links, k) float64.
-    """
+    """Initial free parameters (M, links, k) of M models, one generator each: float64, normal, about zero."""
     deviations = torch.full((parameter_count(structure),), INITIAL_INERTIA, dtype=torch.float64)
     deviations[0] = INITIAL_MASS
     deviations[1:4] = INITIAL_FIRST_MOMENT
@@ -57,11 +53,9 @@ def draw(structure: Structure, links: int, generators: list[torch.Generator]) ->
 
 
 def link_inertias(structure: Structure, free: Tensor) -> LinkInertias[Tensor]:
-    """Inertial parameters that free parameters stand for; differentiable.
+    """Inertial parameters that free parameters (..., n, k) stand for; differentiable.
 
-    Args:
-        structure: which of the five.
-        free: (..., n, k) finite, float64 (the guarantees of spd, tri and cov are lost in single precision).
+    Of finite float64: the guarantees of spd, tri and cov are lost in single precision.
     """
     scalar, first_moment, rotational = free[..., 0], free[..., 1:4], free[..., 4:]
     mass = scalar if structure == "nostr" else scalar.square() + MASS_BIAS_KG
@@ -69,17 +63,10 @@ def link_inertias(structure: Structure, free: Tensor) -> LinkInertias[Tensor]:
 
 
 def free_parameters(structure: Structure, inertias: LinkInertias) -> Tensor:
-    """Free parameters that stand for given inertias, to start a training there.
+    """Free parameters (..., n, k) that stand for given inertias, mass (..., n), to start a training there.
 
     What a structure cannot express (a link lighter than the bias, or for tri and cov a tensor that no body
     has, as in some URDFs) becomes a near one that it can: eigenvalues are moved inside the bounds.
-
-    Args:
-        structure: which of the five.
-        inertias: arrays or tensors, mass (..., n).
-
-    Returns:
-        (..., n, k) float64.
     """
     known = inertias.arrays()
     scalar = known.mass

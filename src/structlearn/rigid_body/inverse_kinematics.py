@@ -87,12 +87,9 @@ class JointPath:
 
 
 def read_arm(path: str | Path, tip: str, locked: Sequence[str] = ()) -> Arm:
-    """Read an arm from its URDF; masses and meshes are not needed.
+    """Read an arm from its URDF, and the link or other frame whose poses are given.
 
-    Args:
-        path: the URDF file.
-        tip: the link, or other frame, whose poses are given.
-        locked: names of joints held at zero position.
+    Masses and meshes are not needed; locked joints are held at zero position.
 
     Raises:
         InputError: see `tree.read_model`; or there is no such tip.
@@ -111,7 +108,7 @@ def follow(
     dt: float,
     rest: np.ndarray,
 ) -> JointPath:
-    """Joints that carry the tip along a path.
+    """Joints that carry the tip along a path, every `dt` s a pose.
 
     Args:
         arm: the arm.
@@ -143,14 +140,7 @@ def rest_for(
     """A configuration (n,) for the start of a path, which then stays far from limits and singularities.
 
     Of several it is the one with the largest least of two along the path: the distance from the nearest limit
-    over half the range, and the least singular value. A coarse look at the path will do.
-
-    Args:
-        arm: the arm.
-        position: (T, 3) m.
-        orientation: (T, 4) unit quaternions, or None.
-        dt: sampling interval in s.
-        seed: of the configurations from which the search starts.
+    over half the range, and the least singular value. A coarse look at the path, as of `follow`, will do.
 
     Raises:
         InputError: none was found that keeps within the joints' limits.
@@ -184,14 +174,7 @@ class Follower:
     """
 
     def __init__(self, arm: Arm, rest: np.ndarray, dt: float, turned: bool = True) -> None:
-        """Make a follower, which is to be started.
-
-        Args:
-            arm: the arm.
-            rest: (n,) towards which free joints are drawn; the first pose is sought from there.
-            dt: time from one pose to the next in s.
-            turned: whether orientations are followed.
-        """
+        """Make a follower, which is to be started; `rest` (n,) and `dt` are those of `follow`."""
         self._arm, self._data, self._rest = arm, arm.model.createData(), np.array(rest, dtype=float)
         self._pull, self._identity = TO_REST * dt, np.eye(arm.model.nv)
         self.joints, self.error = self._rest.copy(), np.zeros(6 if turned else 3)

@@ -16,8 +16,7 @@ from pydantic import Field
 from torch import Tensor
 
 from structlearn.ground.params import Parameters
-from structlearn.networks.adam import AdamParameters
-from structlearn.networks.torch_settings import seeded
+from structlearn.networks.torch_settings import AdamParameters, seeded
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_learner import InertiaLearner, MotionRegressor
 from structlearn.rigid_body.inertia_parameters import STRUCTURES, Structure
@@ -48,10 +47,7 @@ class LearningParameters(Parameters):
 class Lesson:
     """A motion to learn from, whose regressors are made once, for all structures.
 
-    Attributes:
-        tree: kinematics; the networks do not use them.
-        motion: to learn from.
-        friction: terms of joint friction that are learned too.
+    Networks do not use the kinematics; friction are the terms that are learned too.
     """
 
     tree: KinematicTree
@@ -81,6 +77,9 @@ class Learner(Protocol):
     def nmse(self, stride: int = 1) -> np.ndarray:
         """(M, n) errors on the motion, or on every `stride`-th sample."""
 
+    def keep(self, models: np.ndarray) -> None:
+        """Go on with some of the models, (M,) whether each is among them."""
+
     def state(self) -> dict[str, np.ndarray]:
         """What was learned; tensors with a leading axis of models, unless all models share them."""
 
@@ -91,14 +90,19 @@ class Learned:
 
     Attributes:
         state: tensors of the models, each when it became good enough, or as it was in the end.
-        nmse: (E + 1, M, n) at the start and after each epoch (or batch); training ends when all models are
-            good enough.
+        nmse: (E + 1, M, n) at the start and after each epoch (or batch); its last once it has stopped.
         epochs: (M,) epochs that each needed; 0: not good enough after all of them.
     """
 
     state: dict[str, np.ndarray]
     nmse: np.ndarray
     epochs: np.ndarray
+
+    def part(self, model: int) -> "Learned":
+        """One of the models."""
+        one = slice(model, model + 1)
+        state = {name: values if name in SHARED else values[one] for name, values in self.state.items()}
+        return Learned(state, self.nmse[:, one], self.epochs[one])
 
 
 def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
@@ -109,22 +113,20 @@ def loss_weights(loss: Loss, motion: Motion) -> np.ndarray:
 def learner(
     kind: Kind, lesson: Lesson, loss: Loss, seeds: Sequence[int], parameters: LearningParameters
 ) -> Learner:
-    """Models of one kind at their start.
-
-    Args:
-        kind: one of `KINDS`.
-        lesson: what they learn from.
-        loss: raw or normalised.
-        seeds: one per model.
-        parameters: see there.
-    """
+    """Models of one kind at their start, one per seed."""
     weights, generators = loss_weights(loss, lesson.motion), [seeded(seed) for seed in seeds]
     if kind in STRUCTURES:
         regressor = lesson.full if kind == "nostr" else lesson.symmetric
         return InertiaLearner(kind, regressor, weights, parameters.structures, generators)
     assert kind in NETWORKS
     return NetworkLearner(
-        kind, lesson.motion, lesson.friction, weights, parameters.networks, parameters.hidden, generators
+        kind,
+        [lesson.motion],
+        lesson.friction,
+        weights[None],
+        parameters.networks,
+        parameters.hidden,
+        generators,
     )
 
 
@@ -136,41 +138,51 @@ def shuffled_epochs(models: Learner, epochs: int) -> Iterator[int]:
         yield epoch
 
 
-def learn_in_epochs(models: Learner, threshold: float, epochs: int, stride: int = 1) -> Learned:
+def learn_in_epochs(
+    models: Learner, threshold: float, epochs: int, stride: int = 1, futility: int | None = None
+) -> Learned:
     """Shuffled epochs until every joint of every model is good enough (III.4.1.1).
 
-    A model is kept as it was at the end of the first epoch after which its errors are below the threshold.
-    Errors of networks on some samples only say when that may be: what a model is kept for is its error on
-    all samples.
+    A model stops at the end of the first epoch after which its errors are below the threshold, or which shows
+    that it cannot meet it (`_stopping`). Errors of networks on some samples only say when that may be: what a
+    model stops for is its error on all samples.
 
     Args:
         models: at their start.
         threshold: NMSE of every joint.
         epochs: at most so many.
         stride: until then, errors of networks are taken on every `stride`-th sample.
+        futility: epochs over which the fall of errors is measured; None: no model is given up.
     """
-    history = [models.nmse(stride)]
-    needed = np.zeros(len(history[0]), dtype=int)
-    kept = models.state()
+    errors = models.nmse(stride)
+    history, kept = [errors], models.state()
+    needed, learning = np.zeros(len(errors), dtype=int), np.arange(len(errors))
     for epoch in shuffled_epochs(models, epochs):
-        learning = needed == 0
-        errors = models.nmse(stride)
-        if epoch == epochs or (learning & _good(errors, threshold)).any():
-            errors = models.nmse()
+        before = history[epoch - futility][learning] if futility and epoch >= futility else None
+        ahead = (epochs - epoch) / (futility or 1)
+        found = models.nmse(stride)
+        if epoch == epochs or _stopping(found, before, ahead, threshold).any():
+            found = models.nmse()
+        done = _stopping(found, before, ahead, threshold) | (epoch == epochs)
+        errors = errors.copy()
+        errors[learning] = found
         history.append(errors)
-        kept = _replaced(kept, models.state(), learning)
-        needed[learning & _good(errors, threshold)] = epoch
-        if (needed > 0).all():
-            break
+        needed[learning[_good(found, threshold)]] = epoch
+        if done.any():
+            for name, values in models.state().items():
+                if name not in SHARED:
+                    kept[name][learning[done]] = values[done]
+            if done.all():
+                break
+            models.keep(~done)
+            learning = learning[~done]
     return Learned(kept, np.array(history), needed)
 
 
 def learn_online(models: Learner, stride: int = 1) -> Learned:
     """Once through the motion in the order of time, a step per batch (III.4.1.2, figure III.2).
 
-    Args:
-        models: at their start.
-        stride: errors of networks are taken on every `stride`-th sample.
+    Errors of networks are taken on every `stride`-th sample.
     """
     history = [models.nmse(stride)]
     for batch in torch.arange(models.samples).split(models.batch):
@@ -191,13 +203,11 @@ def _good(errors: np.ndarray, threshold: float) -> np.ndarray:
     return np.all(errors <= threshold, axis=1)
 
 
-def _replaced(
-    kept: dict[str, np.ndarray], state: dict[str, np.ndarray], models: np.ndarray
-) -> dict[str, np.ndarray]:
-    """The kept tensors with those of some models from the state; what has no axis of models never changes."""
-    return {
-        name: values
-        if name in SHARED
-        else np.where(models.reshape(-1, *[1] * (values.ndim - 1)), state[name], values)
-        for name, values in kept.items()
-    }
+def _stopping(errors: np.ndarray, before: np.ndarray | None, ahead: float, threshold: float) -> np.ndarray:
+    """(M,) whether every joint's error (M, n) is good enough, or would not become so.
+
+    As if it went on falling as it did since `before` (M, n), for `ahead` times as long.
+    """
+    if before is None:
+        return _good(errors, threshold)
+    return np.all((errors <= threshold) | (errors * (errors / before) ** ahead > threshold), axis=1)

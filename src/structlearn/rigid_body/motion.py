@@ -1,11 +1,13 @@
 """A motion as dynamics models learn from it: joint states and the torques that belong to them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from structlearn.ground import signals
+from structlearn.ground.block_bootstrap import block_count, block_sums, drawn_counts
 from structlearn.ground.errors import InputError
 
 SMALLEST_VARIANCE = 1e-12
@@ -59,12 +61,9 @@ def joined(motions: Sequence[Motion]) -> Motion:
 
 @dataclass(frozen=True)
 class JointRange:
-    """What one joint went through.
+    """What one joint went through: rad, rad/s, rad/s^2 (m where it slides).
 
-    Attributes:
-        position: rad (m where it slides, likewise below), from its least to its largest position.
-        velocity: rad/s, the largest, either way.
-        acceleration: rad/s^2, likewise.
+    The position from its least to its largest, the others the largest either way.
     """
 
     position: float
@@ -137,11 +136,8 @@ def smoothed_motion(
 def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
     """The longest motion of a log, without the rests and the run-in around it.
 
-    Args:
-        name: of the log, for messages.
-        velocities: (N, n) rad/s.
-        slow: rad/s; the arm rests where no joint is faster.
-        rest: samples; shorter rests belong to a motion.
+    The arm rests where no joint is faster than `slow` rad/s; rests shorter than `rest` samples belong to a
+    motion.
 
     Raises:
         InputError: the arm never moves.
@@ -152,3 +148,54 @@ def excited(name: str, velocities: np.ndarray, slow: float, rest: int) -> slice:
     pieces = np.split(moving, np.flatnonzero(np.diff(moving) > rest) + 1)
     longest = max(pieces, key=lambda piece: piece[-1] - piece[0])
     return slice(int(longest[0]), int(longest[-1]) + 1)
+
+
+def block_table(
+    torques: Mapping[tuple[str, str], Mapping[str, np.ndarray]], parts: Mapping[str, Motion], length: int
+) -> pd.DataFrame:
+    """What errors on each part rest on, block by block of `length` samples: their intervals need no samples.
+
+    Args:
+        torques: (M, N, n) N m of each model (kind and friction) on each part.
+        parts: motions by name.
+        length: samples of a block.
+
+    Returns:
+        `part`, `block`, `joint`, `samples`, sums `torque` and `torque_squared`, and a column of summed
+        squared errors, mean over seeds, per model: `KIND/FRICTION`.
+    """
+    tables = []
+    for name, part in parts.items():
+        count = block_count(len(part), length)
+        sums = {"samples": np.ones_like(part.torque), "torque": part.torque, "torque_squared": part.torque**2}
+        sums |= {"/".join(key): ((its[name] - part.torque) ** 2).mean(axis=0) for key, its in torques.items()}
+        columns = {key: block_sums(values, length).ravel() for key, values in sums.items()}
+        keys = {
+            "part": name,
+            "block": np.repeat(np.arange(count), part.joints),
+            "joint": np.tile(np.arange(1, part.joints + 1), count),
+        }
+        tables.append(pd.DataFrame(keys | columns))
+    return pd.concat(tables, ignore_index=True)
+
+
+def drawn_nmse(
+    blocks: pd.DataFrame, model: Sequence[str], draws: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """NMSE of a model (kind and friction) on one part, and what the bootstrap over its blocks draws for it.
+
+    Returns:
+        (n,) NMSE by joint, the same of drawn blocks (D, n), and the number of blocks.
+    """
+    its = blocks.sort_values(["block", "joint"])
+    count, joints = its["block"].nunique(), its["joint"].nunique()
+    columns = ["samples", "torque", "torque_squared", "/".join(model)]
+    sums = its[columns].to_numpy().reshape(count, joints, 4)
+    drawn = np.tensordot(drawn_counts(count, draws, seed), sums, 1)
+    return _normalised(sums.sum(axis=0)), _normalised(drawn), count
+
+
+def _normalised(sums: np.ndarray) -> np.ndarray:
+    """(..., n) of sums (..., n, 4): samples, torque, its square, squared errors."""
+    samples, torque, squared, error = np.moveaxis(sums, -1, 0)
+    return error / (squared - torque**2 / samples)

@@ -2,14 +2,17 @@
 
 Velocities and accelerations run from the base to the tips, forces and moments back. It is the reference, and
 the way when gradients to positions or kinematics are wanted; where only inertias are learned, the regressor
-(`regressor`) gives the same torques for a matrix product.
+gives the same torques for a matrix product. `agreement_with_pinocchio` holds all our ways against Pinocchio.
 """
 
 import numpy as np
+import pinocchio
 import torch
 from torch import Tensor
 
-from structlearn.rigid_body.tree import KinematicTree, LinkInertias
+from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.regressor import link_parameters, torque_regressor
+from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 
 
 def inverse_dynamics(
@@ -17,17 +20,9 @@ def inverse_dynamics(
 ) -> Tensor:
     """Joint torques tau = H(q) qdd + C(q, qd) qd + g(q) of a robot without friction (eq. III.1).
 
-    An inertia need not be symmetric: I w + w x I w is taken with the matrix as it is.
-
-    Args:
-        tree: n joints.
-        inertias: mass (..., n); leading axes, e.g. models, broadcast with those of the states.
-        q: (..., B, n) rad or m.
-        qd: (..., B, n) rad/s or m/s.
-        qdd: (..., B, n) rad/s^2 or m/s^2.
-
-    Returns:
-        (..., B, n) N m, or N where a joint slides.
+    States are (..., B, n) in rad, rad/s and rad/s^2 (m where a joint slides), torques (..., B, n) in N m or
+    N. Leading axes of the inertias, mass (..., n), broadcast with those of the states. An inertia need not be
+    symmetric: I w + w x I w is taken with the matrix as it is.
     """
     placements = _placements(tree, q)
     axes = torch.as_tensor(tree.axis, dtype=q.dtype)
@@ -120,3 +115,60 @@ def _cross(left: Tensor, right: Tensor) -> Tensor:
 def _twice(velocity: Tensor, vector: Tensor) -> Tensor:
     """Centripetal part w x (w x r)."""
     return _cross(velocity, _cross(velocity, vector))
+
+
+_LARGEST = (2.0, 2.0, 5.0)
+"""rad, rad/s and rad/s^2: positions are drawn evenly up to it, the others normally with it as std."""
+
+
+def agreement_with_pinocchio(robot: Robot, states: int = 200, seed: int = 0) -> dict[str, float]:
+    """Largest differences of torques over joints and random states.
+
+    Returns:
+        `largest_n_m`, the largest torque of Pinocchio's recursive Newton-Euler (`rnea`); largest difference
+        from it in N m of ours: `recursion_n_m` (batched), `regressor_n_m`, `compiled_n_m` (one state, for
+        control).
+    """
+    (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
+    rows = list(zip(q, qd, qdd, strict=True))
+    inertias, tensors = robot.inertias.tensors(), (torch.from_numpy(values) for values in (q, qd, qdd))
+    one = compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias)
+    found = {
+        "recursion_n_m": inverse_dynamics(robot.tree, inertias, *tensors).numpy(),
+        "regressor_n_m": torque_regressor(robot.tree, q, qd, qdd) @ link_parameters(inertias).numpy(),
+        "compiled_n_m": np.array([one(*row) for row in rows]),
+    }
+    errors = {name: float(np.abs(torques - expected).max()) for name, torques in found.items()}
+    return {"largest_n_m": float(np.abs(expected).max())} | errors
+
+
+def torque_differences(
+    robot: Robot, inertias: LinkInertias[np.ndarray], states: int = 200, seed: int = 0
+) -> np.ndarray:
+    """Largest difference (n,) in N m between Pinocchio's torques of a robot and ours of inertias (n,)."""
+    (q, qd, qdd), expected = _pinocchio_torques(robot, states, seed)
+    ours = torque_regressor(robot.tree, q, qd, qdd) @ link_parameters(inertias.tensors()).numpy()
+    return np.abs(ours - expected).max(axis=0)
+
+
+def _pinocchio_torques(
+    robot: Robot, states: int, seed: int
+) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+    """Random positions, velocities and accelerations, and the torques (states, n) of Pinocchio's `rnea`."""
+    generator = np.random.default_rng(seed)
+    shape = (states, len(robot.tree.names))
+    q = generator.uniform(-_LARGEST[0], _LARGEST[0], shape)
+    qd, qdd = (generator.normal(0.0, spread, shape) for spread in _LARGEST[1:])
+    data, rows = robot.model.createData(), zip(q, qd, qdd, strict=True)
+    expected = [
+        pinocchio.rnea(robot.model, data, _configuration(robot.model, row), *rest) for row, *rest in rows
+    ]
+    return (q, qd, qdd), np.array(expected)
+
+
+def _configuration(model: pinocchio.Model, q: np.ndarray) -> np.ndarray:
+    """Pinocchio's configuration: the position of an endless joint is a cosine and a sine there."""
+    parts = []
+    for joint, position in zip(list(model.joints)[1:], q, strict=True):
+        parts += [np.cos(position), np.sin(position)] if joint.nq == 2 else [position]
+    return np.array(parts)

@@ -63,12 +63,6 @@ def learn_once_through(
 ) -> pd.DataFrame:
     """Errors on the whole motion while models go through it once, without shuffling (figure III.2).
 
-    Args:
-        tree: the robot.
-        motion: to learn from, in the order of time.
-        parameters: see there.
-        learning: how models learn.
-
     Returns:
         `model`, `loss`, `seed`, `batch` (0: before the first), `joint`, `nmse`.
     """
@@ -87,14 +81,8 @@ def learn_payload(
 ) -> pd.DataFrame:
     """A robot identifies its empty arm at the start of a log, and then follows what its last link carries.
 
-    Args:
-        log: motion and sampling interval in s.
-        tree: kinematics, L links.
-        inertias: that the identification starts from, e.g. those of the URDF.
-        parameters: see there.
-
-    Returns:
-        Of `follow_payload`.
+    The log is a motion and the s between its samples; the identification starts from `inertias`, e.g. those
+    of the URDF. The table is that of `follow_payload`.
     """
     motion, dt = log
     links, friction = identify_empty(tree, inertias, motion, dt, parameters)
@@ -108,13 +96,6 @@ def identify_empty(
     """Inertias of a robot's links, and friction torques (N, n) in N m that it had in a motion.
 
     Both are fitted to the first `empty_s` of the motion, which nothing is carried in yet.
-
-    Args:
-        tree: the robot.
-        urdf: inertias to start from.
-        motion: in the order of time.
-        dt: s between samples.
-        parameters: see there.
     """
     empty = motion.part(slice(0, round(parameters.empty_s / dt)))
     triangle = normalised_triangle(MotionRegressor(tree, empty, True, EMPTY_FRICTION).factors)

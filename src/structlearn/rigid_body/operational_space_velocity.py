@@ -69,20 +69,10 @@ def joint_reference(
     xd_wanted: np.ndarray,
     xdd_wanted: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The law in the module's header.
+    """Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2 of the law in the header.
 
-    Args:
-        control: tool, posture and gains.
-        body: the arm; only its kinematics count.
-        work: of `compiled_chain.dynamics` at q and qd.
-        q: (n,) rad.
-        qd: (n,) rad/s.
-        x_wanted: (3,) m, of the tool, base frame.
-        xd_wanted: (3,) m/s.
-        xdd_wanted: (3,) m/s^2.
-
-    Returns:
-        Joint velocity qd_r (n,) in rad/s and acceleration qdd_r (n,) in rad/s^2.
+    Of the body only the kinematics count; the workspace is of `compiled_chain.dynamics` at q and qd (n,).
+    What is wanted of the tool is (3,) in m, m/s and m/s^2 in the base frame.
     """
     count, position = len(q), _point(work, control.tool_m)
     jacobian = _jacobian(body, work, position)
@@ -120,14 +110,7 @@ def joint_reference(
 def tool_motion(
     tree: KinematicTree, tool_m: np.ndarray | Sequence[float], q: np.ndarray, qd: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Position and velocity (T, 3) of a point of the last link along a motion.
-
-    Args:
-        tree: the arm.
-        tool_m: (3,) in the last joint's frame.
-        q: (T, n) rad.
-        qd: (T, n) rad/s.
-    """
+    """Position and velocity (T, 3) of a point (3,) of the last link along a motion q, qd (T, n)."""
     position, velocity = np.empty((len(q), 3)), np.empty((len(q), 3))
     count = len(tree.names)
     any_masses = LinkInertias(np.ones(count), np.zeros((count, 3)), np.zeros((count, 3, 3)))

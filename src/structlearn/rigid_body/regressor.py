@@ -22,15 +22,10 @@ SYMMETRIC_COLUMNS, FULL_COLUMNS = 10, 13  # per link
 def torque_regressor(
     tree: KinematicTree, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, symmetric: bool = True
 ) -> np.ndarray:
-    """Y of joint positions, velocities and accelerations.
+    """Y of joint positions, velocities and accelerations, (B, n) each.
 
-    Args:
-        tree: n joints.
-        q: (B, n) rad or m.
-        qd: (B, n) rad/s or m/s.
-        qdd: (B, n) rad/s^2 or m/s^2.
-        symmetric: ten columns per link: m, h (3), then xx, xy, xz, yy, yz, zz of the inertia about the joint
-            origin; otherwise thirteen, with the nine entries row by row.
+    With `symmetric` ten columns per link: m, h (3), then xx, xy, xz, yy, yz, zz of the inertia about the
+    joint origin; otherwise thirteen, with the nine entries row by row.
 
     Returns:
         (B, n, 10 n) or (B, n, 13 n), link after link. Who multiplies all of it with one theta again and again
@@ -45,14 +40,9 @@ def torque_regressor(
 
 
 def link_parameters(inertias: LinkInertias[Tensor], symmetric: bool = True) -> Tensor:
-    """Theta of inertias about the centres of mass, as the columns of `torque_regressor` need it.
+    """Theta of inertias, mass (..., n), as the columns of `torque_regressor` need it; differentiable.
 
-    Args:
-        inertias: mass (..., n).
-        symmetric: as for the regressor; the inertia is then taken to be symmetric.
-
-    Returns:
-        (..., 10 n) or (..., 13 n), differentiable.
+    (..., 10 n), of inertias taken to be symmetric, or (..., 13 n).
     """
     mass, first_moment = inertias.mass[..., None], inertias.first_moment
     squared = first_moment.square().sum(-1)[..., None, None] * torch.eye(3, dtype=mass.dtype)
@@ -257,14 +247,7 @@ class TorqueFactors:
     variance: np.ndarray
 
     def nmse(self, parameters: np.ndarray) -> np.ndarray:
-        """Mean squared error over the samples, divided by the torque's variance.
-
-        Args:
-            parameters: (..., P) theta.
-
-        Returns:
-            (..., n).
-        """
+        """Mean squared error (..., n) over samples of theta (..., P), over the torque's variance."""
         extended = np.concatenate([parameters, -np.ones_like(parameters[..., :1])], axis=-1)
         residual = np.einsum("jrp,...p->...jr", self.factors, extended, optimize=True)
         return (residual**2).sum(axis=-1) / (self.samples * self.variance)
@@ -276,12 +259,7 @@ def triangular_factor(rows: np.ndarray) -> np.ndarray:
 
 
 def torque_factors(regressor: np.ndarray, torque: np.ndarray) -> TorqueFactors:
-    """Reduce a data set to its factors.
-
-    Args:
-        regressor: (N, n, P).
-        torque: (N, n) N m.
-    """
+    """Reduce a data set, regressor (N, n, P) and torques (N, n) in N m, to its factors."""
     samples, joints, width = regressor.shape
     factors = np.zeros((joints, width + 1, width + 1))
     for joint in range(joints):

@@ -37,14 +37,10 @@ class LinkShapes:
 
 
 def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes:
-    """Read the collision shapes of an arm's URDF.
+    """Read the collision shapes of an arm's URDF, with the same joints locked.
 
-    Meshes are looked for in the URDF's folder and those above it, and by ROS_PACKAGE_PATH.
-
-    Args:
-        arm: of `read_arm`.
-        locked: joints that are locked, as there.
-        rest: (n,) configuration at which whatever touches does so by design.
+    Meshes are looked for in the URDF's folder and those above it, and by ROS_PACKAGE_PATH. Whatever touches
+    at the rest configuration (n,) does so by design.
 
     Raises:
         InputError: a mesh is missing or unreadable, or there are fewer than two links with shapes.
@@ -82,10 +78,7 @@ def read_shapes(arm: Arm, locked: Sequence[str], rest: np.ndarray) -> LinkShapes
 def link_distances(shapes: LinkShapes, joints: np.ndarray, near: float) -> np.ndarray:
     """Distance of each pair along a path: (T, n) joints -> (T, N) m, negative or 0 where links touch.
 
-    Args:
-        shapes: of `read_shapes`.
-        joints: of the arm.
-        near: m; hulls that come nearer are not believed, and the meshes are asked.
+    Where hulls come nearer than `near` m they are not believed, and the meshes are asked.
     """
     arm, data = shapes.arm, shapes.arm.model.createData()
     hulls, meshes = pinocchio.GeometryData(shapes.hulls), pinocchio.GeometryData(shapes.meshes)

@@ -18,8 +18,7 @@ from pydantic import Field, NonNegativeInt
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
-from structlearn.networks.adam import AdamParameters
-from structlearn.networks.torch_settings import one_thread
+from structlearn.networks.torch_settings import AdamParameters, one_thread, seeded
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.friction import FrictionTerm
 from structlearn.rigid_body.inertia_parameters import STRUCTURES
@@ -32,9 +31,11 @@ from structlearn.rigid_body.learner import (
     error_table,
     learn_in_epochs,
     learner,
+    loss_weights,
 )
 from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT
 from structlearn.rigid_body.motion import Motion
+from structlearn.rigid_body.network_learner import NETWORKS, NetworkKind, NetworkLearner
 from structlearn.rigid_body.tree import KinematicTree
 
 FRICTIONS: Mapping[str, tuple[FrictionTerm, ...]] = {
@@ -57,6 +58,9 @@ ROBOT_FRICTIONS = {
 Form = Literal["text", "ours"]
 TEXT, OURS = get_args(Form)
 LOSSES: Mapping[Form, Loss] = {TEXT: "raw", OURS: "normalised"}
+
+STACKED: tuple[NetworkKind, ...] = ("mlp", "delan")
+"""Kinds that learn robots' logs as one stack: alone, small networks spend their time between the steps."""
 
 BEYOND_THE_TEXT = ("mlp_scaled",)
 """Kinds that have no text's form."""
@@ -81,6 +85,7 @@ class DynamicsTrainingParameters(Parameters):
     ours: AdamParameters
     stride: int = Field(ge=1)
     epochs: EpochLimits
+    futility_epochs: int = Field(ge=1)
     smoothing_hz: float = Field(gt=0)
 
     def of(self, form: Form) -> LearningParameters:
@@ -129,12 +134,7 @@ class Training:
 
 
 def trainings(robots: Sequence[int], parameters: DynamicsTrainingParameters) -> list[Training]:
-    """All trainings: on the arm's motion, and on the log of each robot.
-
-    Args:
-        robots: their names, the seeds of simulated ones.
-        parameters: see there.
-    """
+    """All trainings: on the arm's motion, and on the log of each robot."""
     found = []
     for kind, form in product(parameters.models, parameters.forms):
         if form == TEXT and kind in BEYOND_THE_TEXT:
@@ -156,12 +156,6 @@ def train(
 ) -> tuple[dict[str, DynamicsModels], pd.DataFrame, pd.DataFrame]:
     """Train all models, over processes; DeLaN first, since it takes longest.
 
-    Args:
-        work: the trainings.
-        motions: by name.
-        tree: the robot.
-        parameters: see there.
-
     Returns:
         Models by `Training.file`. Errors: `arm`, `model` (`cov`, `cov_coulomb`), `form`, `seed`, `epoch`,
         `joint` (from 1), `nmse`. Outcomes: the same keys up to `seed` with `epochs` to the threshold on every
@@ -170,9 +164,9 @@ def train(
         text's criterion, in simulation the threshold on every joint, on a robot's log on average
         (III.4.2.1), which is asked of networks alone.
     """
-    together = sorted(_together(work), key=lambda places: work[places[0]].kind != "delan")
-    run = partial(_train_together, tree=tree, parameters=parameters)
-    items = [([work[place] for place in places], motions[work[places[0]].motion]) for places in together]
+    together = sorted(_together(work, motions), key=lambda places: work[places[0]].kind != "delan")
+    run = partial(_train_together, motions=motions, tree=tree, parameters=parameters)
+    items = [[work[place] for place in places] for places in together]
     results: dict[int, Learned] = {}
     for places, found in zip(together, parallel_map(run, items, "dynamics models"), strict=True):
         results |= dict(zip(places, found, strict=True))
@@ -209,22 +203,53 @@ def scores(outcomes: pd.DataFrame, limit: int) -> Metrics:
     }
 
 
-def _together(work: Sequence[Training]) -> list[list[int]]:
-    """Places of trainings that share a process: structures with a common regressor, a network alone."""
+def _together(work: Sequence[Training], motions: Mapping[str, Motion]) -> list[list[int]]:
+    """Places of trainings that share a process.
+
+    Structures have a common regressor, networks of several robots are one stack.
+    """
     groups: dict[tuple, list[int]] = {}
     for place, training in enumerate(work):
         own = training.kind == "nostr" if training.kind in STRUCTURES else (training.kind, training.form)
-        groups.setdefault((training.motion, training.friction, own), []).append(place)
+        stacked = training.arm == ROBOT and training.kind in STACKED
+        where = len(motions[training.motion]) if stacked else training.motion
+        groups.setdefault((where, training.friction, own), []).append(place)
     return list(groups.values())
 
 
 def _train_together(
-    item: tuple[Sequence[Training], Motion], tree: KinematicTree, parameters: DynamicsTrainingParameters
+    work: Sequence[Training],
+    motions: Mapping[str, Motion],
+    tree: KinematicTree,
+    parameters: DynamicsTrainingParameters,
 ) -> list[Learned]:
-    work, motion = item
-    lesson = Lesson(tree, motion, FRICTIONS[work[0].friction])
+    first, friction = work[0], FRICTIONS[work[0].friction]
     with one_thread():
+        if first.kind in STACKED and first.arm == ROBOT:
+            return _train_stack(first.kind, work, [motions[training.motion] for training in work], parameters)
+        lesson = Lesson(tree, motions[first.motion], friction)
         return [_train_one(training, lesson, parameters) for training in work]
+
+
+def _train_stack(
+    kind: NetworkKind,
+    work: Sequence[Training],
+    motions: Sequence[Motion],
+    parameters: DynamicsTrainingParameters,
+) -> list[Learned]:
+    """A network of one kind and form on each robot's log."""
+    learning, loss = parameters.of(work[0].form), LOSSES[work[0].form]
+    models = NetworkLearner(
+        kind,
+        motions,
+        FRICTIONS[work[0].friction],
+        np.stack([loss_weights(loss, motion) for motion in motions]),
+        learning.networks,
+        learning.hidden,
+        [seeded(*training.seeds) for training in work],
+    )
+    learned = learn_in_epochs(models, 0.0, parameters.epochs.robot)
+    return [learned.part(place) for place in range(len(work))]
 
 
 def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingParameters) -> Learned:
@@ -232,7 +257,10 @@ def _train_one(training: Training, lesson: Lesson, parameters: DynamicsTrainingP
     models = learner(training.kind, lesson, LOSSES[training.form], training.seeds, learning)
     if training.arm == ROBOT:
         return learn_in_epochs(models, 0.0, parameters.epochs.robot)
-    return learn_in_epochs(models, learning.threshold, parameters.epochs.simulation, parameters.stride)
+    futility = parameters.futility_epochs if training.form == TEXT and training.kind in NETWORKS else None
+    return learn_in_epochs(
+        models, learning.threshold, parameters.epochs.simulation, parameters.stride, futility
+    )
 
 
 def _outcomes(learned: Learned, training: Training, threshold: float) -> pd.DataFrame:

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio
 
 from structlearn.ground.errors import InputError
-from structlearn.rigid_body.urdf_checks import check_urdf
+from structlearn.rigid_body.urdf import check_urdf
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -65,6 +65,10 @@ class LinkInertias(Generic[Array]):
     mass: Array
     first_moment: Array
     inertia: Array
+
+    def of(self, model: int) -> "LinkInertias[np.ndarray]":
+        """Those of one model."""
+        return LinkInertias(*(np.asarray(its[model]) for its in (self.mass, self.first_moment, self.inertia)))
 
     def tensors(self) -> "LinkInertias[Tensor]":
         """The same as float64 tensors."""
@@ -120,10 +124,6 @@ def read_urdf(path: str | Path, locked: Sequence[str] = ()) -> Robot:
 def read_model(path: str | Path, locked: Sequence[str] = ()) -> pinocchio.Model:
     """Pinocchio's model of a robot with a fixed base; its links need neither mass nor inertia.
 
-    Args:
-        path: the URDF file; meshes are not read.
-        locked: names of joints held at zero position.
-
     Raises:
         InputError: see `read_urdf`, but for what is said of masses and inertias.
     """
@@ -146,18 +146,11 @@ def robot_of(model: pinocchio.Model) -> Robot:
 
 
 def joint_order(tree: KinematicTree, names: Sequence[str], source: str | Path) -> np.ndarray:
-    """Columns of a log in the order of the robot's joints.
-
-    Args:
-        tree: the robot.
-        names: the log's joints, as its columns stand; joints that the robot lacks are left out.
-        source: the log, for the message.
-
-    Returns:
-        (n,) so that `log[:, order]` has the robot's order.
+    """Columns of a log in the order of the robot's joints: `log[:, order]`.
 
     Raises:
-        InputError: a joint of the robot is not in the log, or a name stands twice.
+        InputError: a joint of the robot is not among the log's names, or stands twice; `source` is for the
+            message. Joints that the robot lacks are left out.
     """
     names = list(names)
     missing = [name for name in tree.names if name not in names]

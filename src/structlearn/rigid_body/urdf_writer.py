@@ -27,9 +27,9 @@ def write_urdf(
     """Write a robot with other inertias than its source has. The caller publishes the file.
 
     Args:
-        source: the URDF that `tree` was read from.
+        source: the URDF that `tree` was read from; joints that are not among the tree's become fixed.
         target: the file to write; its folder exists.
-        tree: n joints; those of the source that are not among them become fixed.
+        tree: n joints.
         inertias: mass (n,) positive, of each moving link with what is fixed to it.
         viscous: (n,) N m s/rad, joints' `damping`; None: as in the source.
         coulomb: (n,) N m, joints' `friction`; None: as in the source.

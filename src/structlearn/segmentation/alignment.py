@@ -1,16 +1,28 @@
-"""Time scale and delay of a segment relative to the reference, by weighted least squares (IV.5.2, IV.5.3).
+"""One primitive of a demonstration, aligned with the reference's by weighted least squares (IV.5.2, IV.5.3).
 
     t_guess = tau t_ref + d        (eq. IV.15)
 
 over the corresponding samples that dynamic time warping found. Pairs at near-zero velocity are ambiguous and
 dropped; pairs of incompatible velocities are probably wrong and count exponentially less.
+
+Nobody looks at every cut, so a poor one has to say so itself (`doubts`): its evidence disagrees, the crossing
+with the alignment, the aligned movement with the reference's, or what was chosen with what was expected. The
+bounds lie above all that good cuts of the invented task show, and below what goes with a wrong one.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from structlearn.ground.errors import InputError
+from structlearn.segmentation.crossings import Crossing
+from structlearn.segmentation.dtw import warping
+from structlearn.segmentation.parameters import SegmentParameters
+
+METHODS = ("zvc", "dtw", "ls", "wls_text", "wls")
+RESULT = "wls"  # The method whose cuts are used; the others are kept to be compared
+AS_PRINTED = "wls_text"  # The dissertation's
 
 
 @dataclass(frozen=True)
@@ -90,3 +102,136 @@ def with_crossings(
     distance = crossings[:, 1] - alignment.guess_time(crossings[:, 0])
     trust = 0.5 * crossing_weight * weights.sum() / (1.0 + (distance / tolerance) ** 2)
     return least_squares(np.concatenate([pairs, crossings]), np.concatenate([weights, trust]))
+
+
+@dataclass(frozen=True)
+class Movement:
+    """Filtered signals of one primitive's axis in one demonstration, and its crossing."""
+
+    dt: float  # s
+    path: np.ndarray  # (T, D) m, of an orientation rad
+    velocity: np.ndarray  # (T, D) of it
+    crossing: Crossing  # in samples
+
+
+@dataclass(frozen=True)
+class Refined:
+    """How one primitive of one demonstration lies relative to the reference; times in samples.
+
+    Attributes:
+        reference, own: the movements.
+        pairs: (K, 2) corresponding samples: reference, own.
+        weights: (K,) of the pairs.
+        alignments: by method.
+        cells: of the warping table that were computed.
+    """
+
+    reference: Movement
+    own: Movement
+    pairs: np.ndarray
+    weights: np.ndarray
+    alignments: dict[str, Alignment]
+    cells: int
+
+    def ends(self, method: str) -> np.ndarray:
+        """(2,) start and end by a method; what an event says is not refined."""
+        reference, own = self.reference.crossing, self.own.crossing
+        reference_ends = np.array([reference.start, reference.end], dtype=float)
+        crossings = np.array([own.start, own.end], dtype=float)
+        if method == "zvc":
+            return crossings
+        if method == "dtw":
+            ends = np.interp(reference_ends, self.pairs[:, 0], self.pairs[:, 1])
+        else:
+            ends = self.alignments[method].guess_time(reference_ends)
+        return np.where([own.start_known, own.end_known], crossings, ends)
+
+
+def refine(reference: Movement, own: Movement, parameters: SegmentParameters) -> Refined:
+    """Lines 11 to 24 of algorithm IV.1 for one primitive. Raises InputError: too few samples correspond."""
+    extension = round(parameters.extension_s / reference.dt)
+    g = parameters.downsampling
+    # Times count from the start of the demonstrations, so the extension need not be undone, clipped or not.
+    crossings = [movement.crossing for movement in (reference, own)]
+    firsts = [max(one.earliest, one.start - extension) for one in crossings]
+    part, own_part = (
+        movement.path[first : min(one.latest, one.end + extension) + 1 : g]
+        for movement, one, first in zip((reference, own), crossings, firsts, strict=True)
+    )
+    matches, cells = warping(part, own_part, one_scale=parameters.assigns_runs)
+    pairs = g * matches + np.array(firsts)
+    weights = velocity_weights(
+        reference.velocity[pairs[:, 0]], own.velocity[pairs[:, 1]], parameters.near_zero, parameters.decay
+    )
+    ends = np.array([[one.start for one in crossings], [one.end for one in crossings]])
+    tolerance = parameters.crossing_tolerance_s / reference.dt
+    text = least_squares(pairs, weights)
+    alignments = {
+        "ls": least_squares(pairs),
+        "wls_text": text,
+        "wls": with_crossings(text, pairs, weights, ends, parameters.crossing_weight, tolerance),
+    }
+    return Refined(reference, own, pairs, weights, alignments, cells)
+
+
+DOUBT_COLUMNS = ["demonstration", "primitive", "reason", "number"]
+"""Of the table: demonstration, primitive, reason in words, and the number that is beyond its bound."""
+
+APART = 0.2
+"""Largest distance of an end by crossing from the same by alignment, in durations of the reference's."""
+
+OFF_SHAPE = 0.5
+"""Largest mean distance of the aligned movement from the reference's, each about its own mean and in its own
+distance (root mean square) from that: a longer way is no other shape."""
+
+UNLIKE = 1.0
+"""Largest cost of a run of motion that was chosen (`run_assignment`): one of 2.7 times the duration."""
+
+LEFT_OUT = 0.25
+"""Longest way of motion that belongs to no primitive, in ways of a mean primitive; a twitch is shorter."""
+
+RESTED_S = 0.35
+"""Longest time in rests within a primitive that are taken for hesitations; a pause between primitives is
+longer."""
+
+
+def doubts(
+    demonstration: str, refined: Mapping[str, Refined], reference: bool
+) -> list[tuple[str, str, str, float]]:
+    """What speaks against the cuts of one demonstration.
+
+    `refined`: by primitive, those that have an axis, in order of time. `reference`: whether it is the
+    reference, which has nothing to be compared with. Returns rows of `DOUBT_COLUMNS`;
+    most demonstrations have none.
+    """
+    return [
+        (demonstration, primitive, reason, number)
+        for primitive, one in refined.items()
+        for reason, number, bound in (*_of_motion(one), *(() if reference else _of_alignment(one)))
+        if number > bound
+    ]
+
+
+def _of_motion(one: Refined) -> Iterator[tuple[str, float, float]]:
+    """Reasons, numbers and bounds of what was chosen."""
+    crossing = one.own.crossing
+    yield "its duration, way or direction is unlike the reference's (cost)", crossing.unlike, UNLIKE
+    yield "motion before it belongs to no primitive (ways of a primitive)", crossing.left_out[0], LEFT_OUT
+    yield "motion after it belongs to no primitive (ways of a primitive)", crossing.left_out[1], LEFT_OUT
+    yield "a rest within it was taken for a hesitation (s)", crossing.rested, RESTED_S
+
+
+def _of_alignment(one: Refined) -> Iterator[tuple[str, float, float]]:
+    """The same of how it lies relative to the reference."""
+    crossing = one.reference.crossing
+    duration = max(crossing.end - crossing.start, 1)
+    apart = np.abs(one.ends("zvc") - one.ends("wls_text")).max() / duration
+    yield "crossing and alignment lie apart (durations)", float(apart), APART
+    times = np.arange(crossing.start, crossing.end + 1)
+    aligned = np.interp(times, times[[0, -1]], one.ends(RESULT))
+    own = np.stack([np.interp(aligned, np.arange(len(one.own.path)), x) for x in one.own.path.T], axis=1)
+    centred = [path - path.mean(axis=0) for path in (one.reference.path[times], own)]
+    tiny = np.finfo(float).tiny
+    shapes = [path / max(float(np.sqrt(np.mean(np.sum(path**2, axis=1)))), tiny) for path in centred]
+    off = float(np.linalg.norm(shapes[1] - shapes[0], axis=1).mean())
+    yield "aligned, it has another shape than the reference's (sizes)", off, OFF_SHAPE

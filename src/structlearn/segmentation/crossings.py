@@ -14,8 +14,7 @@ import numpy as np
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.segmentation import motion_runs, run_assignment
-from structlearn.segmentation.crossing import moving_interval
-from structlearn.segmentation.motion_runs import Candidates, Motion, Search
+from structlearn.segmentation.motion_runs import Candidates, Motion, Search, moving_interval
 from structlearn.segmentation.parameters import BETWEEN, Axis, PrimitiveParameters, SegmentParameters
 from structlearn.segmentation.run_assignment import Assignment
 
@@ -45,8 +44,7 @@ class Crossing:
     rested: float = 0.0
 
 
-Crossings = Mapping[str, Crossing]
-"""Of the primitives that have an axis, by name."""
+Crossings = Mapping[str, Crossing]  # Of the primitives that have an axis, by name
 
 
 def find_crossings(

@@ -10,8 +10,7 @@ from structlearn.ground.params import Name, Parameters
 Axis = Literal["x", "y", "z", "xyz", "rot"]
 """What shows a primitive: the position along an axis or in space, or the orientation (`motion_runs.path`)."""
 
-AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}
-"""Columns of the position that show a primitive."""
+AXES = {"x": [0], "y": [1], "z": [2], "xyz": [0, 1, 2]}  # Columns of the position that show a primitive
 
 BETWEEN: Final = "between"
 
@@ -74,8 +73,7 @@ def _in_full(primitives: Any) -> Any:
     return primitives
 
 
-MOST = 100
-"""Primitives of a task; a larger number is a slip."""
+MOST = 100  # Primitives of a task; a larger number is a slip
 
 
 class SegmentParameters(Parameters):

@@ -16,16 +16,12 @@ import numpy as np
 
 from structlearn.segmentation.motion_runs import Candidates
 
-LEFT_OUT = 1.5
-"""Price of motion that belongs to no primitive, per mean way of a primitive."""
-
+LEFT_OUT = 1.5  # Price of motion that belongs to no primitive, per mean way of a primitive
 DISPLACED = 2.0
 """How much more that motion counts which leads elsewhere: who twitches comes back, and what leads on to where
 the next primitive starts is probably part of one."""
 
-HASTE = 0.5
-"""Weight of the duration: people repeat where they go more exactly than how fast."""
-
+HASTE = 0.5  # Weight of the duration: people repeat where they go more exactly than how fast
 RESTED = 1.0
 """Price per s of a dip that is taken for a hesitation: the longer it is, the more likely it is a pause."""
 

@@ -8,20 +8,91 @@ correspondences too (`wls`), which is the result.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from structlearn.ground import signals
+from structlearn.ground.artefacts import publish, read_table, write_table
 from structlearn.ground.errors import InputError
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.segmentation.alignment import (
+    DOUBT_COLUMNS,
+    METHODS,
+    RESULT,
+    Movement,
+    Refined,
+    doubts,
+    refine,
+)
 from structlearn.segmentation.crossings import Crossings, find_crossings
-from structlearn.segmentation.doubts import COLUMNS as DOUBT_COLUMNS
-from structlearn.segmentation.doubts import doubts
 from structlearn.segmentation.motion_runs import path
-from structlearn.segmentation.movement_alignment import Movement, Refined, refine
 from structlearn.segmentation.parameters import BETWEEN, SegmentParameters
-from structlearn.segmentation.result import METHODS, RESULT, Segmentation
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """All cuts of a set of demonstrations."""
+
+    # one row per demonstration, primitive and method: `demonstration`, `primitive`, `method`, `start_s`,
+    # `end_s` (since the start of the demonstration)
+    cuts: pd.DataFrame
+    # one row per correspondence: `demonstration`, `primitive`, `reference_s`, `guess_s` (since the start of
+    # either demonstration), `weight`
+    pairs: pd.DataFrame
+    left_out: pd.DataFrame  # `demonstration`, `reason` of those that could not be cut
+    # `demonstration`, `primitive`, `reason`, `number` of what speaks against a cut (`doubts`)
+    doubts: pd.DataFrame
+    reference: str  # name of the reference demonstration
+    cells: int = 0  # of all warping tables that were computed; not kept on disk
+
+    @property
+    def primitives(self) -> list[str]:
+        """Names of the primitives in order of time."""
+        return list(self.cuts["primitive"].unique())
+
+    @property
+    def results(self) -> dict[str, pd.DataFrame]:
+        """The final cuts of every primitive, in order of time: what primitives are learned from."""
+        return {name: self.result(name) for name in self.primitives}
+
+    def result(self, primitive: str, method: str = RESULT) -> pd.DataFrame:
+        """Cuts of one primitive by one method; the reference has its crossing. Index: demonstration."""
+        chosen = self.cuts[(self.cuts["primitive"] == primitive) & (self.cuts["method"] == method)]
+        return chosen.set_index("demonstration")
+
+
+def write_segmentation(segmentation: Segmentation, folder: str | Path) -> None:
+    """Publish a segmentation as a folder of Parquet tables, one per attribute."""
+    with publish(folder) as path:
+        path.mkdir()
+        write_table(segmentation.cuts, path / "cuts.parquet")
+        write_table(segmentation.pairs, path / "pairs.parquet")
+        write_table(segmentation.left_out, path / "left_out.parquet")
+        write_table(segmentation.doubts, path / "doubts.parquet")
+        write_table(pd.DataFrame({"reference": [segmentation.reference]}), path / "reference.parquet")
+
+
+def read_segmentation(folder: str | Path) -> Segmentation:
+    """Read a segmentation. Raises InputError: a table is missing, not readable or another one."""
+    paths = {name: Path(folder, f"{name}.parquet") for name in COLUMNS}
+    tables = {name: read_table(path, COLUMNS[name]) for name, path in paths.items()}
+    reference = tables.pop("reference")["reference"]
+    if len(reference) != 1:
+        raise InputError(f"{paths['reference']}: has {len(reference)} rows, not one")
+    return Segmentation(reference=reference[0], **tables)
+
+
+COLUMNS = {
+    "cuts": ("demonstration", "primitive", "method", "start_s", "end_s"),
+    "pairs": ("demonstration", "primitive", "reference_s", "guess_s", "weight"),
+    "left_out": ("demonstration", "reason"),
+    "doubts": ("demonstration", "primitive", "reason", "number"),
+    "reference": ("reference",),
+}
+"""Of the tables, by file."""
 
 
 def cut(demonstrations: Sequence[Demonstration], parameters: SegmentParameters) -> Segmentation:
@@ -107,9 +178,7 @@ def _refined(
 
 
 def _cut_rows(
-    demonstration: Demonstration,
-    refined: dict[str, Refined],
-    parameters: SegmentParameters,
+    demonstration: Demonstration, refined: dict[str, Refined], parameters: SegmentParameters
 ) -> pd.DataFrame:
     """Rows of `Segmentation.cuts`, with the primitives in between filled in, clipped to the recording."""
     dt, duration = demonstration.dt, demonstration.time[-1]
@@ -147,3 +216,32 @@ def _pair_rows(demonstration: Demonstration, refined: dict[str, Refined]) -> pd.
         for primitive, one in refined.items()
     ]
     return pd.concat(tables, ignore_index=True)
+
+
+def commanded_cuts(runs: Sequence[Demonstration], names: Sequence[str]) -> dict[str, pd.DataFrame]:
+    """Segments of executions that carry what was commanded.
+
+    `runs`: executions of one task, each with `true_segments` (P, 2). Returns by primitive: index
+    demonstration, columns `start_s` and `end_s`.
+    """
+    labels = pd.Index([run.name for run in runs], name="demonstration")
+    segments = [run.true_segments for run in runs if run.true_segments is not None]
+    return {
+        name: pd.DataFrame([one[place] for one in segments], columns=["start_s", "end_s"], index=labels)
+        for place, name in enumerate(names)
+    }
+
+
+def execution_cuts(
+    runs: Sequence[Demonstration], names: Sequence[str], parameters: SegmentParameters
+) -> dict[str, pd.DataFrame]:
+    """Segments of executions: the commanded ones, or where a robot did not tell, what cutting finds.
+
+    `parameters`: of the cutting. Their reference is a demonstration, so the first run stands in for it; none
+    may be left out. Returns by primitive: index demonstration, columns `start_s` and `end_s`. Raises
+    InputError: a run without commanded segments cannot be cut.
+    """
+    if all(run.true_segments is not None and len(run.true_segments) == len(names) for run in runs):
+        return commanded_cuts(runs, names)
+    found = cut(runs, parameters.model_copy(update={"reference": None, "skip_failures": False}))
+    return {name: found.result(name)[["start_s", "end_s"]] for name in names}

@@ -25,8 +25,7 @@ from structlearn.simulation.arm import Payload
 _PAYLOAD = "payload"
 
 
-SOLVER_ITERATIONS = 1000
-"""For friction; Bullet's 50 stop early."""
+SOLVER_ITERATIONS = 1000  # for friction; Bullet's 50 stop early
 
 
 class BulletArm:
@@ -201,10 +200,8 @@ def differences(
     """Largest differences between a run of the compiled engine and the same one in PyBullet.
 
     `compiled`: signals (T, n) by name, some of `LARGEST`. Returns a row per signal: `run`, `signal`,
-    `largest_difference`, `allowed`.
-
-    Raises:
-        RuntimeError: a difference is larger than allowed, or one engine stopped earlier.
+    `largest_difference`, `allowed`. Raises RuntimeError: a difference is larger than allowed, or one engine
+    stopped earlier.
     """
     rows = []
     for signal, one in compiled.items():

@@ -23,52 +23,38 @@ from structlearn.ground.params import Parameters
 
 
 class ResponseParameters(Parameters):
-    """Electrodes of a finger.
+    """Electrodes of a finger: reasons and sources; what each value is stands in `params.yaml`.
 
     Where a value rests on the recorded scraping execution of the public data (`clmc`), the calibration report
     shows both beside each other.
     """
 
-    # standard deviation of the pressure that an electrode feels from a point contact; spatial resolution is
-    # below 2 mm (Wettels et al. 2008), and contact then moves as few electrodes as recorded
+    # spatial resolution is below 2 mm (Wettels et al. 2008); contact then moves as few electrodes as recorded
     width_mm: float = Field(gt=0)
-    # radius of the contact patch under 1 N; it grows with the cube root of the load (Hertz)
-    hertz_mm_n: float = Field(ge=0)
-    # pressure p counts as p / (1 + saturation p): fluid cannot be thinner than nothing, and impedance rises
-    # from 5 to 1000 kOhm over 0.1 to 30 N (Wettels et al. 2008), less than the load
+    hertz_mm_n: float = Field(ge=0)  # grows with the cube root of the load (Hertz)
+    # fluid cannot be thinner than nothing, and impedance rises from 5 to 1000 kOhm over 0.1 to 30 N (Wettels
+    # et al. 2008), less than the load
     saturation_1_n: float = Field(ge=0)
-    # change by pressure; the sensor's counts fall where fluid is thinned. Size: so that contact moves the
-    # strongest electrode of a finger as recorded (130 and 430 counts)
-    counts_per_n: float = Field(lt=0)
-    # share of the lost thickness that comes back over the whole finger, for the fluid's volume stays; chosen
-    # so that distant electrodes move by a few counts, the other way
-    bulge: float = Field(ge=0)
-    bulge_n: float = Field(gt=0)  # load at which the bulge has reached 1 - 1/e of that
-    # share of a neighbour's signal in an electrode's, at no distance: the fluid conducts
-    cross_talk: float = Field(ge=0)
-    # distance over which it falls to 1/e; about the distance between electrodes
-    cross_talk_mm: float = Field(gt=0)
-    # standard deviation of the log of an electrode's gain: electrodes are hand-made individuals; chosen
-    gain_spread: float = Field(ge=0)
-    width_spread: float = Field(ge=0)  # the same of its width
-    bulge_spread: float = Field(ge=0)  # the same of its bulge
-    # standard deviation of an electrode's zero; as recorded after taring, tens of counts
-    offset_counts: float = Field(ge=0)
-    # share of the deformation that goes through play operators; with the creep it makes loops 4 to 7 % as
-    # wide as the reading's range, at 0.01 to 1 Hz. Silicone sensors in compression show 3 to 4 % at 0.1 Hz
-    # and 9 to 15 % at 1 Hz (Romano et al. 2024); here the lag does the latter
+    counts_per_n: float = Field(lt=0)  # moves the strongest electrode as recorded (130 and 430 counts)
+    bulge: float = Field(ge=0)  # the fluid's volume stays: distant electrodes move the other way
+    bulge_n: float = Field(gt=0)
+    cross_talk: float = Field(ge=0)  # the fluid conducts
+    cross_talk_mm: float = Field(gt=0)  # about the distance between electrodes
+    gain_spread: float = Field(ge=0)  # electrodes are hand-made individuals; chosen
+    width_spread: float = Field(ge=0)
+    bulge_spread: float = Field(ge=0)
+    offset_counts: float = Field(ge=0)  # as recorded after taring, tens of counts
+    # through play operators; with the creep it makes loops 4 to 7 % as wide as the reading's range, at 0.01
+    # to 1 Hz. Silicone sensors in compression show 3 to 4 % at 0.1 Hz and 9 to 15 % at 1 Hz (Romano et al.
+    # 2024); here the lag does the latter
     hysteresis: float = Field(ge=0, le=1)
-    # share of the deformation that comes late, per time constant; 12 % in all. Silicone relaxes under
-    # constant strain (Case et al. 2015); chosen, since no figure is published for this skin
+    # 12 % in all: silicone relaxes under constant strain (Case et al. 2015); none is published for this skin
     creep: tuple[float, float]
-    # time constants of the creep; the fast one after the recovery time of silicone domes, 0.4 s (Romano et
-    # al. 2024); the slow one is chosen, about the length of a run
+    # the recovery time of silicone domes, 0.4 s (Romano et al. 2024), and about the length of a run
     creep_s: tuple[float, float]
-    # of an electrode behind the pressure; in the recorded unscrewing the electrodes under the load follow the
-    # sensor's own fluid pressure by 20 to 70 ms
+    # in the recorded unscrewing electrodes under the load follow the fluid pressure by 20 to 70 ms
     lag_s: float = Field(gt=0)
-    # standard deviation of the white noise before rounding; recorded 0.45 to 0.7 with it
-    noise_counts: float = Field(ge=0)
+    noise_counts: float = Field(ge=0)  # before rounding; recorded 0.45 to 0.7 with it
 
 
 class Response(NamedTuple):

@@ -29,35 +29,25 @@ from structlearn.tactile.electrodes import ELECTRODES_MM, SKIN_RADIUS_MM
 
 CHANNELS = 2 * len(ELECTRODES_MM)
 
-PAD_DISTANCE_MM = 10.0
-"""Half the distance between the pads, d: a tool 20 mm thick."""
+PAD_DISTANCE_MM = 10.0  # half the distance between the pads, d: a tool 20 mm thick
 
 HOME_MM = (-2.0, -3.0)
 """Contact centre of the left and the right finger along the finger when nothing pulls at the tool, from the
 start of the round tip; chosen where the flat of the pad is."""
 
-HOME_ACROSS_MM = (0.0, 1.0)
-"""The same across the finger; chosen since two fingers never meet exactly."""
+HOME_ACROSS_MM = (0.0, 1.0)  # the same across the finger; chosen since two fingers never meet exactly
 
 
 class TouchParameters(ResponseParameters):
-    """The two fingers. What electrodes count: `ResponseParameters`."""
+    """The two fingers; reasons as in `ResponseParameters`, which says what electrodes count."""
 
-    # force of the pinch; chosen so that a 60 g tool pushed with 1 N does not slip at friction 0.5
-    grip_n: float = Field(gt=0)
-    # its standard deviation between trials, relative; chosen as what a force-controlled gripper repeats
-    grip_spread: float = Field(ge=0)
-    # standard deviation between trials of where the tool sits, per finger and direction; chosen small: the
-    # hand keeps the tool between runs, only slip moves it
-    slip_mm: float = Field(ge=0)
-    # how far shear moves the contact centre, as if the skin were a layer of 500 N/m; so that contact with the
-    # board and scraping move the electrodes about as far as recorded
+    grip_n: float = Field(gt=0)  # so that a 60 g tool pushed with 1 N does not slip at friction 0.5
+    grip_spread: float = Field(ge=0)  # chosen as what a force-controlled gripper repeats
+    slip_mm: float = Field(ge=0)  # chosen small: the hand keeps the tool between runs, only slip moves it
+    # as if the skin were a layer of 500 N/m: contact and scraping move electrodes as far as recorded
     shear_mm_n: float = Field(ge=0)
-    # how far a turn of the tool moves it; pads that are d off the axis take most of d per radian up by
-    # rolling
-    rolling_mm_rad: float = Field(ge=0)
-    # how far torque about the pinch axis moves it across the finger; small, since in the recording the drag
-    # of the scraped edge moves the electrodes far less than contact does
+    rolling_mm_rad: float = Field(ge=0)  # pads d off the axis take up most of d per radian by rolling
+    # across the finger; recorded, the drag of the scraped edge moves electrodes far less than contact
     twist_mm_n_m: float = Field(ge=0)
 
 
@@ -66,8 +56,7 @@ PLAY_MM = np.array([0.03, 0.1, 0.3, 1.0])
 to the largest displacement, so that a loop's width stays about the same share of its length (as rubber's
 loss does) whatever its size."""
 
-PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])
-"""The same for the load."""
+PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])  # the same for the load
 
 
 class FingerPair:
@@ -83,10 +72,7 @@ class FingerPair:
         """Take a grasp.
 
         `sensor_seed`: of what tells one electrode from another; the same for all runs of a robot; `trial`: of
-        grip, seat of the tool and noise.
-
-        Raises:
-            ValueError: the rate is not positive.
+        grip, seat of the tool and noise. Raises ValueError: the rate is not positive.
         """
         if not rate_hz > 0:
             raise ValueError(f"rate must be positive, is {rate_hz} Hz")
@@ -108,10 +94,7 @@ class FingerPair:
 
         `force` (3,) N that the tool exerts on the hand, hand frame; `torque` (3,) N m about the grasp's
         centre, the same; `turn` (3,) rad, rotation vector of the tool in the grasp, hand frame. Returns (38,)
-        whole counts, left finger first.
-
-        Raises:
-            ValueError: a number is not finite.
+        whole counts, left finger first. Raises ValueError: a number is not finite.
         """
         sample = np.empty((1, 9))
         sample[0, :3], sample[0, 3:6], sample[0, 6:] = force, torque, turn
@@ -121,10 +104,7 @@ class FingerPair:
         """The next T samples at once, the same numbers as `read` one by one.
 
         `force` (T, 3) as for `read`; so are `torque` and `turn`; `torque` (T, 3); `turn` (T, 3). Returns (T,
-        38) whole counts.
-
-        Raises:
-            ValueError: a number is not finite.
+        38) whole counts. Raises ValueError: a number is not finite.
         """
         return self._read(np.hstack([force, torque, turn]).astype(float))
 

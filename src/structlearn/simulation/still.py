@@ -11,11 +11,8 @@ import pybullet
 import pybullet_data
 from pybullet_utils.bullet_client import BulletClient
 
-SIZE = (1000, 620)
-"""Pixels of the picture."""
-
-OVERSAMPLING = 2
-"""Drawn larger by this and averaged, so that edges are smooth."""
+SIZE = (1000, 620)  # pixels of the picture
+OVERSAMPLING = 2  # drawn larger by this and averaged, so that edges are smooth
 
 FIELD_OF_VIEW_DEG = 32.0
 

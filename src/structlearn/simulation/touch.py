@@ -37,8 +37,7 @@ from structlearn.tactile.electrodes import Skin
 PLAY_N = np.array([0.03, 0.1, 0.3, 1.0])
 """Thresholds of the play operators on the load, as for the fingers that pinch."""
 
-NEWTON_STEPS = 8
-"""Enough for the exact closest point: the derivative has at most six kinks."""
+NEWTON_STEPS = 8  # enough for the exact closest point: the derivative has at most six kinks
 
 
 class FingerParameters(ResponseParameters):

@@ -35,14 +35,12 @@ Swept = TypeVar("Swept", float, np.ndarray)
 SLIDES: dict[Motion, tuple[int, ...]] = {"rotation": (1, -1), "translation": (1, -1, 1, -1)}
 """Directions of the contacts of a demonstration."""
 
-SAMPLED_EVERY = 3
-"""Robot ticks per sample of the electrodes: 100 Hz at 300 Hz."""
+SAMPLED_EVERY = 3  # robot ticks per sample of the electrodes: 100 Hz at 300 Hz
 
 APPROACH_S, PRESS_S = 0.5, 0.35
 """How long it takes to come down and to press; the same to release and to rise."""
 
-WAVER_S = 0.25
-"""Width of the Gaussian that smooths the force a person holds; chosen: it wavers below 1 Hz."""
+WAVER_S = 0.25  # width of the Gaussian that smooths the force a person holds; chosen: it wavers below 1 Hz
 
 AREA_SPREAD_MM = 0.7
 """Standard deviation of where a contact begins within its area: chosen so that areas adjoin."""
@@ -50,17 +48,10 @@ AREA_SPREAD_MM = 0.7
 DRIFT_MM = 0.4
 """Standard deviation per second of how a contact strays sideways; chosen: a hand does not follow a ruler."""
 
-RISE_MM = 8.0
-"""Height of the finger over the handle in the air: clear of it, whatever the sway of the hand."""
-
-STAMP_JITTER_S = 2e-4
-"""Standard deviation of the electrodes' stamps, for they have a clock of their own."""
-
-TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")
-"""Columns of `true_contacts`."""
-
-CLOCK_START_NS = 10**9
-"""Stamp of the first sample."""
+RISE_MM = 8.0  # height of the finger over the handle in the air: clear of it, whatever the sway of the hand
+STAMP_JITTER_S = 2e-4  # standard deviation of the electrodes' stamps, for they have a clock of their own
+TRUTH = ("trial", "time_s", "x_m", "y_m", "z_m", "load_n")  # columns of `true_contacts`
+CLOCK_START_NS = 10**9  # stamp of the first sample
 
 
 class ToucherParameters(Parameters):

@@ -44,11 +44,8 @@ NORMALS = np.array(
 )
 NORMALS /= np.linalg.norm(NORMALS, axis=1, keepdims=True)
 
-SKIN_RADIUS_MM = 7.0
-"""Of the outer skin: half cylinder behind the tip (x <= 0), quarter sphere at the tip."""
-
-SKIN_LENGTH_MM = 15.0
-"""Of the cylinder that has electrodes under it."""
+SKIN_RADIUS_MM = 7.0  # of the outer skin: half cylinder behind the tip (x <= 0), quarter sphere at the tip
+SKIN_LENGTH_MM = 15.0  # of the cylinder that has electrodes under it
 
 DEPTH = 1.92e-3
 """m from the surface to the electrodes: fluid and skin of the BioTac, whose core has a radius of 5.08 mm."""
@@ -177,11 +174,8 @@ SKINS: Mapping[str, Skin] = {skin.name: skin for skin in (biotac(), flat_pad(), 
 """All skins by name."""
 
 
-SEGMENTS = 16
-"""Of a shortest path; over a quarter of a circle, chords are 0.04 % too short."""
-
-ROUNDS = 300
-"""Of shortening; the longest wave of a path of 16 segments falls to 1/e in 50."""
+SEGMENTS = 16  # of a shortest path; over a quarter of a circle, chords are 0.04 % too short
+ROUNDS = 300  # of shortening; the longest wave of a path of 16 segments falls to 1/e in 50
 
 
 def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarray:

@@ -42,12 +42,9 @@ class Geodesics:
 def geodesics(points: np.ndarray, parameters: GeodesicParameters) -> Geodesics:
     """Distances between contact points, bin by bin over the cores.
 
-    `points` (N, 3) m; fewer points than a bin make one smaller bin.
-
-    Raises:
-        InputError: a point is NaN or infinite.
-        MissingInputError: a bin has no more points than neighbours, or patches of it lie
-            farther apart than `bridge_mm`.
+    `points` (N, 3) m; fewer points than a bin make one smaller bin. Raises InputError: a point is NaN or
+    infinite. Raises MissingInputError: a bin has no more points than neighbours, or patches of it lie farther
+    apart than `bridge_mm`.
     """
     if not np.isfinite(points).all():
         raise InputError(f"touch: contact point {np.argwhere(~np.isfinite(points))[0][0]} is not finite")
@@ -66,10 +63,7 @@ def graph_distances(points: np.ndarray, neighbours: int, bridge: float) -> np.nd
 
     `points` (N, 3) m; `neighbours`: M nearest of every point; an edge joins two points of which either is the
     other's; `bridge`: m; patches of points without an edge between them are joined by their shortest edge if
-    it is no longer than this. Returns (N, N) float32 m.
-
-    Raises:
-        MissingInputError: patches lie farther apart.
+    it is no longer than this. Returns (N, N) float32 m. Raises MissingInputError: patches lie farther apart.
     """
     length, near = cKDTree(points).query(points, k=neighbours + 1)
     source = np.repeat(np.arange(len(points)), neighbours)

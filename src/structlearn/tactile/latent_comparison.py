@@ -76,11 +76,8 @@ class LatentComparison:
 def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParameters) -> LatentComparison:
     """Train all models and evaluate them.
 
-    `dataset`: samples of touch.
-
-    Raises:
-        InputError: a split or a bin has too few samples, no contact is long enough for a chain to train on or
-            to test on, or a signal never changes.
+    `dataset`: samples of touch. Raises InputError: a split or a bin has too few samples, no contact is long
+    enough for a chain to train on or to test on, or a signal never changes.
     """
     rng = np.random.default_rng(parameters.training.seed)
     taught = _chains(dataset, CHAIN_STEPS, STRIDES, "train")
@@ -191,10 +188,8 @@ def learn_spaces(
 ) -> LatentModels:
     """Train autoencoders of all seeds, with and without structure, on the training samples of a set.
 
-    Returns the stack; its dynamics are as they were drawn.
-
-    Raises:
-        InputError: a bin has fewer than two training samples.
+    Returns the stack; its dynamics are as they were drawn. Raises InputError: a bin has fewer than two
+    training samples.
     """
     rng = np.random.default_rng(parameters.training.seed)
     pairs = draw_pairs(samples, geodesics, TRAIN, parameters.pair_pool, rng)
@@ -229,10 +224,7 @@ def seen_in(
 ) -> SplitData:
     """Samples and random pairs of one split, to test latent spaces on (`latent_evaluation.latent_errors`).
 
-    `split`: which samples.
-
-    Raises:
-        InputError: a bin has fewer than two samples of the split.
+    `split`: which samples. Raises InputError: a bin has fewer than two samples of the split.
     """
     found = draw_pairs(samples, geodesics, split, pairs, np.random.default_rng(split))
     return asked_of(units, samples, found, split)

@@ -11,10 +11,8 @@ import pandas as pd
 import torch
 from torch import Tensor
 
-from structlearn.tactile.autoencoder import map_distance
-from structlearn.tactile.forward_dynamics import chained
-from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
+from structlearn.tactile.latent_models import LatentModels, map_distance
 from structlearn.tactile.latent_parameters import FORWARD_OF, NO_INVERSE, TRAINED_WITH, UNCHANGED
 from structlearn.tactile.latent_training import encoded
 from structlearn.tactile.touch_dataset import LINEAR, TouchDataset, TouchUnits
@@ -22,11 +20,8 @@ from structlearn.tactile.touch_dataset import LINEAR, TouchDataset, TouchUnits
 PARTS = {"translation": slice(0, LINEAR), "rotation": slice(LINEAR, None)}
 """Parts of an action whose directions are compared."""
 
-PREDICTED = ["structure", "seed", "forward", "trained_with", "steps"]
-"""Columns that name a prediction."""
-
-SHORTEST = 1e-9
-"""Floor of a norm by which is divided."""
+PREDICTED = ["structure", "seed", "forward", "trained_with", "steps"]  # columns that name a prediction
+SHORTEST = 1e-9  # floor of a norm by which is divided
 
 
 @dataclass(frozen=True)

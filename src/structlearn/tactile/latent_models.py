@@ -3,6 +3,12 @@
 A stack holds all of them for some seeds. Its autoencoders run over structures, and within each over the
 seeds. Each forward model has one stack: over the ways to train it, and within each over the autoencoders.
 Their file holds the units that they see touch in as well.
+
+The autoencoders' code is a flat map of the skin and the pressure (II.3.2, II.3.3):
+
+    z = enc(s):   z_xy distances in the map are geodesic distances on the skin,   z_z is the contact pressure
+
+All quantities are in the units of `TouchUnits`, so that the three losses are of comparable size.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,15 +23,16 @@ from torch import Tensor
 from structlearn.ground.artefacts import read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 from structlearn.networks.stacked_layers import StackedLayers
-from structlearn.tactile.autoencoder import StackedAutoencoders
-from structlearn.tactile.forward_dynamics import (
+from structlearn.tactile.latent_dynamics import (
     ACTION,
     ForwardDynamics,
     LocallyLinearDynamics,
     NonLinearDynamics,
 )
 from structlearn.tactile.latent_parameters import (
+    LATENT,
     LOCALLY_LINEAR,
+    MAP,
     NONLINEAR,
     STRUCTURES,
     TRAINED_WITH,
@@ -33,8 +40,66 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.tactile.touch_dataset import TouchUnits
 
-NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")
-"""Names of a stack's networks in files."""
+SQUARED_DISTANCE_FLOOR = 1e-9  # keeps the gradient of a distance finite where two points coincide
+
+
+@dataclass(frozen=True)
+class StackedAutoencoders:
+    """M autoencoders with batch normalisation (II.4.1.3)."""
+
+    encoder: StackedLayers  # (M, E, B) signals -> (M, 3, B) latent states
+    decoder: StackedLayers  # the way back
+
+    @classmethod
+    def initial(cls, models: int, electrodes: int, hidden: Sequence[int], generator: torch.Generator) -> Self:
+        """Autoencoders to be trained.
+
+        `models`: number of autoencoders M; `electrodes`: number of signals E; `hidden`: nodes of the
+        encoder's hidden layers; the decoder mirrors them.
+        """
+        return cls(
+            StackedLayers.initial(models, (electrodes, *hidden, LATENT), generator, normalised=True),
+            StackedLayers.initial(models, (LATENT, *hidden[::-1], electrodes), generator, normalised=True),
+        )
+
+    def parameters(self) -> list[Tensor]:
+        """What is trained."""
+        return self.encoder.parameters() + self.decoder.parameters()
+
+
+@dataclass(frozen=True)
+class LatentLosses:
+    """The three losses of a batch, meant over its samples, per model (M,)."""
+
+    reconstruction: Tensor  # L_AER (eq. II.5), meant over electrodes too
+    distances: Tensor  # L_MDS (eq. II.3)
+    pressure: Tensor  # L_CDP (eq. II.4)
+
+
+def latent_losses(
+    autoencoders: StackedAutoencoders, signals: Tensor, pressure: Tensor, geodesic: Tensor
+) -> LatentLosses:
+    """Losses of a batch of pairs, for training.
+
+    `signals` (M, E, 2 B) the pairs' first samples, then their second ones; `pressure` (M, 2 B) their contact
+    pressures; `geodesic` (M, B) distance on the skin between the two of a pair.
+    """
+    latent = autoencoders.encoder.forward(signals, training=True)
+    decoded = autoencoders.decoder.forward(latent, training=True)
+    return LatentLosses(
+        reconstruction=(decoded - signals).square().mean(dim=(1, 2)),
+        distances=(map_distance(*latent.chunk(2, dim=-1)) - geodesic).square().mean(dim=1),
+        pressure=(latent[:, MAP] - pressure).square().mean(dim=1),
+    )
+
+
+def map_distance(first: Tensor, second: Tensor) -> Tensor:
+    """Distance (M, B) in the flat map between latent states (M, 3, B)."""
+    squared = (first[:, :MAP] - second[:, :MAP]).square().sum(dim=1)
+    return (squared + SQUARED_DISTANCE_FLOOR).sqrt()
+
+
+NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")  # names of a stack's networks in files
 
 
 @dataclass(frozen=True)

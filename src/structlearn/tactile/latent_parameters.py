@@ -14,24 +14,18 @@ from pydantic import Field, PositiveInt
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 
-STRUCTURES = (True, False)
-"""Whether the latent space has structure: L_MDS and L_CDP in its loss."""
+LATENT = 3  # dimensions of the latent state: map x, map y, pressure
+MAP = 2  # of these, the ones of the map
+STRUCTURES = (True, False)  # whether the latent space has structure: L_MDS and L_CDP in its loss
 
 InverseModel = Literal["LL", "NG", "NJ"]
 
 LOCALLY_LINEAR: InverseModel = "LL"
 NEGATIVE_GRADIENT: InverseModel = "NG"
-JACOBIAN: InverseModel = "NJ"
-"""Names of the inverse models."""
-
-NONLINEAR = "NL"
-"""Name of the other forward model, beside `LOCALLY_LINEAR`."""
-
-UNCHANGED = "unchanged"
-"""The prediction that nothing moves, beside the forward models."""
-
-NO_INVERSE: Final = "none"
-"""Trained with L_LFD alone."""
+JACOBIAN: InverseModel = "NJ"  # names of the inverse models
+NONLINEAR = "NL"  # name of the other forward model, beside `LOCALLY_LINEAR`
+UNCHANGED = "unchanged"  # the prediction that nothing moves, beside the forward models
+NO_INVERSE: Final = "none"  # trained with L_LFD alone
 
 TRAINED_WITH: dict[str, tuple[InverseModel | Literal["none"], ...]] = {
     LOCALLY_LINEAR: (NO_INVERSE, LOCALLY_LINEAR),

@@ -18,25 +18,16 @@ from tqdm import tqdm
 
 from structlearn.ground.errors import InputError
 from structlearn.networks.torch_settings import RootMeanSquarePropagation, as_tensor
-from structlearn.tactile.autoencoder import latent_losses
-from structlearn.tactile.forward_dynamics import chained
 from structlearn.tactile.geodesics import Geodesics
-from structlearn.tactile.inverse_dynamics import LatentStep, inferred_action
-from structlearn.tactile.latent_models import LatentModels
+from structlearn.tactile.latent_dynamics import LatentStep, chained, inferred_action
+from structlearn.tactile.latent_models import LatentModels, latent_losses
 from structlearn.tactile.latent_parameters import FORWARD_OF, TRAINED_WITH, LatentTrainingParameters
 from structlearn.tactile.touch_dataset import Chains, TouchSamples, TouchUnits
 
-CHAIN_STEPS = 3
-"""Actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)."""
-
-DRAWN_AT_ONCE = 100
-"""Steps whose batches are drawn in one call."""
-
-COMPARED_PAIRS = 4096
-"""Pairs by which starts are compared."""
-
-SHORTEST_ACTION = 1e-6
-"""Floor of the length by which an action is divided, in the networks' units."""
+CHAIN_STEPS = 3  # actions per chain to train on: the one before, and the C = 2 that are predicted (II.4.4)
+DRAWN_AT_ONCE = 100  # steps whose batches are drawn in one call
+COMPARED_PAIRS = 4096  # pairs by which starts are compared
+SHORTEST_ACTION = 1e-6  # floor of the length by which an action is divided, in the networks' units
 
 
 @dataclass(frozen=True)
@@ -53,10 +44,8 @@ def draw_pairs(
 ) -> Pairs:
     """Random pairs of one split; both of a pair are in the same bin, as their distance must be known.
 
-    `dataset`: the samples; `split`: which samples.
-
-    Raises:
-        InputError: a bin has fewer than two samples of the split.
+    `dataset`: the samples; `split`: which samples. Raises InputError: a bin has fewer than two samples of the
+    split.
     """
     bins = len(geodesics.rows)
     members = [np.flatnonzero(dataset.split[rows] == split) for rows in geodesics.rows]

@@ -19,18 +19,14 @@ from structlearn.tactile.latent_training import CHAIN_STEPS, Pairs
 from structlearn.tactile.servo_controller import TactileServo
 from structlearn.tactile.touch_dataset import TRAIN, Chains
 
-STEP_S = 1.0
-"""An action's duration: a velocity in m/s is a displacement in m per step."""
-
-PLANE = 2
-"""Of a place, the first so many components are on the plate; the third is the height of the probe."""
+STEP_S = 1.0  # an action's duration: a velocity in m/s is a displacement in m per step
+PLANE = 2  # of a place, the first so many components are on the plate; the third is the height of the probe
 
 STILL = 0.01
 """A component of the action that is smaller than this share of the largest (root mean squares) is none."""
 
 
-ROUNDING = 1e-3
-"""Of a block's side: commanded places are exact to tenths of a micrometre only."""
+ROUNDING = 1e-3  # of a block's side: commanded places are exact to tenths of a micrometre only
 
 
 @dataclass(frozen=True)
@@ -54,10 +50,8 @@ def pressed_skin(
     """Presses as the sensor's description lets them be seen.
 
     `counts` (N, E) readings; `place` (N, 3) m of the probe; `split` (N,) of each press; `copies`: times that
-    each press is there, from the second on with a gain that drifted.
-
-    Raises:
-        InputError: see `SensorDescription.seen`.
+    each press is there, from the second on with a gain that drifted. Raises InputError: see
+    `SensorDescription.seen`.
     """
     if copies != 1:
         assert rng is not None, "gains are drawn"

@@ -21,16 +21,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from structlearn.tactile.autoencoder import LATENT
-from structlearn.tactile.forward_dynamics import (
+from structlearn.tactile.latent_dynamics import (
     AffineDynamics,
     ForwardDynamics,
+    LatentStep,
     LocallyLinearDynamics,
     applied,
+    receding_horizon_action,
 )
-from structlearn.tactile.inverse_dynamics import LatentStep, receding_horizon_action
 from structlearn.tactile.latent_models import LatentModels
-from structlearn.tactile.latent_parameters import NEGATIVE_GRADIENT
+from structlearn.tactile.latent_parameters import LATENT, NEGATIVE_GRADIENT
 from structlearn.tactile.servo_controller import ServoMemory, ServoParameters, TactileServo, as_states
 from structlearn.tactile.touch_dataset import TouchUnits
 

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
-from structlearn.tactile.inverse_dynamics import (
+from structlearn.tactile.latent_dynamics import (
     LatentStep,
     affine_dynamics,
     inferred_action,

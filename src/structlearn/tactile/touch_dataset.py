@@ -17,20 +17,14 @@ from structlearn.ground import quaternion
 from structlearn.ground.artefacts import read_tensors, write_tensors
 from structlearn.ground.errors import InputError
 
-TRAIN, VALIDATION, TEST = 0, 1, 2
-"""Numbers of the splits."""
-
-SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}
-"""Splits by their names in tables."""
-
-ROTATION, TRANSLATION, OTHER = 0, 1, 2
-"""Numbers of the motions that were demonstrated."""
+TRAIN, VALIDATION, TEST = 0, 1, 2  # numbers of the splits
+SPLITS = {"train": TRAIN, "validation": VALIDATION, "test": TEST}  # splits by their names in tables
+ROTATION, TRANSLATION, OTHER = 0, 1, 2  # numbers of the motions that were demonstrated
 
 STRIDES = (29, 30, 31, 32, 33)
 """Samples per step of prediction while learning: 100 Hz / 29 to 100 Hz / 33 (II.4.1.1)."""
 
-TEST_STRIDE = 31
-"""The same for evaluation."""
+TEST_STRIDE = 31  # the same for evaluation
 
 ACTION_DIMENSIONS = 6
 
@@ -154,8 +148,7 @@ def _chains(dataset: TouchDataset, length: int, stride: int, split: int | None) 
     return Chains(rows, actions.astype(np.float32), np.full(len(rows), stride / float(dataset.rate_hz)))
 
 
-LINEAR = 3
-"""The first so many components of an action are linear velocity, the others angular."""
+LINEAR = 3  # the first so many components of an action are linear velocity, the others angular
 
 
 @dataclass(frozen=True)
@@ -184,11 +177,8 @@ def touch_units(dataset: TouchSamples, chains: Chains, length_m: float) -> Touch
     """Units from the training samples.
 
     `dataset`: samples of touch; `chains`: of the training split; their actions give the scales and the likely
-    actions; `length_m`: m on the skin per unit of the map.
-
-    Raises:
-        InputError: there is no training sample or chain, or an electrode, the pressure or the velocity
-            never changes.
+    actions; `length_m`: m on the skin per unit of the map. Raises InputError: there is no training sample or
+    chain, or an electrode, the pressure or the velocity never changes.
     """
     rows = dataset.split == TRAIN
     if not rows.any() or not len(chains):

@@ -78,12 +78,9 @@ def prepare(
     """Samples of all contacts of all demonstrations, in their order.
 
     Splits are drawn by contact, evenly over the motions. `demonstrations`: with poses of the finger and
-    counts, all at `rate_hz`.
-
-    Raises:
-        InputError: there is no pose or no touch in a demonstration, its channels are not the skin's, it has
-            another rate, nothing touches in it, it is shorter than the time in the air, or there are fewer
-            than three contacts in all; the message names the demonstration.
+    counts, all at `rate_hz`. Raises InputError: there is no pose or no touch in a demonstration, its channels
+    are not the skin's, it has another rate, nothing touches in it, it is shorter than the time in the air, or
+    there are fewer than three contacts in all; the message names the demonstration.
     """
     parts = []
     count = 0
@@ -201,10 +198,8 @@ def contact_points(signals: np.ndarray, skin: Skin) -> np.ndarray:
     Each is the centroid of the electrodes by their squared negative changes, projected to the skin. Only
     electrodes whose counts fell take part: there the fluid is thinned; where it bulges counts rise. `signals`
     (N, E) counts less their offset; `skin`: with the E electrodes. Returns (N, 3) m, frame of the finger.
-
-    Raises:
-        InputError: the number of channels is not that of the electrodes, a value is NaN or infinite, or no
-            electrode of a row fell, so that nothing touches; the message names the row, from 0.
+    Raises InputError: the number of channels is not that of the electrodes, a value is NaN or infinite, or no
+    electrode of a row fell, so that nothing touches; the message names the row, from 0.
     """
     if signals.ndim != 2 or signals.shape[1] != len(skin.electrodes):
         raise InputError(

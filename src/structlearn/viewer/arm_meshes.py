@@ -16,8 +16,7 @@ from structlearn.viewer.rrd import entity, plot, rgba, scene_view, send_series, 
 PACKAGE = "package://"
 """Before paths of meshes in URDFs for ROS; PyBullet takes them relative to the URDF, and so do we."""
 
-STICK_M = 0.025
-"""Radius of a stick."""
+STICK_M = 0.025  # radius of a stick
 
 
 def send_arm(

@@ -13,11 +13,8 @@ from structlearn.viewer.rrd import flat_view, rgba
 GRID = "#262b31"
 """Colour of the grid: just visible on the viewer's dark ground."""
 
-LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2
-"""Room around the axes for their numbers and names."""
-
-TICKS = 6
-"""About so many intervals per axis."""
+LEFT, RIGHT, ABOVE, BELOW = 2.6, 1.0, 1.6, 2.2  # room around the axes for their numbers and names
+TICKS = 6  # about so many intervals per axis
 
 
 @dataclass(frozen=True)

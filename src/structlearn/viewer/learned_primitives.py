@@ -35,11 +35,8 @@ from structlearn.viewer.rrd import (
     time_column,
 )
 
-PHASE = "phase"
-"""Time line of the phase that is spent: paths of different durations move in step on it."""
-
-PHASE_STEPS = 1000
-"""Steps of that time line per primitive; time lines of rerun are whole numbers."""
+PHASE = "phase"  # time line of the phase that is spent: paths of different durations move in step on it
+PHASE_STEPS = 1000  # steps of that time line per primitive; time lines of rerun are whole numbers
 
 ALL = slice(None)
 

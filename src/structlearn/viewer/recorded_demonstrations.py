@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from structlearn.ground import quaternion
 from structlearn.palette import LIGHT_GREY, primitive_colour
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.result import Segmentation
+from structlearn.segmentation.segments import Segmentation
 from structlearn.viewer.notes import notes_view, origin_sentence, send_notes
 from structlearn.viewer.rrd import (
     axis_length,
@@ -35,8 +35,7 @@ AXES = "xyz"
 DETAILED = 12
 """Demonstrations with a tab of their own; of a larger set the first ones, or the bar of tabs is no use."""
 
-ELECTRODES_PER_FINGER = 19
-"""Of a BioTac; other numbers of channels are shown in one plot."""
+ELECTRODES_PER_FINGER = 19  # of a BioTac; other numbers of channels are shown in one plot
 
 Scenery = Callable[[rr.RecordingStream], Sequence[str]]
 """Logs what stands around the movements, and returns the query expressions of its entities."""
@@ -73,8 +72,7 @@ def write_demonstrations(
             _send_lanes(stream, demonstrations, segmentation)
 
 
-Part = tuple[int, int, str]
-"""First and last sample of a stretch of a demonstration, and its colour."""
+Part = tuple[int, int, str]  # first and last sample of a stretch of a demonstration, and its colour
 
 
 def _parts(demonstration: Demonstration, segmentation: Segmentation | None, colour: str) -> list[Part]:

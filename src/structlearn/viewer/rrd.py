@@ -20,23 +20,12 @@ TIME = "time"
 VIEW_RATE_HZ = 100.0
 """Signals are thinned to about this rate: a screen shows no more, and files stay a third of their size."""
 
-AXIS_SHARE = 0.12
-"""Length of a moving frame's axes as a fraction of the scene's radius."""
-
-SHORTEST_AXES = 0.01
-"""m; frames stay visible where hardly anything but the orientation moves."""
-
-NEAREST = 0.06
-"""m; distance of the camera from such a scene."""
-
-HALF_FIELD_OF_VIEW = np.radians(27.5)
-"""Of rerun's camera, from the middle of a view to its upper edge."""
-
-NARROWEST = 0.8
-"""Width over height of the narrowest 3-D view that the scene is to fit in."""
-
-ROOM = 1.15
-"""Factor on the distance from which all points are just seen: frames and labels stick out."""
+AXIS_SHARE = 0.12  # length of a moving frame's axes as a fraction of the scene's radius
+SHORTEST_AXES = 0.01  # m; frames stay visible where hardly anything but the orientation moves
+NEAREST = 0.06  # m; distance of the camera from such a scene
+HALF_FIELD_OF_VIEW = np.radians(27.5)  # of rerun's camera, from the middle of a view to its upper edge
+NARROWEST = 0.8  # width over height of the narrowest 3-D view that the scene is to fit in
+ROOM = 1.15  # factor on the distance from which all points are just seen: frames and labels stick out
 
 ELEVATION = np.radians(25.0)
 """Of the camera above the horizontal: paths on a board are seen from above, heights remain visible."""
@@ -248,18 +237,10 @@ def eye_view(
 ) -> rrb.Spatial3DView:
     """3-D view onto a target (3,) from a place (3,) relative to it, both in m; the camera turns about it."""
     eye = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=target + from_target,
-        look_target=target,
-        eye_up=[0.0, 0.0, 1.0],
+        kind=rrb.Eye3DKind.Orbital, position=target + from_target, look_target=target, eye_up=[0.0, 0.0, 1.0]
     )
     return rrb.Spatial3DView(
-        name=name,
-        origin="/",
-        contents=list(contents),
-        background=GROUND,
-        eye_controls=eye,
-        line_grid=False,
+        name=name, origin="/", contents=list(contents), background=GROUND, eye_controls=eye, line_grid=False
     )
 
 

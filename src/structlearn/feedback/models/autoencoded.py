@@ -1,56 +1,39 @@
 """Code of an autoencoder, then phase kernels (IV.9.3.3): see `pca`."""
 
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Jobs, Nodes, Trained
-from structlearn.feedback.models.pca import Encoder, principal_components, train_coded
-from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import Jobs, TrainingParameters
+from structlearn.feedback.models.pca import Encoder, PrincipalComponents, principal_components
 
 if TYPE_CHECKING:
     from torch import Generator, Tensor
 
-NODES = 100
-"""Of the hidden layer on either side of the code."""
+NODES = 100  # Of the hidden layer on either side of the code
 
 
-class AutoencodedNetwork(PhaseModulatedNetwork):
+class AutoencodedNetwork(PrincipalComponents):
     """How a phase-modulated network of an autoencoder's code is trained."""
 
     @classmethod
-    def train(
-        cls, jobs: Jobs, parameters: TrainingParameters, hidden: Nodes = (), initial: Self | None = None
-    ) -> list[Trained[PhaseModulatedNetwork]]:
-        """See `CouplingModel.train`; the code has as many dimensions as there are principal components."""
-        if initial is not None:
-            return PhaseModulatedNetwork.train(jobs, parameters, hidden, initial)
+    def encoders(cls, jobs: Jobs, parameters: TrainingParameters) -> list[Encoder]:
+        """See `autoencoder`; the codes have as many dimensions as there are principal components."""
         dimensions = np.array([encoder.dimensions for encoder in principal_components(jobs)])
-        return train_coded(jobs, autoencoder(jobs, dimensions, parameters), parameters, hidden)
+        return autoencoder(jobs, dimensions, parameters)
 
 
 def autoencoder(jobs: Jobs, dimensions: np.ndarray, parameters: TrainingParameters) -> list[Encoder]:
     """Autoencoders (encoder 100 tanh, linear code, decoder 100 tanh), trained as one stack.
 
-    `jobs`: see there; folds say which samples train, and which choose the step at which training stops.
-    `dimensions`: (M,) of each job's code. `parameters`: of the training; nothing is dropped out of an
-    autoencoder.
+    Folds say which samples train, and which choose the step. `dimensions`: (M,) of each job's code.
     """
     import torch
 
-    from structlearn.feedback.supervised_training import StackedData, train
-    from structlearn.networks.torch_settings import as_tensor, one_thread, seeded
+    from structlearn.feedback.supervised_training import StackedData, standardised, train
+    from structlearn.networks.torch_settings import one_thread, seeded
 
-    units = []
-    for dataset, fold in jobs:
-        found = dataset.deviation[fold.train]
-        units.append((found.mean(axis=0), np.sqrt(found.var(axis=0).mean())))
-    inputs = as_tensor(
-        np.stack(
-            [(data.deviation - mean) / scale for (data, _), (mean, scale) in zip(jobs, units, strict=True)]
-        )
-    )
+    units, inputs = standardised(jobs)
     network = StackedAutoencoders(inputs.shape[2], dimensions, seeded(parameters.seed))
     train(network, StackedData(inputs, None, inputs, [fold for _, fold in jobs]), parameters)
     with torch.no_grad(), one_thread():

@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Compiled, CouplingModel, Jobs, Nodes, Trained
+from structlearn.feedback.coupling_model import (
+    Compiled,
+    CouplingModel,
+    Jobs,
+    Nodes,
+    Trained,
+    TrainingParameters,
+)
 from structlearn.feedback.models.pmnn import layered, layered_fault, layered_numbers
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.networks.compiled_layers import Layers
 
 if TYPE_CHECKING:

@@ -6,23 +6,20 @@ means what it says and the two codes have the same aim. Phase kernels on the cod
 network without hidden layer, and so is the whole: the encoder is folded into it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
-from structlearn.feedback.coupling_model import Jobs, Nodes, Trained
+from structlearn.feedback.coupling_model import Jobs, Nodes, Trained, TrainingParameters
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
-from structlearn.feedback.training_parameters import TrainingParameters
 from structlearn.networks.compiled_layers import Layers
 
-VARIANCE_KEPT = 0.99
-"""Share of the variance that the principal components keep (IV.9.3.3)."""
+VARIANCE_KEPT = 0.99  # Share of the variance that the principal components keep (IV.9.3.3)
 
 
 class PrincipalComponents(PhaseModulatedNetwork):
-    """How a phase-modulated network of principal components is trained."""
+    """How a phase-modulated network of a code is trained; the code is that of principal components."""
 
     @classmethod
     def train(
@@ -31,7 +28,28 @@ class PrincipalComponents(PhaseModulatedNetwork):
         """See `CouplingModel.train`; from an initial network it goes on as a phase-modulated one."""
         if initial is not None:
             return PhaseModulatedNetwork.train(jobs, parameters, hidden, initial)
-        return train_coded(jobs, principal_components(jobs), parameters, hidden)
+        encoders = cls.encoders(jobs, parameters)
+        coded = [
+            (replace(dataset, deviation=encoder.code, groups=()), fold)
+            for (dataset, fold), encoder in zip(jobs, encoders, strict=True)
+        ]
+        found = PhaseModulatedNetwork.train(coded, parameters, hidden)
+        return [
+            Trained(
+                {
+                    part: model.behind(one.mean, one.scale, one.layers)
+                    for part, model in trained.models.items()
+                },
+                trained.steps,
+                one.dimensions,
+            )
+            for trained, one in zip(found, encoders, strict=True)
+        ]
+
+    @classmethod
+    def encoders(cls, jobs: Jobs, parameters: TrainingParameters) -> "list[Encoder]":
+        """What compresses the deviations of each job."""
+        return principal_components(jobs)
 
 
 @dataclass(frozen=True)
@@ -39,7 +57,7 @@ class Encoder:
     """What compresses the deviations of a job."""
 
     mean: np.ndarray  # (D,) taken off the deviations
-    scale: float  # by which they are divided then
+    scale: np.ndarray  # (D,) by which they are divided then
     layers: Layers  # weights and biases, all tanh but the last, which gives the code
     # (S, C) of all samples; a job that keeps fewer than C dimensions has zeros in the last ones
     code: np.ndarray
@@ -60,27 +78,6 @@ def principal_components(jobs: Jobs, variance: float = VARIANCE_KEPT) -> list[En
         missing = width - model.n_components_
         code = np.pad(model.transform(dataset.deviation), ((0, 0), (0, missing)))
         weights = np.pad(model.components_, ((0, missing), (0, 0)))
-        encoders.append(Encoder(model.mean_, 1.0, ((weights, np.zeros(width)),), code, model.n_components_))
+        layers = ((weights, np.zeros(width)),)
+        encoders.append(Encoder(model.mean_, np.ones(len(model.mean_)), layers, code, model.n_components_))
     return encoders
-
-
-def train_coded(
-    jobs: Jobs, encoders: Sequence[Encoder], parameters: TrainingParameters, hidden: Nodes
-) -> list[Trained[PhaseModulatedNetwork]]:
-    """Train a phase-modulated network on each job's code, and put it behind its encoder."""
-    coded = [
-        (replace(dataset, deviation=encoder.code, groups=()), fold)
-        for (dataset, fold), encoder in zip(jobs, encoders, strict=True)
-    ]
-    found = PhaseModulatedNetwork.train(coded, parameters, hidden)
-    return [
-        Trained(
-            {
-                part: model.behind(encoder.mean, np.full(len(encoder.mean), encoder.scale), encoder.layers)
-                for part, model in trained.models.items()
-            },
-            trained.steps,
-            encoder.dimensions,
-        )
-        for trained, encoder in zip(found, encoders, strict=True)
-    ]

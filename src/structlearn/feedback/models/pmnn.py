@@ -17,8 +17,16 @@ from typing import TYPE_CHECKING, Self
 import numba
 import numpy as np
 
-from structlearn.feedback.coupling_model import Compiled, CouplingModel, Jobs, Nodes, Trained, kernel
-from structlearn.feedback.training_parameters import TrainingParameters, UnrolledTrainingParameters
+from structlearn.feedback.coupling_model import (
+    Compiled,
+    CouplingModel,
+    Jobs,
+    Nodes,
+    Trained,
+    TrainingParameters,
+    UnrolledTrainingParameters,
+    kernel,
+)
 from structlearn.networks.compiled_layers import Layers, hidden_layers, layer_values, pack
 from structlearn.primitives import kernels
 
@@ -95,13 +103,10 @@ class PhaseModulatedNetwork(CouplingModel):
         return train_networks(jobs, parameters, hidden, initial)
 
     def train_in_unroll(
-        self,
-        training: "CorrectedPaths",
-        validation: "CorrectedPaths",
-        parameters: UnrolledTrainingParameters,
+        self, training: "CorrectedPaths", validation: "CorrectedPaths", parameters: UnrolledTrainingParameters
     ) -> "PhaseModulatedNetwork":
-        """See `unrolled_training`."""
-        from structlearn.feedback.unrolled_training import train_unrolled
+        """See `stacked_pmnn.train_unrolled`."""
+        from structlearn.feedback.stacked_pmnn import train_unrolled
 
         return train_unrolled(training, validation, self, parameters)
 

@@ -15,9 +15,7 @@ if TYPE_CHECKING:  # torch takes a second to load, and stages that record need o
     from structlearn.rigid_body.dynamics_models import DynamicsModels
     from structlearn.rigid_body.training_grid import Form
 
-RAW, LOGS, DATA = Path("data/raw/dynamics"), Path("data/runs/dynamics"), Path("data/dynamics")
-PAYLOAD = "payload"
-"""Logs of robots that pick something up, beside those of `IDEAL` and of `ROBOT`."""
+LOGS, DATA = Path("data/runs/dynamics"), Path("data/dynamics")
 
 TABLES = {
     "errors": DATA / "models/errors.parquet",
@@ -43,7 +41,7 @@ def read_tables(*names: str) -> dict[str, pd.DataFrame]:
 
 
 def read_logs(kind: str) -> dict[str, JointLog]:
-    """Logs of `IDEAL`, `ROBOT` or `PAYLOAD` by name, which is the seed of a robot.
+    """Logs of `IDEAL`, of `ROBOT` or with a `payload`, by name: that of a robot is its seed.
 
     Raises:
         InputError: the table is missing or damaged.

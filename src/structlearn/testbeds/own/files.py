@@ -17,13 +17,13 @@ from structlearn.ground.stage import run
 from structlearn.ground.wall_clock import RUN_BY_DVC
 from structlearn.primitives.primitive_files import read_primitives
 from structlearn.primitives.sequence import PosePrimitive
-from structlearn.recordings import read_demonstrations
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.recordings.runs import read_runs
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.result import Segmentation, read_segmentation
+from structlearn.segmentation.segments import Segmentation, read_segmentation
 
 DATA, REPORTS = Path("data/own"), Path("reports/own")
-SKILL, ABSENT = "skill.safetensors", "absent.txt"
+SKILL, ABSENT, RUNS = "skill.safetensors", "absent.txt", "runs"
 
 NAME_RULE = "a task's name has letters, digits, - and _ alone, and begins with a letter or a digit"
 """It is a folder's, and part of the names of its stages, in which DVC has signs of its own."""
@@ -85,13 +85,13 @@ class TaskFiles:
         """On which everything is read."""
         return self.part("clock", ClockParameters)
 
-    def runs(self, kind: str) -> list[Demonstration]:
-        """Demonstrations, or executions."""
-        return read_demonstrations(self.folder / kind, **self.clock.model_dump())
+    def runs(self, kind: str, name: str = RUNS) -> list[Demonstration]:
+        """Demonstrations, executions, reaches past obstacles, or corrections in the setting of a name."""
+        return read_runs(self.folder / kind / f"{name}.parquet")
 
     def settings(self) -> list[str]:
         """Labels of the settings in which demonstrations were corrected."""
-        return sorted(path.name for path in (self.folder / "corrections").iterdir() if path.is_dir())
+        return sorted(path.stem for path in (self.folder / "corrections").glob("*.parquet"))
 
     @property
     def segments(self) -> Path:

@@ -1,6 +1,7 @@
 """What `make inspect` prints: files, runs of motion, fitness, and an entry to paste."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
 from typing import Any
@@ -10,12 +11,16 @@ import yaml
 from structlearn.ground.errors import printable
 from structlearn.recordings.joint_series import FIELDS
 from structlearn.recordings.survey import TopicClocks, stamps_of
-from structlearn.testbeds.own.protocol.findings import Findings
-from structlearn.testbeds.own.protocol.fitness import Answer
-from structlearn.testbeds.own.protocol.hand_choice import Candidate, pose_words
-from structlearn.testbeds.own.protocol.inspection import FileSeen
-from structlearn.testbeds.own.protocol.motion_survey import BRIDGE_S, MotionRun, MotionSurvey
-from structlearn.testbeds.own.protocol.proposal import Proposal
+from structlearn.testbeds.own.protocol.fitness import Answer, fitness
+from structlearn.testbeds.own.protocol.hand_paths import Candidate, candidates, pose_words
+from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen, look_at
+from structlearn.testbeds.own.protocol.motion_survey import (
+    BRIDGE_S,
+    MotionRun,
+    MotionSurvey,
+    survey_motion,
+)
+from structlearn.testbeds.own.protocol.proposal import Proposal, propose
 
 FORMATS = {
     "mcap": "MCAP",
@@ -34,6 +39,37 @@ RIGHT = (2, 3, 4, 5, 7, 8)
 SECONDS_OF_A_YEAR = 3.2e7
 
 
+@dataclass(frozen=True)
+class Findings:
+    """What a source holds, and what follows from it.
+
+    Attributes:
+        seen: its files.
+        sources: of poses, the one that is taken for the hand's first.
+        motion: runs of motion of the hand; None where it does not move.
+        proposal: an entry of the parameter file; None where nothing could be the hand's pose.
+        answers: whether the files are fit to be learned from.
+    """
+
+    seen: SourceSeen
+    sources: Sequence[Candidate]
+    motion: MotionSurvey | None
+    proposal: Proposal | None
+    answers: Sequence[Answer]
+
+
+def find_out(source: str, urdf: str | None = None) -> Findings:
+    """Look at a source, see `look_at`."""
+    seen = look_at(source, urdf)
+    found = candidates({file.name: file.hands for file in seen.files})
+    if not found:
+        return Findings(seen, (), None, None, fitness(seen, None, None, ()))
+    hand = found[0]
+    motion = survey_motion(hand.paths) if hand.moves else None
+    proposal = propose(seen, hand, found[1:], motion)
+    return Findings(seen, found, motion, proposal, fitness(seen, hand, motion, proposal.read))
+
+
 def report(found: Findings) -> str:
     """All of it as text."""
     seen = found.seen
@@ -46,7 +82,8 @@ def report(found: Findings) -> str:
         lines += [*_sources(found.sources), ""]
     if found.motion is not None:
         lines += [*_motion(found.sources[0], found.motion), ""]
-    lines += ["Fit to be learned from?", *_indented(_answers(found.answers)), ""]
+    answers = [(one.verdict, one.question, one.number, one.advice) for one in found.answers]
+    lines += ["Fit to be learned from?", *_indented(_aligned(answers, ())), ""]
     if found.proposal is None:
         lines += ["No entry can be proposed: nothing here could be the pose of a hand."]
     else:
@@ -123,22 +160,16 @@ def _ms(seconds: float) -> str:
 
 def _sources(sources: Sequence[Candidate]) -> Iterator[str]:
     yield "What may be the pose of the hand (medians over the files); the first is taken"
-    rows = [("source", "files", "extent", "way", "largest speed", "noise")]
+    rows = [("source", "files", "extent", "way", "largest speed")]
     for one in sources:
-        path = max(one.paths.values(), key=lambda path: path.peak_m_s)
-        scale, unit = (1e3, "mm") if one.unit == "m" else (1.0, "rad")
-        noise = max(path.noise_m for path in one.paths.values())
-        rows.append(
-            (
-                one.words,
-                str(len(one.paths)),
-                f"{one.extent:.3g} {one.unit}",
-                f"{one.travelled:.3g} {one.unit}",
-                f"{path.peak_m_s:.3g} {one.unit}/s",
-                f"{scale * noise:.2g} {unit}",
-            )
+        peak = max(path.peak_m_s for path in one.paths.values())
+        sizes = (
+            f"{one.extent:.3g} m",
+            f"{one.travelled:.3g} m",
+            f"{peak:.3g} m/s",
         )
-    yield from _indented(_aligned(rows, range(1, 6)))
+        rows.append((one.words, str(len(one.paths)), *sizes))
+    yield from _indented(_aligned(rows, range(1, 5)))
 
 
 def _motion(hand: Candidate, motion: MotionSurvey) -> Iterator[str]:
@@ -146,7 +177,7 @@ def _motion(hand: Candidate, motion: MotionSurvey) -> Iterator[str]:
         f"Runs of motion of {hand.words}, s since its first sample; dips up to {BRIDGE_S:g} s are joined, "
         "short runs stand in brackets"
     )
-    rows = [("", f"above, {motion.unit}/s", "runs", "")]
+    rows = [("", "above, m/s", "runs", "")]
     for name, tried in motion.runs.items():
         alike = groupby(range(len(tried)), key=lambda place: [run.short for run in tried[place]])
         for number, (_, group) in enumerate(alike):
@@ -162,17 +193,13 @@ def _motion(hand: Candidate, motion: MotionSurvey) -> Iterator[str]:
                 )
             )
     yield from _indented(_aligned(rows, (2,)))
-    threshold = f"{motion.thresholds[motion.chosen]:.2g} {motion.unit}/s"
+    threshold = f"{motion.thresholds[motion.chosen]:.2g} m/s"
     yield f"  * with times at {threshold}, where most demonstrations agree"
 
 
 def _run(run: MotionRun) -> str:
     times = f"{run.start_s:.2f}-{run.end_s:.2f}"
     return f"({times})" if run.short else times
-
-
-def _answers(answers: Sequence[Answer]) -> list[str]:
-    return _aligned([(one.verdict, one.question, one.number, one.advice) for one in answers], ())
 
 
 def _aligned(rows: Sequence[Sequence[str]], right: Sequence[int]) -> list[str]:

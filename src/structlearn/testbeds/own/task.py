@@ -18,21 +18,23 @@ from typing import Any, Self
 import yaml
 from pydantic import Field, model_validator
 
+from structlearn.avoidance.scene_people import ScenePeopleParameters
+from structlearn.feedback.coupling_model import NetworkParameters, TrainingParameters
 from structlearn.feedback.skill_file import SkillParameters
+from structlearn.feedback.supervision import CorrectionParameters
 from structlearn.ground.artefacts import publish
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters, checked, merged, read_values
 from structlearn.ground.stage import run
 from structlearn.primitives.fitting import FitParameters
 from structlearn.primitives.sequence import GeneraliseParameters
+from structlearn.recordings.settings import Setting
 from structlearn.recordings.source import ClockParameters
 from structlearn.recordings.stamps import StampPolicy
-from structlearn.recordings.topics import JointPose, TopicMap
+from structlearn.recordings.topics import JointPose, SceneTopicMap, TopicMap
 from structlearn.segmentation.parameters import SegmentParameters
 from structlearn.testbeds.own.files import NAME_RULE, is_name, local_path
 from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters, RobotParameters
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
-from structlearn.testbeds.own.protocol.own_obstacles_parameters import ObstacleParameters
 from structlearn.testbeds.own.protocol.own_touch_parameters import TouchParameters
 
 PARAMETER_FILE = Path("stages/own/params.yaml")
@@ -42,6 +44,24 @@ PARTS = ("feedback", "robot", "motion", "touch", "obstacles")
 
 OF_DEMONSTRATIONS = ("topics", "segment", "fit", "generalise", "skill")
 """Keys that a task without demonstrations does not have either."""
+
+
+class OwnFeedbackParameters(CorrectionParameters, NetworkParameters):
+    """Executions and corrections, and the feedback learned from them. Fields: `stages/own/params.yaml`."""
+
+    executions: str = Field(min_length=1)
+    corrections: str = Field(min_length=1)
+    settings: tuple[Setting, ...] = Field(min_length=1)
+    expected_hz: float = Field(gt=0)
+    training: TrainingParameters
+    parts: int = Field(ge=2)
+
+
+class ObstacleParameters(ScenePeopleParameters):
+    """Reaches past obstacles. Fields: `stages/own/params.yaml`, `obstacles`."""
+
+    source: str = Field(min_length=1)
+    topics: SceneTopicMap
 
 
 class TaskParameters(Parameters):

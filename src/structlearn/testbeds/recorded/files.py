@@ -7,15 +7,18 @@ from pathlib import Path
 import pandas as pd
 
 from structlearn.feedback.coupling_model import CouplingModel, read_networks
-from structlearn.ground.artefacts import read_table
-from structlearn.ground.errors import InputError
+from structlearn.ground.artefacts import filled, read_csv, read_table
+from structlearn.ground.errors import InputError, MissingInputError
 from structlearn.primitives.primitive_files import read_primitives, read_vector_primitive
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
-from structlearn.recordings import read_demonstrations
-from structlearn.recordings.clock import MAX_GAP_S
+from structlearn.recordings import Recording
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.drive_log import DriveLog, read_drive_log
+from structlearn.recordings.joint_log import DriveLog, read_log_table
+from structlearn.recordings.runs import read_runs, read_streams
+
+RAW = "raw/recorded"
+LEFT_OUT = "data/raw/recorded/left_out.csv"
 
 REACHES, HIGHER_REACHES, UNSCREWING, SCRAPING, SLIDES = (
     "reaches",
@@ -105,11 +108,28 @@ class RecordedFiles:
 
     data: Path = Path("data")
 
-    def demonstrations(
-        self, name: str, rate_hz: float | None = None, max_gap_s: float = MAX_GAP_S
-    ) -> list[Demonstration]:
-        """A set of movements, see `recordings.read_demonstrations`."""
-        return read_demonstrations(self.data / "raw/recorded" / name, rate_hz=rate_hz, max_gap_s=max_gap_s)
+    def runs(self, name: str, at_least: int = 1) -> list[Demonstration]:
+        """A set of movements on one clock.
+
+        Raises:
+            MissingInputError: there are fewer.
+        """
+        runs = read_runs(filled(self.data / RAW / name) / "runs.parquet")
+        if len(runs) < at_least:
+            raise MissingInputError(f"{self.data / RAW / name} holds {len(runs)} runs, {at_least} are needed")
+        return runs
+
+    def left_out(self) -> pd.DataFrame:
+        """`set`, `file` and `reason` of what the import could not read."""
+        return read_csv(self.data / RAW / "left_out.csv", keep_default_na=False)
+
+    def imported(self, name: str) -> bool:
+        """Whether a set is there."""
+        return any((self.data / RAW / name).iterdir())
+
+    def streams(self, name: str) -> list[Recording]:
+        """A set of recordings whose streams have clocks of their own."""
+        return read_streams(filled(self.data / RAW / name) / "streams.parquet")
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Those of `TABLES` for which there were data."""
@@ -137,7 +157,8 @@ class RecordedFiles:
 
     def ur10e_log(self, name: str) -> DriveLog:
         """One log of the UR10e."""
-        return read_drive_log(self.data / f"raw/recorded/ur10e/{name}.mcap")
+        logs = read_log_table(self.data / RAW / "ur10e/logs.parquet", DriveLog)
+        return next(log for log in logs if log.name == name)
 
     @property
     def ur10e_urdf(self) -> Path:

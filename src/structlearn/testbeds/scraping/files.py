@@ -52,7 +52,7 @@ class ScrapingFiles:
 
     @property
     def segments(self) -> Path:
-        """Folder of the segmentation, for `segmentation.result.read_segmentation`."""
+        """Folder of the segmentation, for `segments.read_segmentation`."""
         return self.data / "segments/scraping"
 
     def table(self, name: str) -> pd.DataFrame:

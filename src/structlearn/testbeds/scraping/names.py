@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
+from structlearn.feedback.feedback_models import LEVEL, POINTWISE, UNROLLED
 from structlearn.palette import (
     BLUE,
     GREEN,
@@ -15,9 +15,9 @@ from structlearn.palette import (
     VERMILION,
     Look,
 )
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
 CORRECTED = "corrected"
 """Key of the executions that a person corrects."""
@@ -45,7 +45,7 @@ REPRESENTATIONS = {
     "pca": Look("PCA, then phase kernels", PURPLE),
     "autoencoder": Look("autoencoder, then phase kernels", PURPLE),
 }
-"""Forms of the feedback model, by the names of `feedback.model_comparison`."""
+"""Forms of the feedback model, by the names of `feedback_models`."""
 
 CUT_METHODS = {method: Look(name, METHOD_COLOURS[method]) for method, name in METHOD_NAMES.items()}
 """Ways of finding cut points."""

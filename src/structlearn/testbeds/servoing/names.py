@@ -12,11 +12,7 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.testbeds.servoing.protocol.servo_variants import PUBLISHED, RESTING, Variant
 
-INVERSE_COLOURS: dict[InverseModel, str] = {
-    LOCALLY_LINEAR: GREEN,
-    NEGATIVE_GRADIENT: PURPLE,
-    JACOBIAN: BLUE,
-}
+INVERSE_COLOURS: dict[InverseModel, str] = {LOCALLY_LINEAR: GREEN, NEGATIVE_GRADIENT: PURPLE, JACOBIAN: BLUE}
 """Inverse models, in the order of the text."""
 
 FORM_NAMES = {PUBLISHED: "published controller", RESTING: "resting controller"}
@@ -27,16 +23,14 @@ FORM_COLOURS = {PUBLISHED: ORANGE, RESTING: BLUE}
 TEXT, OURS = Variant(PUBLISHED, JACOBIAN), Variant(RESTING, JACOBIAN)
 """The dissertation's controller, non-linear model and network's Jacobian; and the resting one with these."""
 
-STRUCTURE_NAMES = {True: "structure", False: "no structure"}
-"""Latent spaces."""
+STRUCTURE_NAMES = {True: "structure", False: "no structure"}  # latent spaces
 
 STRUCTURE_COLOURS = {True: BLACK, False: GREY}
 
 DYNAMICS = tuple((forward, way) for forward, ways in TRAINED_WITH.items() for way in ways)
 """Forward models, and the inverse model whose loss they were trained with."""
 
-STILL = (UNCHANGED, NO_INVERSE)
-"""The prediction that nothing moves, beside them."""
+STILL = (UNCHANGED, NO_INVERSE)  # the prediction that nothing moves, beside them
 
 LATENT_NAMES = {
     "reconstruction": "reconstruction",
@@ -55,8 +49,7 @@ COMPARISON_NAMES = {
 }
 """What inverse models are asked to reach, in the order of figure II.5."""
 
-PART_NAMES = {"translation": "linear", "rotation": "angular"}
-"""Parts of an action."""
+PART_NAMES = {"translation": "linear", "rotation": "angular"}  # parts of an action
 
 SKIN_NAMES = {"biotac": "BioTac", "flat_pad": "flat pad", "sphere": "sphere"}
 

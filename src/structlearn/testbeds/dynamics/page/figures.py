@@ -13,6 +13,8 @@ from structlearn.palette import BLACK, GREY
 from structlearn.reporting.figure_style import PANEL_WIDTH, Drawing, Raster, canvas, legend_above, styled
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, NAMES, model_name
 from structlearn.rigid_body.training_grid import OURS, TEXT
+from structlearn.rigid_body.tree import KinematicTree
+from structlearn.simulation.still import View, still
 from structlearn.testbeds.dynamics import names
 from structlearn.testbeds.dynamics.names import (
     FORM_TITLES,
@@ -26,7 +28,8 @@ from structlearn.testbeds.dynamics.names import (
     look,
 )
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
-from structlearn.testbeds.dynamics.protocol.tracked_reaches import TrackedReach, tracked_reaches
+from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach, tracked_reaches
+from structlearn.testbeds.dynamics.world.arm_motion import SineParameters, sine_path
 
 HIGHEST_NMSE = 1e6
 """What diverges leaves the picture there."""
@@ -48,6 +51,14 @@ SHOWN_JOINTS = (1, 2, 4, 6)
 
 WIDE: dict[str, Any] = {"color": names.REFERENCE, "linewidth": 4.0}
 """Of what a model is held against."""
+
+VIEW = View(target=(0.0, 0.0, 0.6), distance=2.45, yaw_deg=50.0, pitch_deg=-16.0)
+
+SHOWN_AT = (0.708, 0.146, 0.925)
+"""Moments of the motion that the still shows, as shares of it, at which all joints are bent."""
+
+COLUMNS = slice(235, 785)
+"""Pixels across that are kept of each: the arm, and little beside it."""
 
 
 def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
@@ -78,6 +89,13 @@ def drawings(results: DynamicsResults) -> Mapping[str, Sequence[Drawing]]:
         "friction": [Raster(_friction(results, joint)) for joint in joints],
         "payload": [_payload(results), _payload_errors(results)],
     }
+
+
+def arm_still(urdf: str, tree: KinematicTree, motion: SineParameters) -> np.ndarray:
+    """(H, W, 3) bytes: the arm of a URDF in poses of its sine motion, beside each other."""
+    path = sine_path(tree, motion).q
+    poses = (path[int(share * len(path))] for share in SHOWN_AT)
+    return np.hstack([still(VIEW, urdf=urdf, angles=pose)[:, COLUMNS] for pose in poses])
 
 
 @styled

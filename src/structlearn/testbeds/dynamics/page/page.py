@@ -13,15 +13,14 @@ from structlearn.reporting.figure_style import Drawing
 from structlearn.reporting.publishing import publish_report
 from structlearn.rigid_body.model_names import COULOMB, model_name
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, ROBOT
-from structlearn.testbeds.dynamics.page.evidence import evidence, unmet
+from structlearn.testbeds.dynamics.page.evidence import evidence, headlines, metrics, published, unmet
 from structlearn.testbeds.dynamics.page.figures import drawings
-from structlearn.testbeds.dynamics.page.results import headlines, metrics, published
 from structlearn.testbeds.dynamics.page.tables import tables
 from structlearn.testbeds.dynamics.protocol.scored_results import SETTLED_SHARE, STOPPED_NMSE, DynamicsResults
 from structlearn.testbeds.dynamics.world.controlled_arm import OVERSPEED
 
 SOURCES = {
-    "log": Source("data/runs/dynamics", "dynamics_import_logs"),
+    "log": Source("data/runs/dynamics/stand_in.parquet", "dynamics_import_logs"),
     "models": Source("data/dynamics/models", "dynamics_train"),
     "scores": Source("data/dynamics/tracking", "dynamics_track"),
     "online": Source("data/dynamics/online", "dynamics_online"),
@@ -31,13 +30,7 @@ SOURCES = {
 def dynamics_page(
     results: DynamicsResults, shown: Mapping[str, Table], parameters: Mapping[str, Parameters]
 ) -> Document:
-    """The page; its figures are those of `figures.drawings`, and `still`.
-
-    Args:
-        results: what to show.
-        shown: its tables, of `tables.tables`.
-        parameters: by their key in `params.yaml`.
-    """
+    """The page, with parameters by their key; its figures are those of `figures.drawings`, and `still`."""
     named = facts(results, shown)
     claims = read_claims(Path(__file__).parent / "claims.yaml")
     return Document(
@@ -63,12 +56,7 @@ def publish_dynamics(
 ) -> None:
     """Publish the page with its figures, tables and metrics.
 
-    Args:
-        results: what to show.
-        still: (H, W, 3) bytes, of the arm.
-        parameters: by their key in `params.yaml`.
-        folder: of the report.
-        recorded: claims about recorded data.
+    The still is (H, W, 3) bytes of the arm; `recorded` are claims about recorded data.
     """
     shown, numbers = tables(results), metrics(results)
     page = dynamics_page(results, shown, parameters)

@@ -11,7 +11,7 @@ from structlearn.rigid_body.inertia_parameters import STRUCTURES
 from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, in_order, model_name
 from structlearn.rigid_body.training_grid import LOSSES, OURS, TEXT
 from structlearn.testbeds.dynamics.names import FORM_TITLES, IDEAL, REACH, ROBOT, SINE
-from structlearn.testbeds.dynamics.page.results import published
+from structlearn.testbeds.dynamics.page.evidence import published
 from structlearn.testbeds.dynamics.protocol.scored_results import DynamicsResults
 
 PRINTED = "dissertation"

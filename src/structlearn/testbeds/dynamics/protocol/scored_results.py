@@ -1,14 +1,22 @@
 """What the stages of the dynamics testbed wrote, and how it is scored: what counts, by model and seed."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import pandas as pd
 
-from structlearn.rigid_body.model_names import COULOMB, IDEAL, ROBOT, STRICT, in_order
+from structlearn.ground.metrics import nmse
+from structlearn.rigid_body.compiled_dynamics import friction_rows
+from structlearn.rigid_body.dynamics_models import DynamicsModels, predicted_torques, rigid_body_torques
+from structlearn.rigid_body.friction import FrictionTerm, friction_columns
+from structlearn.rigid_body.model_names import COULOMB, DEFAULT, GROUND_TRUTH, IDEAL, ROBOT, STRICT, in_order
+from structlearn.rigid_body.motion import Motion
 from structlearn.rigid_body.online_learning import OnlineParameters
 from structlearn.rigid_body.training_grid import LOSSES, TEXT, DynamicsTrainingParameters, Form
+from structlearn.rigid_body.tree import Robot
+from structlearn.simulation.arm import Mechanics
 from structlearn.testbeds.dynamics.names import REACH, SINE
 from structlearn.testbeds.dynamics.protocol.tracking import KNOWN, TrackingParameters
 from structlearn.testbeds.dynamics.world.arm_motion import SineParameters
@@ -30,12 +38,12 @@ class DynamicsResults:
 
     Attributes:
         errors, outcomes: of trainings, see `rigid_body.training_grid.train`.
-        links, base: learned inertias and base parameters beside the truth, see `rigid_body.inertia_tables`,
+        links, base: learned inertias and base parameters beside the truth, see `rigid_body.base_parameters`,
             with `model` and `form`.
         scores, paths: see `protocol.tracking.track`.
         online, payload: see `rigid_body.online_learning`; the payload's with `seed`.
-        agreement: a row per URDF, see `rigid_body.agreement`, with `robot`.
-        known, friction: of robots' logs, see `protocol.robot_behind_log`, with `seed`.
+        agreement: a row per URDF, see `rigid_body.newton_euler`, with `robot`.
+        known, friction: of robots' logs, see this module, with `seed`.
         residuals: likewise, of the first robot.
         stand_in: what robots have in common.
         motion: the sines.
@@ -189,3 +197,68 @@ class DynamicsResults:
 
 def _of(table: pd.DataFrame, arm: str, model: str, form: Form) -> pd.DataFrame:
     return table[(table["arm"] == arm) & (table["model"] == model) & (table["form"] == form)]
+
+
+TERMS: tuple[FrictionTerm, ...] = ("viscous", "coulomb")
+"""Of friction that a true robot has."""
+
+RESIDUAL_RATE_HZ = 10.0
+"""Of residual torques that are kept to be drawn."""
+
+
+def known_errors(robot: Robot, mechanics: Mechanics, motion: Motion) -> pd.DataFrame:
+    """Errors of what is known instead of learned: of the truth, and of the URDF, the default model.
+
+    Returns:
+        `model`, `joint` (from 1), `nmse`.
+    """
+    rubbing = np.stack([mechanics.viscous, mechanics.coulomb], axis=-1)
+    friction = np.einsum("tjk,jk->tj", friction_columns(motion.qd, TERMS), rubbing)
+    torques = {
+        GROUND_TRUTH: rigid_body_torques(robot.tree, mechanics.inertias, motion) + friction,
+        DEFAULT: rigid_body_torques(robot.tree, robot.inertias, motion),
+    }
+    tables = [
+        pd.DataFrame(
+            {"model": name, "joint": np.arange(1, motion.joints + 1), "nmse": nmse(found, motion.torque)}
+        )
+        for name, found in torques.items()
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def friction_table(models: Mapping[str, DynamicsModels], mechanics: Mechanics) -> pd.DataFrame:
+    """Friction that models, the first one of each, learned of one robot, beside what really rubs.
+
+    Returns:
+        `model`, `joint` (from 1), `term`, `value` in N m s/rad or N m, and `truth`.
+    """
+    rows = []
+    for name, its in models.items():
+        coefficients = its.friction_coefficients()[0]
+        learned = friction_rows(coefficients, its.friction)
+        for term in (term for term in TERMS if term in its.friction):
+            true = getattr(mechanics, term)
+            for joint, value in enumerate(learned[TERMS.index(term)]):
+                rows.append((name, joint + 1, term, value, true[joint]))
+    return pd.DataFrame(rows, columns=["model", "joint", "term", "value", "truth"])
+
+
+def residual_torques(robot: Robot, models: DynamicsModels, motion: Motion, rate_hz: float) -> pd.DataFrame:
+    """What is left of measured torques without the bodies of the first of some models: friction and noise.
+
+    Returns:
+        At `RESIDUAL_RATE_HZ`: `joint` (from 1), `velocity_rad_s`, `residual_n_m` and `friction_n_m`, the
+        model's.
+    """
+    kept = motion.part(slice(None, None, max(1, round(rate_hz / RESIDUAL_RATE_HZ))))
+    links = rigid_body_torques(robot.tree, models.inertias(), kept)[0]
+    friction = predicted_torques(models, robot.tree, kept)[0] - links
+    return pd.DataFrame(
+        {
+            "joint": np.tile(np.arange(1, kept.joints + 1), len(kept)),
+            "velocity_rad_s": kept.qd.ravel(),
+            "residual_n_m": (kept.torque - links).ravel(),
+            "friction_n_m": friction.ravel(),
+        }
+    )

@@ -11,26 +11,25 @@ from pydantic import Field
 
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
-from structlearn.rigid_body.any_model import InverseDynamics, bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
-from structlearn.rigid_body.compiled_models import compiled_model
-from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.compiled_models import InverseDynamics, bodies_model
+from structlearn.rigid_body.dynamics_models import DynamicsModels, compiled_model
+from structlearn.rigid_body.model_names import model_name
 from structlearn.rigid_body.operational_space_velocity import tool_motion
+from structlearn.rigid_body.training_grid import Form
 from structlearn.testbeds.dynamics.world.arm_motion import (
     Feedback,
     JointPath,
+    ReachingParameters,
     SineParameters,
+    first_posture,
     joint_feedback,
+    reaches,
+    reaching_controller,
     sine_controller,
     sine_path,
 )
 from structlearn.testbeds.dynamics.world.controlled_arm import Run, SimulatedArm, run
-from structlearn.testbeds.dynamics.world.reaching import (
-    ReachingParameters,
-    first_posture,
-    reaches,
-    reaching_controller,
-)
 
 SHOWN_RATE_HZ = 25.0
 """Of the paths that are kept to be looked at."""
@@ -110,10 +109,8 @@ def learned(
 ) -> list[Candidate]:
     """Learned models, one candidate for each that met the criterion: of others nothing would follow.
 
-    Args:
-        testbed: the arm.
-        outcomes: of `training_grid.train`, those of this arm.
-        read: models of a form and name, in the order of the outcomes.
+    `read` gives the models of a form and name, in the order of the outcomes (of `training_grid.train`, of
+    this arm).
     """
     return [
         Candidate(name, form, (row.seed,), compiled_model(read(form, name), place, testbed.arm.robot.tree))
@@ -127,11 +124,7 @@ def track(testbed: Testbed, candidates: Sequence[Candidate]) -> tuple[pd.DataFra
     """Let the arm follow sines and reaches with every model.
 
     Errors are normalised by the variance of the reference: of sines per joint, then averaged; of reaches
-    over all axes. A run that was stopped (see `arm_motion.run`) has no score and says why.
-
-    Args:
-        testbed: the arm.
-        candidates: the models.
+    over all axes. A run that was stopped (see `controlled_arm.run`) has no score and says why.
 
     Returns:
         scores: a row per model, seed and task: `robot`, `model`, `form`, `seed`, `task` (`sine`, `reach`),
@@ -240,3 +233,80 @@ def _path(testbed: Testbed, candidate: Candidate, task: str, moved: Run, wanted:
         columns[f"tool_{letter}"] = tool[:, place]
         columns[f"wanted_{letter}"] = wanted[: len(moved.q) : every][:, place]
     return pd.DataFrame(columns)
+
+
+@dataclass(frozen=True)
+class TrackedReach:
+    """The reaches of a model's shown seed.
+
+    Attributes:
+        model: its key.
+        time: (T,) s.
+        joints: (T, n) rad.
+        tool: (T, 3) m, base frame.
+        wanted: (T, 3) m, where the tool should be.
+        velocity_nmse: of the tool; NaN where it was stopped.
+        stopped: why it was stopped; empty where it ran through.
+    """
+
+    model: str
+    time: np.ndarray
+    joints: np.ndarray
+    tool: np.ndarray
+    wanted: np.ndarray
+    velocity_nmse: float
+    stopped: str
+
+    @property
+    def label(self) -> str:
+        """Name of the model."""
+        return model_name(self.model)
+
+    @property
+    def off_mm(self) -> np.ndarray:
+        """(T,) distance of the tool from where it should be."""
+        return 1e3 * np.linalg.norm(self.tool - self.wanted, axis=1)
+
+    @property
+    def speeds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(T,) m/s of the tool, and as it should be; 0 at the start."""
+        return _speed(self.tool, self.time), _speed(self.wanted, self.time)
+
+
+def tracked_reaches(
+    paths: pd.DataFrame,
+    scores: pd.DataFrame,
+    robot: str,
+    form: Form,
+    models: Sequence[str],
+    joints: Sequence[str] = (),
+) -> list[TrackedReach]:
+    """The reaches of each model's shown seed; models that did not track with this robot are left out.
+
+    Paths and scores are those of `track`; `joints` are columns of the paths.
+    """
+    chosen = [
+        (model, *(_reach_rows(table, robot, form, model) for table in (paths, scores))) for model in models
+    ]
+    return [_tracked_reach(model, path, score, joints) for model, path, score in chosen if len(path)]
+
+
+def _tracked_reach(
+    model: str, rows: pd.DataFrame, scores: pd.DataFrame, joints: Sequence[str]
+) -> TrackedReach:
+    first = scores.sort_values("seed").iloc[0]
+    tool, wanted = (
+        rows[[f"{prefix}_{axis}" for axis in "xyz"]].to_numpy(float) for prefix in ("tool", "wanted")
+    )
+    time, angles = rows["time_s"].to_numpy(float), rows[list(joints)].to_numpy(float)
+    return TrackedReach(model, time, angles, tool, wanted, float(first["velocity_nmse"]), first["stopped"])
+
+
+def _reach_rows(table: pd.DataFrame, robot: str, form: Form, model: str) -> pd.DataFrame:
+    reaches = table[(table["robot"] == robot) & (table["model"] == model) & (table["task"] == "reach")]
+    return reaches[reaches["form"].isin((form, KNOWN))]
+
+
+def _speed(points: np.ndarray, time: np.ndarray) -> np.ndarray:
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1) / np.diff(time)
+    return np.concatenate([[0.0], steps])

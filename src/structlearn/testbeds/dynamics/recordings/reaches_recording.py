@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.testbeds.dynamics.names import REFERENCE, colour
-from structlearn.testbeds.dynamics.protocol.tracked_reaches import TrackedReach
+from structlearn.testbeds.dynamics.protocol.tracking import TrackedReach
 from structlearn.viewer.arm_meshes import arm_contents, arm_view, send_arm
 from structlearn.viewer.notes import COLOUR_NAMES, notes_view, send_notes
 from structlearn.viewer.rrd import (
@@ -31,14 +31,7 @@ def write_reaches(
     """Write the reaches of one arm with several models as a recording.
 
     Every model has a view with its arm, the wanted path of the tool and its own; plots show how far each
-    tool is off and how fast it is.
-
-    Args:
-        path: of the .rrd file.
-        urdf: of the arm.
-        joints: names of the columns of joint positions.
-        shown: what each model did; the first of them ran through.
-        title: heading, different for every recording.
+    tool is off and how fast it is. The first of the models ran through.
     """
     with recording(path, title) as stream:
         stream.send_blueprint(_blueprint(shown, title))

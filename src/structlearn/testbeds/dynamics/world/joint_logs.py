@@ -10,8 +10,8 @@ import structlearn
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import Parameters
 from structlearn.recordings.joint_log import JointLog
-from structlearn.rigid_body.any_model import bodies_model
 from structlearn.rigid_body.compiled_dynamics import inverse_dynamics
+from structlearn.rigid_body.compiled_models import bodies_model
 from structlearn.rigid_body.tree import Robot
 from structlearn.simulation.arm import Payload, ideal
 from structlearn.testbeds.dynamics.world.arm_motion import (

@@ -40,15 +40,10 @@ class StandInParameters(Parameters):
 def stand_in(
     tree: KinematicTree, default: LinkInertias, parameters: StandInParameters, seed: int
 ) -> Mechanics:
-    """One of the stand-ins of an arm.
+    """One of the stand-ins of an arm, by the seed of its links' true inertias.
 
-    A link that weighs more is denser: its inertia grows with its mass, and stays that of a real body.
-
-    Args:
-        tree: the arm.
-        default: inertias of its URDF, which the robot's default model believes.
-        parameters: see there.
-        seed: of the robot: of its links' true inertias.
+    A link that weighs more than in the URDF, which the default model believes, is denser: its inertia grows
+    with its mass, and stays that of a real body.
 
     Raises:
         InputError: there are fewer rated torques than joints.
@@ -80,9 +75,5 @@ def measured_torques(
 
 
 def rated_torques(tree: KinematicTree, parameters: StandInParameters) -> np.ndarray:
-    """Rated torque (n,) in N m of each drive of an arm.
-
-    Raises:
-        InputError: there are fewer rated torques than joints.
-    """
+    """Rated torque (n,) in N m of each drive of an arm."""
     return of_joints("rated_n_m", parameters.rated_n_m, tree)

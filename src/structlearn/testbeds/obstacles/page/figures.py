@@ -34,21 +34,16 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import Reach, Situ
 from structlearn.testbeds.obstacles.world.scenarios import UNSEEN_RADIUS_M
 from structlearn.testbeds.obstacles.world.scene_still import Lane, reaches_still
 
-VIEWS = {"from the side": 2, "from above": 1}
-"""Local axis that is shown over x, by the name of the view."""
+VIEWS = {"from the side": 2, "from above": 1}  # local axis that is shown over x, by the name of the view
 
 PARTS = {"train": ("learned from", SKY), "test": ("held out", BLUE)}
 """Name and colour of the demonstrations of an error."""
 
-BINS = np.linspace(0.0, 1.2, 13)
-"""Of NMSE; what is above the last edge is counted in the last bin."""
+BINS = np.linspace(0.0, 1.2, 13)  # of NMSE; what is above the last edge is counted in the last bin
 
 GRID = [protocol for protocol in SITUATIONS if protocol != TRAINED]
-FARTHEST = 4.0
-"""Radii; what keeps farther off is drawn there."""
-
-MOMENTS = 5
-"""Places at which a moving obstacle is drawn."""
+FARTHEST = 4.0  # radii; what keeps farther off is drawn there
+MOMENTS = 5  # places at which a moving obstacle is drawn
 
 BALL = UNSEEN_RADIUS_M / HALF_SIZE_M["sphere"][0] * obstacle("sphere", np.zeros(3)).cloud(100)
 """An unseen sphere about its centre, (P, 3) m."""

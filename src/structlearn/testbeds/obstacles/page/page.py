@@ -38,8 +38,7 @@ HEADLINES = (
 )
 """Metrics that `dvc metrics show` lists."""
 
-STUDIES = ("members", "displaced", "clearance")
-"""That the page quotes."""
+STUDIES = ("members", "displaced", "clearance")  # that the page quotes
 
 SOURCES = {
     "recorded": Source(files.RUNS, "obstacles_demonstrate"),

@@ -14,7 +14,7 @@ import pandas as pd
 from structlearn.avoidance.learned_models import ALL, ENSEMBLE, NETWORK, SETTING
 from structlearn.avoidance.shapes import SHAPES
 from structlearn.ground.artefacts import Metrics
-from structlearn.ground.populations import Population
+from structlearn.ground.params import Population
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.testbeds.obstacles.files import Evaluation
@@ -35,8 +35,7 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario
 TEXT, OURS = (NETWORK, PUBLISHED), (ENSEMBLE, LIMITED)
 """Kind of model and rules of what avoids: as the text has it, and as this project does."""
 
-FEW_HITS = 1
-"""Of the unseen spheres, that a person's model may hit to be good."""
+FEW_HITS = 1  # of the unseen spheres, that a person's model may hit to be good
 
 
 @dataclass(frozen=True)

@@ -221,12 +221,7 @@ def hits(results: ObstacleResults) -> pd.DataFrame:
 
 
 def _rows(
-    results: ObstacleResults,
-    labels: Row,
-    kind: str,
-    protocol: str,
-    source: str,
-    obstacle: str | None = None,
+    results: ObstacleResults, labels: Row, kind: str, protocol: str, source: str, obstacle: str | None = None
 ) -> list[Row]:
     """Rows of a model with either rules; without coupling term these are one."""
     rules = {LIMITED: HERE} if kind == NO_MODEL else {its: f"{HERE}, {words}" for its, words in RULES.items()}

@@ -33,7 +33,7 @@ from structlearn.avoidance.network_training import (
     fit_networks,
     held_out_rows,
 )
-from structlearn.feedback.training_parameters import TrainingParameters
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
@@ -82,10 +82,8 @@ def learn(
     networks; no claim rests on them. Returns the models by person, and the columns of
     `network_training.fit_errors` per `person`, `model`, what it was `learned_from`, the `obstacle` whose
     samples the errors are of, its `scenario` (number of the setting; 0 for all of them) and `part`. Models of
-    all shapes have a row for each shape.
-
-    Raises:
-        InputError: scenarios and datasets do not belong together; too few samples; a constant target.
+    all shapes have a row for each shape. Raises InputError: scenarios and datasets do not belong together;
+    too few samples; a constant target.
     """
     own = own_scenarios(scenarios, list(datasets))
     lessons = [
@@ -125,11 +123,7 @@ def learn(
 
 
 def _lessons(
-    person: int,
-    dataset: AvoidanceDataset,
-    test: np.ndarray,
-    scenarios: Sequence[Scenario],
-    own: np.ndarray,
+    person: int, dataset: AvoidanceDataset, test: np.ndarray, scenarios: Sequence[Scenario], own: np.ndarray
 ) -> Iterator[_Lesson]:
     """The own scenarios of a person one by one, all scenarios of each shape, all there are."""
     if set(dataset.scenario) != set(range(len(scenarios))):

@@ -41,8 +41,7 @@ from structlearn.testbeds.obstacles.world.scenarios import (
 
 TRAINED, UNSEEN, MOVING, PAIR, GOAL_CHANGE = "trained", "unseen", "moving", "pair", "goal_change"
 
-NO_MODEL = "none"
-"""The baseline without coupling term."""
+NO_MODEL = "none"  # the baseline without coupling term
 
 LIMITED, PUBLISHED = "limited", "published"
 """Post-processing: the text's rules with limits at the goal, or alone."""

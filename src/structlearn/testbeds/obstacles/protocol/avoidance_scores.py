@@ -56,10 +56,8 @@ def scores(paths: AvoidancePaths, obstacles: Sequence[CloudBatch], bare: np.ndar
     to the cloud), all over the prescribed duration, as `detour_m`: the largest distance from where the hand
     would be without avoidance; `goal_distance_m` at its end, `late_goal_distance_m` at `LATE_FACTOR`
     durations, `excursion_m`: the largest from the prescribed end on; `restrained`: share of the samples up to
-    the prescribed end whose coupling term was changed for the goal.
-
-    Raises:
-        InputError: the paths end too early.
+    the prescribed end whose coupling term was changed for the goal. Raises InputError: the paths end too
+    early.
     """
     dt = paths.path.dt
     end, late = (sample_count(factor * paths.duration, dt) for factor in (1.0, LATE_FACTOR))
@@ -113,10 +111,8 @@ def summary(
 
     `rows`: of `scores` or `demonstration_scores`, at least one. Returns `goal_max`, `goal_mean` (m),
     `obstacle_min`, `obstacle_mean` (unitless), `hits`, `clearance_min_m`, with `late_goal_max`,
-    `detour_mean`, `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where given.
-
-    Raises:
-        InputError: there are no rows.
+    `detour_mean`, `detour_max` (m) of unrolls and `nmse_train`, `nmse_test` where given. Raises InputError:
+    there are no rows.
     """
     if rows.empty:
         raise InputError("no movements to summarise")

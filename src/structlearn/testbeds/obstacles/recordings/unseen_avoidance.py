@@ -43,18 +43,13 @@ from structlearn.viewer.rrd import (
     time_column,
 )
 
-SPHERE = "sphere"
-"""Time line on which each step is another sphere."""
+SPHERE = "sphere"  # time line on which each step is another sphere
 
 STEPS_PER_S = 2.0
 
 
 def write_unseen_avoidance(
-    path: str | Path,
-    situation: Situations,
-    groups: Sequence[Group],
-    baseline: PositionPrimitive,
-    title: str,
+    path: str | Path, situation: Situations, groups: Sequence[Group], baseline: PositionPrimitive, title: str
 ) -> None:
     """Write reaches past unseen spheres as a recording.
 
@@ -173,8 +168,7 @@ def _notes(title: str, groups: Sequence[Group]) -> str:
     )
 
 
-SHOWN = 3
-"""Reaches per situation, evenly spread over those in which the reach without avoidance hits."""
+SHOWN = 3  # reaches per situation, evenly spread over those in which the reach without avoidance hits
 
 EXPLAINED = {
     MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
@@ -236,11 +230,7 @@ def surface_distances(
 
 
 def _send_scene(
-    stream: rr.RecordingStream,
-    situation: Situations,
-    index: int,
-    group: Group,
-    baseline: PositionPrimitive,
+    stream: rr.RecordingStream, situation: Situations, index: int, group: Group, baseline: PositionPrimitive
 ) -> rrb.Vertical:
     """Log one reach past its spheres by every ensemble; a scene and the distances below it."""
     heading = f"{SITUATIONS[situation.protocol]} {situation.numbers[index]}"

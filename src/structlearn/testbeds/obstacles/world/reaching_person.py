@@ -24,20 +24,14 @@ from structlearn.testbeds.obstacles.world.scenarios import Scenario, SceneParame
 PLAN_POINTS = 51
 """Points of a planned path over its normalised duration; it is smooth, recorded samples are in between."""
 
-FIXED_POINTS = 3
-"""At either end of a plan: place, velocity and acceleration there stay those of rest."""
-
-SIDES = 16
-"""Directions across the reach among which a person picks the side."""
-
-DETOURS_M = np.linspace(0.0, 0.5, 101)
-"""Detours that are tried on each side."""
+FIXED_POINTS = 3  # At either end of a plan: place, velocity and acceleration there stay those of rest
+SIDES = 16  # Directions across the reach among which a person picks the side
+DETOURS_M = np.linspace(0.0, 0.5, 101)  # Detours that are tried on each side
 
 DESCENT_STEPS, DESCENT_RATE, TOLERANCE_M = 200, 0.3, 5e-4
 """Of the descent: it stops when no clearance is missed by more than the tolerance."""
 
-TIGHT = 0.9
-"""Share of the free space at start or goal that is kept where it is less than the clearance."""
+TIGHT = 0.9  # Share of the free space at start or goal that is kept where it is less than the clearance
 
 NOISE_CORRELATION_S = 0.12
 """Of motor noise: std of the Gaussian that smooths it; corrections within a reach take 0.1 to 0.3 s."""
@@ -80,10 +74,8 @@ def demonstrations(
 ) -> list[Demonstration]:
     """Reaches "01", "02", ... in one scenario, or without obstacle where it is None.
 
-    Each depends on the seed, its scenario and its number only, not on what else is asked for.
-
-    Raises:
-        InputError: an obstacle contains start or goal, or the reach has no direction.
+    Each depends on the seed, its scenario and its number only, not on what else is asked for. Raises
+    InputError: an obstacle contains start or goal, or the reach has no direction.
     """
     provenance = {
         "origin": "simulated",
@@ -113,10 +105,7 @@ def reaches(
     """What the hand does in one scenario.
 
     `scenario`: None is the baseline without obstacle. Returns per demonstration times (T,) s from 0 and
-    measured positions (T, 3) m in the base frame.
-
-    Raises:
-        InputError: as `demonstrations`.
+    measured positions (T, 3) m in the base frame. Raises InputError: as `demonstrations`.
     """
     count = person.baseline_count if scenario is None else person.count
     draws = [np.random.default_rng(seed) for seed in _seeds(scenario, person, count)]

@@ -28,8 +28,7 @@ about 0.12 m off, so nearly all of them have to be avoided and a few of them are
 FAR_ALONG = (-0.6, 1.6)
 """Range of far obstacles along the reach, in reaches from the start: before it, beside it, beyond it."""
 
-FAR_M = (0.9, 0.2)
-"""Half width sideways and upwards of the box in which far obstacles lie."""
+FAR_M = (0.9, 0.2)  # half width sideways and upwards of the box in which far obstacles lie
 
 FAR_CLEARANCE_M = 0.25
 """Between the line of the reach and the centre of a far obstacle: nobody makes a detour for it."""
@@ -93,10 +92,8 @@ class Scenario:
 def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> list[Scenario]:
     """All settings with all shapes, shape by shape.
 
-    Returns `len(shapes)` times `settings` scenarios; their order numbers them.
-
-    Raises:
-        InputError: start and goal are too close to each other.
+    Returns `len(shapes)` times `settings` scenarios; their order numbers them. Raises InputError: start and
+    goal are too close to each other.
     """
     centres, yaws = _positions(parameters)
     return [
@@ -120,10 +117,8 @@ def reach_frame(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """Local frame of a reach, as its primitive will have it: x along the reach (IV.6.1).
 
     A reach along gravity has no z axis closest to up; then y is anchored instead (`frames.frame_kind`).
-    `start` (3,) m; `goal` (3,) m. Returns (3, 3) local to base.
-
-    Raises:
-        InputError: start and goal are nearer than a primitive needs to have a direction.
+    `start` (3,) m; `goal` (3,) m. Returns (3, 3) local to base. Raises InputError: start and goal are nearer
+    than a primitive needs to have a direction.
     """
     length = float(np.linalg.norm(np.subtract(goal, start)))
     if not length >= SHORTEST_REACH:
@@ -144,9 +139,7 @@ def unseen_centres(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
 
     The author's grid has the axes of his world, along which his reach ran; ours has those of the reach.
     `start` (3,) m; `goal` (3,) m. Returns (63, 3) m; z changes fastest, the place along the reach slowest.
-
-    Raises:
-        InputError: as `reach_frame`.
+    Raises InputError: as `reach_frame`.
     """
     axes = reach_frame(start, goal)
     length = np.linalg.norm(np.subtract(goal, start))

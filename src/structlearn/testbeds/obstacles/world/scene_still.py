@@ -10,14 +10,12 @@ from structlearn.avoidance.shapes import Obstacle
 from structlearn.primitives.position import PositionPrimitive
 from structlearn.simulation.still import Solid, View, still
 
-LANE_M = 0.42
-"""Between neighbouring reaches in the picture; in truth all are at one place."""
+LANE_M = 0.42  # between neighbouring reaches in the picture; in truth all are at one place
 
 HAND_M, BEAD_M, SPACING_M = 0.022, 0.006, 0.018
 """Radii of the hand and of the beads of a path, and about how far apart these are."""
 
-SHOWN_ROWS = slice(90, 530)
-"""Of the picture: above and below is nothing but table."""
+SHOWN_ROWS = slice(90, 530)  # of the picture: above and below is nothing but table
 
 OBSTACLE, HAND, DEMONSTRATED, BARE, TABLE = (
     (0.84, 0.37, 0.0, 1.0),

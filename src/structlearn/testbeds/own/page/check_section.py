@@ -4,7 +4,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from structlearn.feedback.coupling import unit
+from structlearn.feedback.skill_file import SkillParameters, read_skill
+from structlearn.ground.errors import InputError
 from structlearn.palette import CATEGORICAL_COLOURS, GREY, LIGHT_GREY
+from structlearn.primitives.sequence import default_start
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import WIDTH, canvas, styled
 from structlearn.testbeds.own.files import TaskFiles
@@ -96,3 +100,42 @@ def by_run(check: SkillCheck) -> Table:
 
 def _percent(frame: pd.DataFrame) -> Table:
     return Table(frame.assign(margin=100.0 * frame["margin"]), FORMATS, HEADINGS)
+
+
+def skill_section(files: TaskFiles) -> Section:
+    """Of a task with demonstrations."""
+    skill, parameters = read_skill(files.skill), files.part("skill", SkillParameters)
+    workspace = skill.workspace
+    if workspace is None:
+        raise InputError(f"{files.skill}: has no workspace")
+    box = pd.DataFrame(
+        {
+            "axis": list("xyz"),
+            "low_m": workspace.low,
+            "high_m": workspace.high,
+            "start_m": default_start(skill.primitives).position,
+        }
+    )
+    bounds = [(axis, skill.limits.largest_coupling[axis], unit(axis)) for axis in skill.axes]
+    headings = {"low_m": "from (m)", "high_m": "to (m)", "start_m": "mean start (m)"}
+    return Section(
+        "skill",
+        "The skill",
+        "skill.html.jinja",
+        facts={
+            "path": str(files.skill),
+            "duration_s": sum(primitive.duration for primitive in skill.primitives),
+            "margin_m": parameters.workspace_margin_m,
+            "sensors": skill.sensors,
+            "fade_s": skill.limits.fade_s,
+            "axes": skill.axes,
+        },
+        tables={
+            "skill_workspace": Table(box, dict.fromkeys(headings, ".3f"), headings),
+            "skill_bounds": Table(
+                pd.DataFrame(bounds, columns=["axis", "largest", "unit"]),
+                {"largest": ".3g"},
+                {"largest": "largest coupling term"},
+            ),
+        },
+    )

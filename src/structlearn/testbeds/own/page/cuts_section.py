@@ -11,7 +11,7 @@ from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.movement_figures import draw_cuts, shade_primitives, speed
-from structlearn.segmentation.result import Segmentation
+from structlearn.segmentation.segments import Segmentation
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
 

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from structlearn.feedback.axes import Axis, unit
+from structlearn.feedback.coupling import Axis, unit
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.ground import signals
 from structlearn.ground.errors import InputError
@@ -15,7 +15,7 @@ from structlearn.reporting.prose import capitalised
 from structlearn.testbeds.own.files import TaskFiles
 from structlearn.testbeds.own.page.section import Section
 from structlearn.testbeds.own.protocol.own_feedback import read_own_feedback
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+from structlearn.testbeds.own.task import OwnFeedbackParameters
 
 SAMPLES = 200
 DRAWN = 6

@@ -14,7 +14,6 @@ from structlearn.testbeds.own.page import (
     motion_section,
     obstacles_section,
     primitives_section,
-    skill_section,
     touch_section,
 )
 from structlearn.testbeds.own.page.section import Section
@@ -40,7 +39,7 @@ class _Part:
 PARTS = (
     _Part("segment", (came_in_section.section, cuts_section.section, primitives_section.section)),
     _Part("feedback", (feedback_section.section,)),
-    _Part("skill", (skill_section.section,)),
+    _Part("skill", (check_section.skill_section,)),
     _Part("robot", (check_section.section,)),
     _Part("motion", (motion_section.section,)),
     _Part("touch", (touch_section.section,)),

@@ -4,48 +4,32 @@ Nothing has been configured yet, so bounds are those of the readers and of the m
 else rules of thumb with their reason beside them. A doubtful answer is no obstacle; it says where to look.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import NORM_TOLERANCE
 from structlearn.recordings.clock import MAX_GAP_S
-from structlearn.recordings.joint_series import JointSeries
-from structlearn.recordings.recording import JOINT_KINDS
 from structlearn.recordings.survey import Stamps
-from structlearn.rigid_body.motion import Motion, joined, joint_ranges, measured_motion
-from structlearn.rigid_body.urdf_links import moving_joints
-from structlearn.testbeds.own.protocol.hand_choice import Candidate
-from structlearn.testbeds.own.protocol.inspection import (
-    FileSeen,
-    PoseSource,
-    SourceSeen,
-    arm_of,
-    clocks_of,
-    series_of,
-)
+from structlearn.testbeds.own.protocol.hand_paths import Candidate, PoseSource
+from structlearn.testbeds.own.protocol.inspection import FileSeen, SourceSeen, arm_of, clocks_of, series_of
 from structlearn.testbeds.own.protocol.motion_survey import MotionSurvey
-from structlearn.testbeds.own.task import local_path
 
 Verdict = Literal["yes", "doubtful", "no"]
+Bounds = tuple[float, float]
+"""Yes up to (or from) the first, doubtful up to (or from) the second."""
 
 ENOUGH = (5, 2)
 """Demonstrations: one has nothing to be compared with; of fewer than five, the mean error of those that are
 left out has an interval as wide as itself."""
 
-EXTENT = {"m": (0.05, 0.01), "rad": (0.2, 0.05)}
-"""How far the hand gets, or the arm's joints: below a centimetre sway and movement are of one size."""
+EXTENT_M = (0.05, 0.01)
+"""How far the hand gets: below a centimetre sway and movement are of one size."""
 
 FARTHEST_M = 10.0
 """m; no arm and no hand that shows it a movement gets so far."""
-
-OVER_NOISE = (50.0, 10.0)
-"""How far the hand gets, over the sensor's noise: at 50 the speed of a move of a second stands ten times
-above what is left of the noise behind the low-pass."""
 
 RATES_HZ = (50.0, 20.0)
 """Hz, of the poses: people's moves have nothing above 5 Hz, and derivatives want ten samples of that."""
@@ -53,26 +37,14 @@ RATES_HZ = (50.0, 20.0)
 IN_STEP_S = (0.02, 0.1)
 """s, by which clocks differ: at 0.5 m/s that is 10 and 50 mm between what two topics say of one moment."""
 
-JITTER = (0.5, 1.0)
-"""Of a step: half the range of the inner nine tenths of the steps."""
-
 DISORDERED = (0.0, 0.01)
 """Share of stamps that do not come after the one before: none, or so few that to drop them harms nothing."""
 
-ELSEWHERE = {"m": 0.5, "rad": 1.0}
+ELSEWHERE, ELSEWHERE_RAD = 0.5, 1.0
 """Share of how far the hand gets, and rad, by which it starts off the others: rather it is another frame."""
 
 MOST_TURNED = 4.0 * np.pi
 """rad, of a joint: only those that wind go further, and all that are in degrees."""
-
-CONDITIONS = (100.0, 1000.0)
-"""Of the base regressor: below 100 counts as well excited (Gautier and Khalil 1992)."""
-
-VELOCITIES, ACCELERATIONS = (0.5, 0.1), (1.0, 0.2)
-"""rad/s and rad/s^2, the largest of a joint: where they are smaller friction hides what inertia does."""
-
-EXCITATION_HZ = 5.0
-"""Hz, low-pass of joints' signals before velocities are differentiated."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +64,13 @@ class Answer:
     advice: str = ""
 
 
-def at_least(value: float, bounds: tuple[float, float]) -> Verdict:
-    """Yes from the first bound up, doubtful from the second up; NaN is no."""
+def at_least(value: float, bounds: Bounds) -> Verdict:
+    """NaN is no."""
     return "yes" if value >= bounds[0] else "doubtful" if value >= bounds[1] else "no"
 
 
-def at_most(value: float, bounds: tuple[float, float]) -> Verdict:
-    """Yes up to the first bound, doubtful up to the second; NaN is no."""
+def at_most(value: float, bounds: Bounds) -> Verdict:
+    """NaN is no."""
     return "yes" if value <= bounds[0] else "doubtful" if value <= bounds[1] else "no"
 
 
@@ -113,42 +85,34 @@ def fitness(
         motion: its runs; None where it does not move.
         topics: which are to be read.
     """
-    answers = [_readable(seen), _enough(seen)]
+    count, total = len(seen.files), len(seen.files) + len(seen.damaged)
+    readable: Verdict = "doubtful" if seen.damaged else "yes"
+    more = "" if count >= ENOUGH[0] else f"record {ENOUGH[0]} or more"
+    answers = [
+        Answer("Can all files be read?", readable, f"{count} of {total}", "; ".join(seen.damaged.values())),
+        Answer("Are there enough demonstrations?", at_least(count, ENOUGH), str(count), more),
+    ]
     if hand is None:
         foreign = sorted({one.type for file in seen.files for one in file.topics.values() if one.foreign})
-        number = "no poses, moving frames or joint states that can be read"
+        number = "no poses or moving frames that can be read"
         advice = f"convert to ROS 2 messages, or to a table of poses: {'; '.join(foreign)}" if foreign else ""
+        if arms := [(file.name, *arm) for file in seen.files if (arm := arm_of(file.topics))]:
+            _, topic, joints = arms[0]
+            advice = f"there are joints in {topic} ({', '.join(joints.names)}): name their robot, URDF=..."
         answers.append(Answer("Is there a pose of the hand?", "no", number, advice))
     else:
         answers += list(_of_hand(seen, hand))
     if motion is not None:
         answers.append(_agreement(motion))
     answers += list(_of_signals(seen.files, topics))
-    if hand is not None:
+    if hand is not None and clocks_of(seen.files, topics):
         answers += list(_of_clocks(seen.files, topics, hand.source))
-    answers += list(_excitation(seen))
     return answers
-
-
-def _readable(seen: SourceSeen) -> Answer:
-    total = len(seen.files) + len(seen.damaged)
-    verdict: Verdict = "yes" if not seen.damaged else "doubtful"
-    advice = "; ".join(seen.damaged.values())
-    return Answer("Can all files be read?", verdict, f"{len(seen.files)} of {total}", advice)
-
-
-def _enough(seen: SourceSeen) -> Answer:
-    count = len(seen.files)
-    verdict = at_least(count, ENOUGH)
-    advice = "" if verdict == "yes" else f"record {ENOUGH[0]} or more"
-    return Answer("Are there enough demonstrations?", verdict, str(count), advice)
 
 
 def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
     paths = hand.paths
-    scale, unit = (1e3, "mm") if hand.unit == "m" else (1.0, "rad")
-    missing = [file.name for file in seen.files if file.name not in paths]
-    if missing:
+    if missing := [file.name for file in seen.files if file.name not in paths]:
         reasons = [file.no_hands[hand.source] for file in seen.files if hand.source in file.no_hands]
         yield Answer(
             "Does every file have the hand's pose?",
@@ -157,38 +121,27 @@ def _of_hand(seen: SourceSeen, hand: Candidate) -> Iterator[Answer]:
             "; ".join(reasons) or f"not in {', '.join(missing)}",
         )
     least = min(paths, key=lambda name: paths[name].extent_m)
-    noise = float(np.median([path.noise_m for path in paths.values()]))
-    verdict = at_least(paths[least].extent_m, EXTENT[hand.unit])
+    verdict = at_least(paths[least].extent_m, EXTENT_M)
     advice = "" if verdict == "yes" else f"look at {least}"
-    if hand.unit == "m" and hand.extent > FARTHEST_M:
+    if hand.extent > FARTHEST_M:
         verdict, advice = "doubtful", "positions are read as m; were they written in mm?"
     yield Answer(
         "Does the hand move in all?",
         verdict,
-        f"{scale * hand.extent:.4g} {unit} in the median, least {scale * paths[least].extent_m:.4g} {unit}",
+        f"{1e3 * hand.extent:.4g} mm in the median, least {1e3 * paths[least].extent_m:.4g} mm",
         advice,
     )
-    if hand.moves:
-        ratio = hand.extent / noise if noise > 0.0 else float("inf")
-        times = f"{ratio:.4g} times ({scale * noise:.2g} {unit})" if noise > 0.0 else "there is none"
-        yield Answer("Is the motion well above the noise?", at_least(ratio, OVER_NOISE), times)
-    if hand.unit == "m":
-        worst = max(paths, key=lambda name: paths[name].norm_error)
-        off = paths[worst].norm_error
-        verdict = "yes" if off <= NORM_TOLERANCE else "no"
-        advice = (
-            "" if verdict == "yes" else f"look at {worst}: the reader refuses more than {NORM_TOLERANCE:g}"
-        )
-        yield Answer("Are quaternions of unit norm?", verdict, f"off by {off:.1g} at most", advice)
-        faults = [f"{name}: {path.fault}" for name, path in paths.items() if path.fault]
-        yield Answer(
-            "Are poses free of jumps?",
-            "no" if faults else "yes",
-            f"{len(paths) - len(faults)} of {len(paths)}",
-            "; ".join(faults),
-        )
-        if hand.moves and len(paths) > 1:
-            yield _alike(hand)
+    worst = max(paths, key=lambda name: paths[name].norm_error)
+    off = paths[worst].norm_error
+    unit_norm = off <= NORM_TOLERANCE
+    advice = "" if unit_norm else f"look at {worst}: the reader refuses more than {NORM_TOLERANCE:g}"
+    number = f"off by {off:.1g} at most"
+    yield Answer("Are quaternions of unit norm?", "yes" if unit_norm else "no", number, advice)
+    faults = [f"{name}: {path.fault}" for name, path in paths.items() if path.fault]
+    number = f"{len(paths) - len(faults)} of {len(paths)}"
+    yield Answer("Are poses free of jumps?", "no" if faults else "yes", number, "; ".join(faults))
+    if hand.moves and len(paths) > 1:
+        yield _alike(hand)
 
 
 def _alike(hand: Candidate) -> Answer:
@@ -200,14 +153,13 @@ def _alike(hand: Candidate) -> Answer:
     if all(path.orientation is not None for path in paths):
         turns = np.stack([path.orientation[0] for path in paths])
         turned = np.median(2.0 * np.arccos(np.minimum(np.abs(turns @ turns.T), 1.0)), axis=1)
-    odd = (away > ELSEWHERE["m"] * hand.extent) | (turned > ELSEWHERE["rad"])
+    odd = (away > ELSEWHERE * hand.extent) | (turned > ELSEWHERE_RAD)
+    listed = ", ".join(name for name, one in zip(names, odd, strict=True) if one)
     return Answer(
         "Does the hand start alike?",
-        "doubtful" if odd.any() else "yes",
+        "doubtful" if listed else "yes",
         f"off the others by {1e3 * away.max():.3g} mm and {turned.max():.2g} rad at most",
-        f"another frame, or order of quaternions? look at {listed}"
-        if (listed := ", ".join(name for name, one in zip(names, odd, strict=True) if one))
-        else "",
+        f"another frame, or order of quaternions? look at {listed}" if listed else "",
     )
 
 
@@ -216,12 +168,9 @@ def _of_signals(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[An
     if not read:
         return
     frozen = [f"{topic} in {file.name}" for file, topic, one in read if one.frozen]
-    yield Answer(
-        "Do all signals change?",
-        "doubtful" if frozen else "yes",
-        f"{len(read) - len(frozen)} of {len(read)}",
-        f"always the same: {', '.join(frozen)}" if frozen else "",
-    )
+    advice = f"always the same: {', '.join(frozen)}" if frozen else ""
+    number = f"{len(read) - len(frozen)} of {len(read)}"
+    yield Answer("Do all signals change?", "doubtful" if frozen else "yes", number, advice)
     turned = {
         f"{topic} in {file.name}": float(np.abs(joints.values["joint_positions"]).max())
         for file, topic, one in read
@@ -230,8 +179,9 @@ def _of_signals(files: Sequence[FileSeen], topics: Sequence[str]) -> Iterator[An
     }
     if turned:
         largest = max(turned, key=turned.__getitem__)
-        verdict: Verdict = "yes" if turned[largest] <= MOST_TURNED else "doubtful"
-        advice = "" if verdict == "yes" else f"degrees? look at {largest}"
+        sound = turned[largest] <= MOST_TURNED
+        advice = "" if sound else f"degrees? look at {largest}"
+        verdict: Verdict = "yes" if sound else "doubtful"
         yield Answer("Are joints' positions in rad?", verdict, f"to {turned[largest]:.3g}", advice)
 
 
@@ -240,7 +190,7 @@ def _agreement(motion: MotionSurvey) -> Answer:
     others = [
         f"{name} has {len(motion.counted(name))}" for name in motion.runs if name not in motion.agreeing
     ]
-    threshold = f"{motion.thresholds[motion.chosen]:.2g} {motion.unit}/s"
+    threshold = f"{motion.thresholds[motion.chosen]:.2g} m/s"
     return Answer(
         "Do runs of motion agree in number?",
         "yes" if agree == total else "doubtful" if 2 * agree > total else "no",
@@ -251,61 +201,47 @@ def _agreement(motion: MotionSurvey) -> Answer:
 
 def _of_clocks(files: Sequence[FileSeen], topics: Sequence[str], pose: PoseSource) -> Iterator[Answer]:
     clocks = clocks_of(files, topics)
-    if not clocks:
-        return
-    stamped = [(name, topic, one) for name, topic, one in clocks if one.header]
+    stamped = {topic for _, topic, one in clocks if one.header}
     names = sorted({topic for _, topic, _ in clocks})
-    unstamped = [topic for topic in names if not any(topic == other for _, other, _ in stamped)]
+    unstamped = [topic for topic in names if topic not in stamped]
     yield Answer(
         "Do messages say when they were taken?",
-        "yes" if not unstamped else "doubtful",
+        "doubtful" if unstamped else "yes",
         f"{len(names) - len(unstamped)} of {len(names)} topics have header stamps",
         f"the log time stands in for {', '.join(unstamped)}" if unstamped else "",
     )
-    off, where = max((out_of_step(file, topics), file.name) for file in files)
     if stamped:
+        off, where = max((out_of_step(file, topics), file.name) for file in files)
         verdict = at_most(off, IN_STEP_S)
         advice = "" if verdict == "yes" else f"look at {where}: delays of topics differ, or drift"
         yield Answer("Are the clocks in step?", verdict, f"to {1e3 * off:.3g} ms", advice)
     series = series_of(files, topics, pose)
-    name, topic, one = max(series, key=lambda item: _disorder(item[2]))
+
+    def worst(measure: Callable[[Stamps], float]) -> tuple[str, str, Stamps]:
+        return max(series, key=lambda item: np.nan_to_num(measure(item[2]), nan=np.inf))
+
+    name, topic, one = worst(_disorder)
+    share = _disorder(one)
     yield Answer(
         "Do stamps increase?",
-        at_most(_disorder(one), DISORDERED),
-        f"all but {_disorder(one):.2g} of them" if _disorder(one) else "all do",
-        f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back" if _disorder(one) else "",
+        at_most(share, DISORDERED),
+        f"all but {share:.2g} of them" if share else "all do",
+        f"in {name}, {topic}, {one.repeated} repeat and {one.backward} run back" if share else "",
     )
-    name, topic, one = max(series, key=lambda item: np.nan_to_num(item[2].largest_gap_s, nan=np.inf))
-    yield Answer(
-        "Are streams without gaps?",
-        "yes" if one.largest_gap_s <= MAX_GAP_S else "no",
-        f"largest {one.largest_gap_s:.3g} s",
-        "" if one.largest_gap_s <= MAX_GAP_S else f"in {name}, {topic}, at {one.gap_at_s:.3g} s",
-    )
-    name, topic, one = max(series, key=lambda item: _unevenness(item[2]))
-    yield Answer(
-        "Are steps even?",
-        at_most(_unevenness(one), JITTER),
-        f"to {100 * _unevenness(one):.2g} % of a step",
-        f"in {name}, {topic}" if _unevenness(one) > JITTER[0] else "",
-    )
-    name, topic, one = min(series, key=lambda item: np.nan_to_num(item[2].rate_hz))
-    yield Answer(
-        "Are topics fast enough?",
-        at_least(one.rate_hz, RATES_HZ),
-        f"slowest {one.rate_hz:.4g} Hz",
-        f"in {name}, {topic}" if not one.rate_hz >= RATES_HZ[0] else "",
-    )
+    name, topic, one = worst(lambda stamps: stamps.largest_gap_s)
+    whole = one.largest_gap_s <= MAX_GAP_S
+    advice = "" if whole else f"in {name}, {topic}, at {one.gap_at_s:.3g} s"
+    number = f"largest {one.largest_gap_s:.3g} s"
+    yield Answer("Are streams without gaps?", "yes" if whole else "no", number, advice)
+    name, topic, one = worst(lambda stamps: -stamps.rate_hz)
+    verdict = at_least(one.rate_hz, RATES_HZ)
+    advice = "" if verdict == "yes" else f"in {name}, {topic}"
+    yield Answer("Are topics fast enough?", verdict, f"slowest {one.rate_hz:.4g} Hz", advice)
 
 
 def _disorder(stamps: Stamps) -> float:
     """Share of stamps that do not come after the one before."""
     return (stamps.repeated + stamps.backward) / stamps.count
-
-
-def _unevenness(stamps: Stamps) -> float:
-    """Jitter in steps; of one message, none."""
-    return float(np.nan_to_num(stamps.jitter_s * stamps.rate_hz))
 
 
 def out_of_step(file: FileSeen, topics: Sequence[str]) -> float:
@@ -319,55 +255,3 @@ def out_of_step(file: FileSeen, topics: Sequence[str]) -> float:
         return 0.0
     medians = [delay.median_s for delay in delays]
     return max(max(medians) - min(medians), *(abs(delay.drift_s) for delay in delays))
-
-
-def _excitation(seen: SourceSeen) -> Iterator[Answer]:
-    """Of joints with efforts: what each went through, and with a URDF how well the whole is determined."""
-    arms = [(file.name, arm[1]) for file in seen.files if (arm := arm_of(file.topics))]
-    arms = [(name, joints) for name, joints in arms if set(JOINT_KINDS) <= joints.values.keys()]
-    if not arms:
-        return
-    names = arms[0][1].names
-    try:
-        motion = joined([_motion(name, joints, names) for name, joints in arms])
-    except InputError as error:
-        yield Answer("Can the arm's dynamics be learned?", "no", "joint states are not as needed", str(error))
-        return
-    for name, one in zip(names, joint_ranges(motion), strict=True):
-        found = (at_least(one.velocity, VELOCITIES), at_least(one.acceleration, ACCELERATIONS))
-        yield Answer(
-            f"Is {name} moved enough to learn its dynamics?",
-            max(found, key=("yes", "doubtful", "no").index),
-            f"{one.position:.3g} rad, to {one.velocity:.3g} rad/s and {one.acceleration:.3g} rad/s^2",
-        )
-    if seen.urdf is not None:
-        try:
-            number = _condition(local_path(seen.urdf), names, motion)
-        except InputError as error:
-            yield Answer("Is the arm excited as a whole?", "no", "the URDF does not serve", str(error))
-            return
-        verdict = at_most(number, CONDITIONS)
-        advice = "" if verdict == "yes" else "move all joints far and fast, at different times"
-        yield Answer("Is the arm excited as a whole?", verdict, f"condition number {number:.3g}", advice)
-
-
-def _condition(urdf: Path, names: Sequence[str], motion: Motion) -> float:
-    """Condition number of the base regressor of a robot whose other joints are locked."""
-    from structlearn.rigid_body.base_parameters import condition_number  # with torch and Pinocchio
-    from structlearn.rigid_body.tree import joint_order, read_urdf
-
-    tree = read_urdf(urdf, [joint for joint in moving_joints(urdf) if joint not in names]).tree
-    order = joint_order(tree, names, "the log of joint states")
-    columns = (values[:, order] for values in (motion.q, motion.qd, motion.qdd, motion.torque))
-    return condition_number(tree, Motion(*columns))
-
-
-def _motion(name: str, joints: JointSeries, names: Sequence[str]) -> Motion:
-    """Joint states as dynamics are learned from, columns in an order of names."""
-    if sorted(joints.names) != sorted(names):
-        raise InputError(f"{name} has the joints {', '.join(joints.names)}, others have {', '.join(names)}")
-    order = [joints.names.index(one) for one in names]
-    stamps, places = np.unique(joints.stamps, return_index=True)
-    positions, velocities, torques = (joints.values[kind][places][:, order] for kind in JOINT_KINDS)
-    time = 1e-9 * (stamps - stamps[0])
-    return measured_motion(name, time, positions, velocities, torques, cutoff_hz=EXCITATION_HZ)

@@ -1,10 +1,7 @@
-"""How the hand moves in recordings that nobody has described yet: its way, its speed, its noise.
+"""How the hand moves in recordings that nobody has described yet, and which source of poses is the hand's."""
 
-Where there are joint states and no robot to compute poses with, the joints stand in for the hand.
-"""
-
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +9,8 @@ from structlearn.ground import quaternion, signals
 from structlearn.ground.errors import InputError
 from structlearn.recordings.checks import check_speed
 from structlearn.recordings.recording import Stream
+from structlearn.recordings.topics import JointPose, TransformPose
+from structlearn.rigid_body.urdf import HANDS
 
 SPEED_HZ = 2.0
 """Hz, low-pass of the positions before they are differentiated: the method's for finding a movement."""
@@ -19,11 +18,13 @@ SPEED_HZ = 2.0
 MOST_TICKS = 10**7
 """Of a uniform clock; more of them mean that a stamp lies years away from the others."""
 
-TO_DEVIATION = 1.4826
-"""Standard deviation of normal numbers over the median of their sizes."""
+LEAST_EXTENT_M = 0.01
+"""How far a hand gets at least: less is sway."""
 
-THIRD_DIFFERENCES = np.sqrt(20.0)
-"""Their standard deviation over that of white noise; what is as smooth as a hand has none to speak of."""
+ALIKE = 0.9
+"""Share of the largest way from which on frames of one tree move alike: then the likeliest name is taken."""
+
+PoseSource = str | TransformPose | JointPose
 
 
 @dataclass(frozen=True)
@@ -31,24 +32,18 @@ class HandPath:
     """Positions of one source of poses in one file, on a uniform clock.
 
     Attributes:
-        unit: m, or rad where it is joints that move; below, m stands for either.
         dt: s between ticks.
-        start_s: s, of the first tick on the recording's clock.
-        position: (T, D) m, without what is above `SPEED_HZ`.
+        position: (T, 3) m, without what is above `SPEED_HZ`.
         speed: (T,) m/s of it.
         orientation: (T, 4) w, x, y, z of norm 1; None where there is none.
-        noise_m: m, std per axis of the sensor's noise, by third differences, which hardly show motion.
         norm_error: largest difference of a quaternion's norm from 1.
         fault: what no hand does, e.g. a jump, or values that are no numbers; empty where there is nothing.
     """
 
-    unit: Literal["m", "rad"]
     dt: float
-    start_s: float
     position: np.ndarray
     speed: np.ndarray
     orientation: np.ndarray | None
-    noise_m: float
     norm_error: float
     fault: str
 
@@ -75,35 +70,8 @@ def hand_path(stream: Stream) -> HandPath:
         InputError: fewer than three samples are left, or stamps lie too far apart for a clock.
     """
     finite = np.isfinite(stream.values).all(axis=1)
-    stamps, values = _in_order(stream.stamps[finite], stream.values[finite])
-    path = _path("m", stream.topic, stamps, values[:, :3])
-    norms = np.linalg.norm(values[:, 3:], axis=1)
-    turns = values[:, 3:] / norms[:, None] if (norms > 0.0).all() else None
-    return replace(
-        path,
-        orientation=None if turns is None else _turned(path, stamps, turns),
-        norm_error=float(np.abs(norms - 1.0).max()),
-        fault=_fault(finite, Stream(stream.topic, "pose", stamps, values)),
-    )
-
-
-def _turned(path: HandPath, stamps: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Orientations (T, 4) at a path's ticks."""
-    ticks, times = np.arange(len(path.speed)) * path.dt, 1e-9 * (stamps - stamps[0])
-    return quaternion.interpolate(np.minimum(ticks, times[-1]), times, turns)
-
-
-def joint_path(topic: str, stamps: np.ndarray, positions: np.ndarray) -> HandPath:
-    """The path of joints, as `hand_path`: (T,) int64 ns, (T, J) rad."""
-    return _path("rad", topic, *_in_order(stamps, positions))
-
-
-def _in_order(stamps: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    ordered, places = np.unique(stamps, return_index=True)
-    return ordered, values[places]
-
-
-def _path(unit: Literal["m", "rad"], topic: str, stamps: np.ndarray, values: np.ndarray) -> HandPath:
+    stamps, places = np.unique(stream.stamps[finite], return_index=True)
+    values, topic = stream.values[finite][places], stream.topic
     if len(stamps) < 3:
         raise InputError(f"{topic} has {len(stamps)} samples, fewer than three")
     dt = 1e-9 * float(np.median(np.diff(stamps)))
@@ -113,13 +81,20 @@ def _path(unit: Literal["m", "rad"], topic: str, stamps: np.ndarray, values: np.
     ticks = np.arange(int(time[-1] / dt) + 1) * dt
     if len(ticks) < 3:
         raise InputError(f"{topic} has samples at fewer than three ticks of {dt:.3g} s")
-    raw = np.stack([np.interp(ticks, time, column) for column in values.T], axis=1)
+    raw = np.stack([np.interp(ticks, time, column) for column in values[:, :3].T], axis=1)
     position = signals.low_pass(raw, dt, SPEED_HZ)
-    speed = np.linalg.norm(signals.derivative(position, dt), axis=1)
-    differences = np.abs(np.diff(raw, 3, axis=0)) if len(raw) > 3 else np.zeros((1, 1))
-    noise_m = TO_DEVIATION * float(np.median(differences)) / THIRD_DIFFERENCES
-    start_s = 1e-9 * int(stamps[0])
-    return HandPath(unit, dt, start_s, position, speed, None, noise_m, norm_error=0.0, fault="")
+    norms = np.linalg.norm(values[:, 3:], axis=1)
+    turned = None
+    if (norms > 0.0).all():
+        turned = quaternion.interpolate(np.minimum(ticks, time[-1]), time, values[:, 3:] / norms[:, None])
+    return HandPath(
+        dt,
+        position,
+        np.linalg.norm(signals.derivative(position, dt), axis=1),
+        turned,
+        float(np.abs(norms - 1.0).max()),
+        _fault(finite, Stream(topic, "pose", stamps, values)),
+    )
 
 
 def _fault(finite: np.ndarray, ordered: Stream) -> str:
@@ -130,3 +105,75 @@ def _fault(finite: np.ndarray, ordered: Stream) -> str:
     except InputError as error:
         return str(error).removeprefix(f": {ordered.topic}: ")
     return ""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A source of poses over all files.
+
+    Attributes:
+        source: it.
+        paths: by name of the file.
+        extent: median over the files of how far it gets, m.
+        travelled: likewise of its way.
+    """
+
+    source: PoseSource
+    paths: dict[str, HandPath]
+    extent: float
+    travelled: float
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is more than sway."""
+        return self.extent >= LEAST_EXTENT_M
+
+    @property
+    def words(self) -> str:
+        """What it is."""
+        return pose_words(self.source)
+
+
+def pose_words(source: PoseSource) -> str:
+    """A source of poses in words."""
+    if isinstance(source, str):
+        return source
+    if isinstance(source, TransformPose):
+        return f"{source.parent} -> {source.child} in {source.topic}"
+    return f"{source.tip} by the joints in {source.topic}"
+
+
+def candidates(hands: Mapping[str, Mapping[PoseSource, HandPath]]) -> list[Candidate]:
+    """All sources of poses that have a path in some file, the likeliest for the hand's first.
+
+    One that moves, in most of the files, comes before all others; then topics of poses before transforms and
+    those before joints; then what is in more files; then frames that are called like a hand; then what goes
+    the longer way.
+    """
+    found: dict[PoseSource, dict[str, HandPath]] = {}
+    for name, by_source in hands.items():
+        for source, path in by_source.items():
+            found.setdefault(source, {})[name] = path
+    every = [
+        Candidate(
+            source,
+            paths,
+            float(np.median([path.extent_m for path in paths.values()])),
+            float(np.median([path.travelled_m for path in paths.values()])),
+        )
+        for source, paths in found.items()
+    ]
+    return sorted(every, key=lambda one: _rank(one, every, len(hands)))
+
+
+def _rank(one: Candidate, every: Sequence[Candidate], files: int) -> tuple:
+    """Small is likely; the order in which sources of one kind were found, by their names, breaks ties."""
+    kind = _kind(one.source)
+    farthest = max(other.travelled for other in every if _kind(other.source) == kind)
+    way = farthest if kind and one.travelled >= ALIKE * farthest else one.travelled
+    named = isinstance(one.source, TransformPose) and HANDS.search(one.source.child)
+    return not (one.moves and 2 * len(one.paths) > files), kind, -len(one.paths), not named, -way
+
+
+def _kind(source: PoseSource) -> int:
+    return 0 if isinstance(source, str) else 1 if isinstance(source, TransformPose) else 2

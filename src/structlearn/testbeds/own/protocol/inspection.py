@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.bag import RawMessages
 from structlearn.recordings.bag_files import RecordingFile, open_bag, recording_files
-from structlearn.recordings.bag_reader import RawMessages
 from structlearn.recordings.bag_recording import read_recording
 from structlearn.recordings.cdr import short_name
 from structlearn.recordings.joint_series import JointSeries, chosen, joint_series
@@ -19,11 +19,9 @@ from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.survey import Stamps, TopicClocks, stamps_of, topic_clocks
 from structlearn.recordings.topics import JointPose, TopicMap, TransformPose
 from structlearn.recordings.transforms import TransformSeries, chain, transform_series
-from structlearn.rigid_body.urdf_links import HANDS, moving_joints, tips
-from structlearn.testbeds.own.protocol.hand_paths import HandPath, hand_path, joint_path
+from structlearn.rigid_body.urdf import HANDS, moving_joints, tips
+from structlearn.testbeds.own.protocol.hand_paths import HandPath, PoseSource, hand_path
 from structlearn.testbeds.own.task import local_path
-
-PoseSource = str | TransformPose | JointPose
 
 BEHIND_STAMP = 12
 """Bytes of a message's encapsulation and of its header's stamp; of an array without one, of its layout."""
@@ -68,7 +66,7 @@ class TopicSeen:
 
     @property
     def foreign(self) -> bool:
-        """Whether messages are in an encoding that is not read; the type says which (`bag_reader`)."""
+        """Whether messages are in an encoding that is not read; the type says which (`bag`)."""
         return any("[" in name for name in self.types)
 
 
@@ -142,15 +140,7 @@ def look_at(source: str, urdf: str | None = None) -> SourceSeen:
 
 
 def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
-    """Open one file.
-
-    Args:
-        file: it.
-        urdf: of the robot.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """Open one file, or raise an InputError."""
     present = open_bag(file, ()).topics
     large = [topic for topic, types in present.items() if any(name.endswith(LARGE) for name in types)]
     topics: dict[str, TopicSeen] = {}
@@ -167,15 +157,7 @@ def look_into(file: RecordingFile, urdf: str | None = None) -> FileSeen:
             hands[source] = hand_path(_poses(file, source))
         except InputError as error:
             no_hands[source] = str(error)
-    if not sources and (arm := arm_of(topics)):
-        topic, joints = arm
-        source = JointPose(urdf=UNKNOWN_URDF, tip=UNKNOWN_TIP, topic=topic)
-        hands[source] = joint_path(topic, joints.stamps, joints.values["joint_positions"])
     return FileSeen(file, topics, hands, no_hands)
-
-
-UNKNOWN_URDF, UNKNOWN_TIP = "~/robot.urdf", "tool0"
-"""Stand in for a robot that has not been named."""
 
 
 def arm_of(topics: Mapping[str, TopicSeen]) -> tuple[str, JointSeries] | None:
@@ -235,10 +217,6 @@ def frame_pairs(
 
     The base is the last frame on the way from the root to which only static links lead: a joint that rests in
     one recording may move in the next. What a frame that is called like a hand carries is no end.
-
-    Args:
-        moving: links of /tf, of which some may be at rest.
-        static: links of /tf_static.
     """
     parents = {link.child: link.parent for link in (*static, *moving)}
     children = {link.child for link in moving}

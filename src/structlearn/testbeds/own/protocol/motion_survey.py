@@ -32,7 +32,7 @@ class MotionRun:
     Attributes:
         start_s: s since the recording's first pose.
         end_s: s, likewise.
-        way: m (or rad) that is gone.
+        way: m that is gone.
         short: less than `SHORT_SHARE` of the longest.
     """
 
@@ -47,8 +47,7 @@ class MotionSurvey:
     """Runs of motion of all demonstrations.
 
     Attributes:
-        unit: m or rad.
-        thresholds: m/s or rad/s that were tried.
+        thresholds: m/s that were tried.
         runs: (thresholds,) of each demonstration by name.
         chosen: place of the threshold at which most demonstrations agree.
         with_short: whether short runs are counted.
@@ -58,7 +57,6 @@ class MotionSurvey:
             demonstrations; none where orientations are not known.
     """
 
-    unit: str
     thresholds: tuple[float, ...]
     runs: Mapping[str, Sequence[Sequence[MotionRun]]]
     chosen: int
@@ -71,24 +69,15 @@ class MotionSurvey:
         """Runs of a demonstration at the chosen threshold, without short ones where they do not count."""
         return [run for run in self.runs[name][self.chosen] if self.with_short or not run.short]
 
-    def idle(self, name: str) -> list[MotionRun]:
-        """Short runs of a demonstration at the chosen threshold that are not counted."""
-        return [run for run in self.runs[name][self.chosen] if run.short and not self.with_short]
-
 
 def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
-    """Runs of motion of demonstrations, and the number in which most agree.
-
-    Args:
-        paths: of the hand by name of the demonstration, one at least.
-    """
-    moved = [Motion(path.position, path.speed, path.speed, path.unit == "rad") for path in paths.values()]
+    """Runs of motion of demonstrations by name, and the number in which most agree."""
+    moved = [Motion(path.position, path.speed, path.speed, False) for path in paths.values()]
     thresholds = tuple(fraction * pace(moved) for fraction in FRACTIONS)
     runs = {
         name: tuple(tuple(motion_runs(path, threshold)) for threshold in thresholds)
         for name, path in paths.items()
     }
-    unit = next(iter(paths.values())).unit
     choices = []
     for place in range(len(thresholds)):
         for with_short in (True, False):
@@ -99,9 +88,7 @@ def survey_motion(paths: Mapping[str, HandPath]) -> MotionSurvey:
             row, count = max(Counter(rows.values()).items(), key=lambda item: (item[1], len(item[0])))
             agreeing = tuple(name for name in rows if rows[name] == row)
             rank = (count, len(row) > 0, with_short, -abs(place - PREFERRED))
-            choices.append(
-                (rank, MotionSurvey(unit, thresholds, runs, place, with_short, len(row), agreeing))
-            )
+            choices.append((rank, MotionSurvey(thresholds, runs, place, with_short, len(row), agreeing)))
     best = max(choices, key=lambda choice: choice[0])[1]
     turns = [turns_between(paths[name], best.counted(name)) for name in best.agreeing]
     return replace(best, turns_deg=tuple(np.median(turns, axis=0).tolist()))
@@ -118,12 +105,7 @@ def turns_between(path: HandPath, runs: Sequence[MotionRun]) -> list[float]:
 
 
 def motion_runs(path: HandPath, threshold: float) -> list[MotionRun]:
-    """Runs of a path's speed above a threshold, joined across hesitations, in their order.
-
-    Args:
-        path: of the hand.
-        threshold: m/s, not below 0; of a hand that never moves no run is found.
-    """
+    """Runs of a path's speed above a threshold, joined across hesitations, in their order."""
     runs = runs_of_motion(path.speed, threshold, most=len(path.speed))
     if not len(runs):
         return []

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from structlearn.feedback.axes import AXES, Axis
+from structlearn.feedback.coupling import AXES, Axis
 from structlearn.feedback.coupling_dataset import CouplingDataset, from_axes_table, to_axes_table
 from structlearn.feedback.coupling_model import CouplingModel, read_networks, train_final, write_networks
 from structlearn.feedback.supervision import coupling_dataset, learn_expected, require_parts
@@ -19,10 +19,10 @@ from structlearn.primitives.primitive_files import read_vector_primitive, write_
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.segmentation.execution_cuts import execution_cuts
 from structlearn.segmentation.parameters import SegmentParameters
+from structlearn.segmentation.segments import execution_cuts
 from structlearn.testbeds.own.files import ABSENT
-from structlearn.testbeds.own.protocol.own_feedback_parameters import OwnFeedbackParameters
+from structlearn.testbeds.own.task import OwnFeedbackParameters
 
 NETWORKS = "networks.safetensors"
 

@@ -20,12 +20,10 @@ from structlearn.rigid_body.arm_identification import (
     trace_table,
     write_identified,
 )
-from structlearn.rigid_body.base_parameters import base_parameters
+from structlearn.rigid_body.base_parameters import base_parameters, fit_base
 from structlearn.rigid_body.dynamics_models import rigid_body_torques
-from structlearn.rigid_body.excitation import fit_base
 from structlearn.rigid_body.friction import friction_columns
-from structlearn.rigid_body.motion import Motion, excited, measured_motion
-from structlearn.rigid_body.torque_blocks import block_table, drawn_nmse
+from structlearn.rigid_body.motion import Motion, block_table, drawn_nmse, excited, measured_motion
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import Robot, joint_order
 from structlearn.testbeds.own.protocol.arm_parameters import MotionParameters

@@ -13,11 +13,10 @@ from typing import Any
 from structlearn.recordings.clock import MAX_GAP_S
 from structlearn.recordings.messages import READERS
 from structlearn.recordings.topics import JointPose
-from structlearn.rigid_body.urdf_links import moving_joints
+from structlearn.rigid_body.urdf import moving_joints
 from structlearn.testbeds.own.protocol.fitness import IN_STEP_S, out_of_step
-from structlearn.testbeds.own.protocol.hand_choice import Candidate
+from structlearn.testbeds.own.protocol.hand_paths import Candidate
 from structlearn.testbeds.own.protocol.inspection import (
-    UNKNOWN_URDF,
     FileSeen,
     SourceSeen,
     TopicSeen,
@@ -56,14 +55,7 @@ class Proposal:
 def propose(
     seen: SourceSeen, hand: Candidate, others: Sequence[Candidate], motion: MotionSurvey | None
 ) -> Proposal:
-    """The entry for what was seen.
-
-    Args:
-        seen: all files.
-        hand: the chosen source of poses.
-        others: the other ones, the likelier first.
-        motion: runs of motion; None where the hand does not move.
-    """
+    """The entry for what was seen: the chosen source of poses, others, the likelier first, and its motion."""
     topics, doubts = _topics(seen, hand, others)
     entry: dict[str, Any] = {"source": from_home(seen.source), "topics": topics}
     read = _read(hand, topics)
@@ -77,7 +69,12 @@ def propose(
         locked = [joint for joint in moving_joints(local_path(seen.urdf)) if joint not in known]
         entry["robot"] = {"urdf": from_home(seen.urdf), "tip": hand.source.tip, "locked_joints": locked}
     damaged = [f"cannot be read, and has to go: {', '.join(seen.damaged)}"] if seen.damaged else []
-    doubts["source"] = damaged + _gaps(seen.files, read, hand)
+    doubts["source"] = damaged + [
+        f"{topic} of {name} has a gap of {one.largest_gap_s:.3g} s at {one.gap_at_s:.3g} s: refused where "
+        "it is longer than `clock: {max_gap_s: ...}`"
+        for name, topic, one in series_of(seen.files, read, hand.source)
+        if one.largest_gap_s > MAX_GAP_S
+    ]
     doubts = {key: said for key, said in doubts.items() if said}
     return Proposal(task_name(seen.source), entry, doubts, read)
 
@@ -120,17 +117,14 @@ def _topics(
             parts = [arm, *_other_kinds(seen.files, arm)]
             topics["joint_states"] = parts if parts[1:] else arm
             doubts["topics.joint_states"] = list(_joint_doubts(seen.files, parts))
-    wrenches = _of_types(seen.files, READERS["wrench"])
-    if wrenches:
+    if wrenches := _of_types(seen.files, READERS["wrench"]):
         topics["wrench"] = wrenches[0]
         doubts["topics.wrench"] = [f"also there: {', '.join(wrenches[1:])}"] if wrenches[1:] else []
     arrays = _of_types(seen.files, READERS["tactile"])
-    touch = [topic for topic in arrays if TOUCH.search(topic)]
-    if touch:
+    if touch := [topic for topic in arrays if TOUCH.search(topic)]:
         topics["tactile"] = touch
         doubts["topics.tactile"] = ["by their names; are these tactile sensors?"]
-    left = [topic for topic in arrays if topic not in touch]
-    if left:
+    if left := [topic for topic in arrays if topic not in touch]:
         doubts.setdefault("topics.tactile" if touch else "topics.pose", []).append(
             f"arrays that may be tactile sensors: {', '.join(left)}"
         )
@@ -138,13 +132,7 @@ def _topics(
 
 
 def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
-    files, urdf = seen.files, seen.urdf
-    if isinstance(hand.source, JointPose) and hand.source.urdf == UNKNOWN_URDF:
-        yield (
-            "there is no pose: name the robot's URDF and the link that is led, or inspect with URDF=..."
-            if urdf is None
-            else f"{urdf} has none of these joints, but {_listed(moving_joints(local_path(urdf)))}"
-        )
+    files = seen.files
     if not hand.moves:
         yield "it does not move"
     missing = [file.name for file in files if file.name not in hand.paths]
@@ -155,8 +143,7 @@ def _pose_doubts(seen: SourceSeen, hand: Candidate, others: Sequence[Candidate])
         if len(frames) > 1:
             yield f"its messages are of several frames: {', '.join(sorted(frames))}"
     for other in others[:3]:
-        scale, unit = (1e3, "mm") if other.unit == "m" else (1.0, "rad")
-        yield f"also there: {other.words}, which goes {scale * other.travelled:.4g} {unit}"
+        yield f"also there: {other.words}, which goes {other.travelled:.4g} m"
     if len(others) > 3:
         yield f"and {len(others) - 3} more"
 
@@ -180,25 +167,20 @@ def _kinds(seen: TopicSeen) -> set[str]:
 
 def _joint_doubts(files: Sequence[FileSeen], parts: Sequence[str]) -> Iterator[str]:
     arm = parts[0]
-    sets = {names for file in files if arm in file.topics for names in _publishers(file.topics[arm])}
+    sets = set()
+    for file in files:
+        by_publisher: dict[int, tuple[str, ...]] = {}
+        for joints in file.topics[arm].joints if arm in file.topics else ():
+            by_publisher[joints.publisher] = by_publisher.get(joints.publisher, ()) + joints.names
+        sets |= set(by_publisher.values())
     if len(sets) > 1:
         most = max(sorted(sets), key=len)
         others = "; ".join(", ".join(names) for names in sorted(sets - {most}))
         yield f"several publish on it; taken is {', '.join(most)}, not {others} (`joints` names others)"
     if any("joint_torques" in _kinds(file.topics[arm]) for file in files if arm in file.topics):
         yield f"it has efforts: `motion: {{source: ..., topic: {arm}, urdf: ...}}` identifies the arm"
-    elsewhere = [topic for topic in _of_types(files, READERS["joint_states"]) if topic not in parts]
-    if elsewhere:
+    if elsewhere := [topic for topic in _of_types(files, READERS["joint_states"]) if topic not in parts]:
         yield f"also there: {', '.join(elsewhere)}"
-
-
-def _publishers(seen: TopicSeen) -> list[tuple[str, ...]]:
-    """Names of the joints of each publisher on a topic."""
-    numbers = dict.fromkeys(joints.publisher for joints in seen.joints)
-    return [
-        tuple(name for joints in seen.joints if joints.publisher == number for name in joints.names)
-        for number in numbers
-    ]
 
 
 def _stamps(
@@ -226,16 +208,6 @@ def _stamps(
     return {"clock": "log" if by_log else "header", "disorder": disorder}, doubts
 
 
-def _gaps(files: Sequence[FileSeen], read: Sequence[str], hand: Candidate) -> list[str]:
-    """Holes that the reader refuses unless it is told otherwise."""
-    return [
-        f"{topic} of {name} has a gap of {one.largest_gap_s:.3g} s at {one.gap_at_s:.3g} s: refused where "
-        "it is longer than `clock: {max_gap_s: ...}`"
-        for name, topic, one in series_of(files, read, hand.source)
-        if one.largest_gap_s > MAX_GAP_S
-    ]
-
-
 def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
     """Their number, and what speaks against it."""
     if motion is None:
@@ -252,20 +224,10 @@ def _primitives(motion: MotionSurvey | None) -> tuple[int, list[str]]:
         for place, turn in enumerate(motion.turns_deg)
         if turn > TURN_DEG
     ]
-    scale, unit = (1e3, "mm") if motion.unit == "m" else (1.0, "rad")
     for place, alike in enumerate(zip(*(motion.counted(name) for name in motion.agreeing), strict=True)):
         if alike[0].short:
             way = max(run.way for run in alike)
-            doubts.append(
-                f"move {place + 1} is of {scale * way:.3g} {unit} at most: idle? then it is one less"
-            )
-    idle = [(name, run) for name in motion.runs for run in motion.idle(name)]
-    if idle:
-        name, run = max(idle, key=lambda item: item[1].way)
-        doubts.append(
-            f"{len(idle)} short runs are taken for idle, the longest of {scale * run.way:.3g} {unit} "
-            f"in {name} at {run.start_s:.2f} s"
-        )
+            doubts.append(f"move {place + 1} is of {1e3 * way:.3g} mm at most: idle? then it is one less")
     return motion.number, doubts
 
 

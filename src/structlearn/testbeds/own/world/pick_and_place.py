@@ -17,9 +17,9 @@ import numpy as np
 import structlearn
 from structlearn.ground import minimum_jerk, quaternion
 from structlearn.ground.frames import UP
-from structlearn.recordings.bag_writer import RawTopic, write_bag
-from structlearn.recordings.mcap_file import to_metadata
-from structlearn.recordings.messages import joint_topic, to_topic
+from structlearn.recordings.bag import RawMessages, write_bag
+from structlearn.recordings.bag_recording import to_metadata
+from structlearn.recordings.messages import joint_messages, to_messages
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.simulation.arm import urdf_path
 from structlearn.simulation.hand_noise import hand_noise
@@ -148,7 +148,7 @@ def write_takes(made: Sequence[Take], folder: Path) -> None:
         folder: there it is.
     """
     for take in made:
-        write_bag(folder / f"{take.name}.mcap", to_metadata(as_recording(take)), _topics(take))
+        write_bag(folder / f"{take.name}.mcap", to_metadata(as_recording(take)), _topics(take).items())
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ def _captured(take: Take) -> Stream:
     return Stream("/gripper/pose", "pose", _stamps(take, POSE_EVERY, rng), values)
 
 
-def _topics(take: Take) -> list[RawTopic]:
+def _topics(take: Take) -> dict[str, RawMessages]:
     capture = _captured(take)
     rng = np.random.default_rng(take.arm)
     stamps, fingers = _stamps(take, JOINTS_EVERY, rng), _stamps(take, GRIPPER_EVERY, rng)
@@ -286,26 +286,24 @@ def _topics(take: Take) -> list[RawTopic]:
         [1, 1, 1, 0.1, 0.1, 0.1]
     )
     where = take.name
-    return [
-        to_topic(f"{where}: {capture.topic}", capture.topic, capture),
-        joint_topic(
+    return {
+        capture.topic: to_messages(f"{where}: {capture.topic}", capture),
+        "/joint_states": joint_messages(
             f"{where}: /joint_states",
-            "/joint_states",
             names,
             stamps,
             {"joint_positions": angles, "joint_velocities": velocities},
         ),
-        joint_topic(
+        "/gripper/joint_states": joint_messages(
             f"{where}: /gripper/joint_states",
-            "/gripper/joint_states",
             ["panda_finger_joint1", "panda_finger_joint2"],
             fingers,
             {"joint_positions": opening},
         ),
-        to_topic(
-            f"{where}: /wrist/wrench", "/wrist/wrench", Stream("/wrist/wrench", "wrench", stamps, wrench)
+        "/wrist/wrench": to_messages(
+            f"{where}: /wrist/wrench", Stream("/wrist/wrench", "wrench", stamps, wrench)
         ),
-    ]
+    }
 
 
 def _stamps(take: Take, every: int, rng: np.random.Generator) -> np.ndarray:

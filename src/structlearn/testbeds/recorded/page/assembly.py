@@ -113,6 +113,7 @@ def recorded_report(results: RecordedResults, reports: Path = Path("reports")) -
     both = [one for one in judged if one.simulated not in ("", NOT_TESTED) and one.verdict != NOT_TESTED]
     facts |= {
         "parts": PARTS,
+        "left_out": results.left_out.to_dict("records"),
         "pages": PAGES,
         "there": {part.name for part in there},
         "links": {part.name: f"{part.page}.html#{anchor(part.heading)}" for part in PARTS},

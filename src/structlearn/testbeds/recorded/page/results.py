@@ -26,6 +26,7 @@ class RecordedResults:
         unscrewing_segments: the logs.
         unscrewing_primitives: the one that is learned from all of them.
         execution: recorded parts of the scraping execution in order.
+        left_out: `set`, `file` and `reason` of what could not be read.
         parameters: that they were made with, by their key in `params.yaml`.
     """
 
@@ -36,6 +37,7 @@ class RecordedResults:
     unscrewing_primitives: Sequence[PosePrimitive] = ()
     execution: Sequence[Demonstration] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    left_out: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def __getitem__(self, name: str) -> pd.DataFrame:
         return self.tables[name]
@@ -50,8 +52,8 @@ def read_results(stored: files.RecordedFiles, parameters: Mapping[str, Any]) -> 
     """What the stages wrote; parameters by their key in `params.yaml`."""
     reaches = _movements(stored, files.REACHES, parameters["recorded_reaches"].fit)
     turns = _movements(stored, files.UNSCREWING, parameters["recorded_unscrewing"])
-    execution = stored.demonstrations(files.SCRAPING) if stored.learned(files.SCRAPING) else ()
-    return RecordedResults(stored.tables(), *reaches, *turns, execution, parameters)
+    execution = stored.runs(files.SCRAPING) if stored.learned(files.SCRAPING) else ()
+    return RecordedResults(stored.tables(), *reaches, *turns, execution, parameters, stored.left_out())
 
 
 def _movements(
@@ -60,5 +62,5 @@ def _movements(
     """A set of movements and its primitive; nothing where there were no data."""
     if not stored.learned(name):
         return (), ()
-    movements = stored.demonstrations(name)
+    movements = stored.runs(name)
     return segment_paths(movements, whole(movements), fit.smoothing_hz), stored.primitives(name)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 
 from structlearn.avoidance.avoidance_dataset import AXES, AvoidanceDataset
 from structlearn.avoidance.avoidance_network import averaged, selected_inputs
@@ -17,13 +18,26 @@ from structlearn.avoidance.features import CouplingModel
 from structlearn.avoidance.human_inspired import fit_human_inspired
 from structlearn.avoidance.learned_models import train_phase_modulated
 from structlearn.avoidance.levenberg_marquardt import VALIDATION
-from structlearn.avoidance.network_training import COLUMNS, stacked, train_member
+from structlearn.avoidance.network_training import COLUMNS, NetworkParameters, stacked, train_member
+from structlearn.feedback.coupling_model import TrainingParameters
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import mean_interval, nmse
 from structlearn.ground.parallel import parallel_map
-from structlearn.testbeds.recorded.protocol.avoidance_parameters import RecordedAvoidanceParameters
+from structlearn.ground.params import Parameters
 
 INPUTS = tuple(COLUMNS)
+
+
+class RecordedAvoidanceParameters(Parameters):
+    """Parameters of the recorded samples."""
+
+    folds: int = Field(ge=2)
+    ridge_decay: float = Field(gt=0)
+    network: NetworkParameters
+    pmnn: TrainingParameters
+    pmnn_hidden: tuple[int, ...]
+
+
 RIDGE, HUMAN_INSPIRED, STOPPED, NETWORK, ENSEMBLE, PMNN = (
     "ridge",
     "human_inspired",

@@ -9,8 +9,7 @@ from pydantic import Field
 
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.params import Parameters
-from structlearn.primitives.sensor_traces import deviation, fit_expected_traces, without_offset
-from structlearn.primitives.vector import VectorPrimitive
+from structlearn.primitives.vector import VectorPrimitive, deviation, fit_expected_traces, without_offset
 from structlearn.recordings.clock import held_out_error
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground.errors import InputError
+from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording
 
 FINGERS = ("left", "right")
@@ -38,13 +39,13 @@ class FingerTrace:
 
 
 def finger_traces(
-    group: str, recording: Recording, rate_hz: float, settling_s: float = 0.0
+    group: str, recording: Recording | Demonstration, rate_hz: float, settling_s: float = 0.0
 ) -> list[FingerTrace]:
     """Traces of the fingers of one recording; where its segments are known, the first one makes the contact.
 
     Args:
         group: the set that it belongs to.
-        recording: with a tactile stream per finger, or one of both.
+        recording: with a tactile stream per finger, or one of both; or a run on one clock.
         rate_hz: the sensor's own rate.
         settling_s: time after the first segment until force control holds.
 
@@ -55,19 +56,14 @@ def finger_traces(
         InputError: there are no electrodes, not 19 per finger, or they come slower than `rate_hz`.
     """
     fingers: list[np.ndarray] = []
-    for stream in recording.streams:
-        if stream.kind != "tactile":
-            continue
-        count = stream.values.shape[1]
+    for values, step in _touch(recording):
+        count = values.shape[1]
         if count % ELECTRODES:
-            raise InputError(f"{recording.name}: {stream.topic} has {count} electrodes, a finger has 19")
-        step = 1e-9 * float(np.median(np.diff(stream.stamps)))
+            raise InputError(f"{recording.name}: has {count} electrodes, a finger has 19")
         held = round(1 / (step * rate_hz))
         if held < 1:
-            raise InputError(
-                f"{recording.name}: {stream.topic} comes at {1 / step:.0f} Hz, not at {rate_hz:g}"
-            )
-        fingers += np.split(stream.values[::held], count // ELECTRODES, axis=1)
+            raise InputError(f"{recording.name}: touch comes at {1 / step:.0f} Hz, not at {rate_hz:g}")
+        fingers += np.split(values[::held], count // ELECTRODES, axis=1)
     if not 1 <= len(fingers) <= len(FINGERS):
         raise InputError(f"{recording.name}: has electrodes of {len(fingers)} fingers, not of one or two")
     segments = recording.true_segments
@@ -76,6 +72,14 @@ def finger_traces(
         FingerTrace(group, recording.name, finger, counts, contact)
         for finger, counts in zip(FINGERS, fingers, strict=False)
     ]
+
+
+def _touch(recording: Recording | Demonstration) -> list[tuple[np.ndarray, float]]:
+    """Readings (T, E) and their step in s; of a run those of all fingers are side by side."""
+    if isinstance(recording, Demonstration):
+        return [(recording.signal("tactile"), recording.dt)]
+    touch = [stream for stream in recording.streams if stream.kind == "tactile"]
+    return [(stream.values, 1e-9 * float(np.median(np.diff(stream.stamps)))) for stream in touch]
 
 
 def joined(

@@ -10,7 +10,7 @@ import pandas as pd
 from structlearn.ground import signals
 from structlearn.ground.block_bootstrap import block_count
 from structlearn.ground.parallel import parallel_map
-from structlearn.recordings.drive_log import DriveLog, on_clock
+from structlearn.recordings.joint_log import DriveLog, on_clock
 from structlearn.rigid_body.arm_identification import (
     TRAIN,
     WRITTEN,
@@ -21,15 +21,13 @@ from structlearn.rigid_body.arm_identification import (
     identify_arm,
     trace_table,
 )
-from structlearn.rigid_body.body_intervals import drawn_fits
 from structlearn.rigid_body.drives import current_delays, moving_gains, resting_gains
 from structlearn.rigid_body.dynamics_models import DynamicsModels
+from structlearn.rigid_body.identification import drawn_fits, identify_load
 from structlearn.rigid_body.inertia_learner import MotionRegressor
 from structlearn.rigid_body.learner import LearningParameters
-from structlearn.rigid_body.load_identification import identify_load
-from structlearn.rigid_body.motion import Motion, excited, smoothed_motion
+from structlearn.rigid_body.motion import Motion, block_table, excited, smoothed_motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
-from structlearn.rigid_body.torque_blocks import block_table
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from structlearn.ground.errors import MissingInputError
-from structlearn.recordings.drive_log import DriveLog
+from structlearn.recordings.joint_log import DriveLog
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 
 LOAD = "(?<!un)(?<!no)(?<!no.)load"

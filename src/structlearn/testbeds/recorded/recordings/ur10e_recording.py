@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import BLUE, GREY, LIGHT_GREY, VERMILION
-from structlearn.recordings.drive_log import DriveLog
+from structlearn.recordings.joint_log import DriveLog
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters
 from structlearn.viewer.arm_meshes import (
     arm_contents,

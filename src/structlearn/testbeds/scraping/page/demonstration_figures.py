@@ -30,13 +30,12 @@ from structlearn.reporting.movement_figures import (
     space_panels,
     speed,
 )
-from structlearn.segmentation.result import Segmentation
+from structlearn.segmentation.segments import Segmentation
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
 
 ELECTRODES_SHOWN = 4
 FORCING_SAMPLES = 300
-LINES = ("-", (0, (4, 1.5)))
-"""Line styles of the sequences in one figure."""
+LINES = ("-", (0, (4, 1.5)))  # Line styles of the sequences in one figure
 
 
 def busiest_electrodes(runs: Sequence[Demonstration]) -> np.ndarray:

@@ -12,19 +12,17 @@ from structlearn.ground import quaternion
 from structlearn.ground.metrics import verdict
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.claims import Evidence
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
-from structlearn.testbeds.scraping.protocol.execution_scores import cost_ratios
+from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL, cost_ratios
 from structlearn.testbeds.scraping.world.layout import FLAT_ORIENTATION
 
-ALL = "all"
-"""In `ExecutionResults.ratios`: the cost summed over the primitives."""
+ALL = "all"  # In `ExecutionResults.ratios`: the cost summed over the primitives
 
 
 @dataclass(frozen=True)
 class ExecutionResults:
     """Executions of models in all settings; runs of equal name met equal conditions."""
 
-    scores: pd.DataFrame  # of `executed_sets.scores`
+    scores: pd.DataFrame  # of `execution_scores.scores`
     examples: Mapping[str, Sequence[Demonstration]]  # all executions in the setting `example_deg`, by model
     example_deg: float  # setting that is shown in detail
     axis: np.ndarray  # (3,) roll axis

@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap, to_hex
 from matplotlib.figure import Figure
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import signals
 from structlearn.palette import AXIS_COLOURS, BLACK, BLUE, GREY, VERMILION
 from structlearn.recordings.demonstration import Demonstration
@@ -31,7 +31,7 @@ from structlearn.testbeds.scraping.page.feedback_results import (
     unroll_traces,
 )
 from structlearn.testbeds.scraping.page.people_results import People
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 
 STRUCTURES = ("pmnn_100", "pmnn_0", "ffnn_phase", "ffnn")
 EMBEDDINGS = ("pmnn_100", "pmnn_6", "pca", "autoencoder")

@@ -7,30 +7,28 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from structlearn.feedback.coupling_dataset import CouplingDataset
+from structlearn.feedback.coupling_dataset import PARTS, CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.folds import PARTS
-from structlearn.feedback.model_comparison import REPRESENTATIONS, STOPPINGS
+from structlearn.feedback.feedback_models import LEVEL, POINTWISE, REPRESENTATIONS, STOPPINGS, UNROLLED
 from structlearn.feedback.supervision import Cuts
-from structlearn.feedback.training_parameters import LEVEL, POINTWISE, UNROLLED
 from structlearn.ground import signals
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.metrics import mean_interval, verdict
-from structlearn.primitives import sensor_traces
+from structlearn.primitives import vector
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.prose import level_name
-from structlearn.segmentation.execution_cuts import commanded_cuts
+from structlearn.segmentation.segments import commanded_cuts
 from structlearn.tactile.electrodes import ELECTRODES_MM
 from structlearn.testbeds.scraping.page.execution_results import ExecutionResults, welch
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
-from structlearn.testbeds.scraping.protocol.execution_scores import execution_scores
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    NOMINAL,
+    execution_scores,
+    nominal_orientation,
+)
 from structlearn.testbeds.scraping.world.recorder import FINGERS
 
-SAMPLES = 101
-"""Points over normalised time on which curves are compared."""
-
+SAMPLES = 101  # Points over normalised time on which curves are compared
 MODEL_KEYS = {NOMINAL: "nominal", POINTWISE: "feedback", LEVEL: "level", UNROLLED: "unrolled"}
 """What executions are called in the keys of numbers."""
 
@@ -45,7 +43,7 @@ STEP_KEYS = {"validation": "", "generalization": "_best_step"}
 class BoardResults(ExecutionResults):
     """Executions without feedback and with each model; `example_deg` is the largest setting."""
 
-    traces: pd.DataFrame  # of `executed_sets.traces`
+    traces: pd.DataFrame  # of `execution_scores.traces`
     path_errors: pd.DataFrame  # of `corrected_paths.path_errors`
     corrected: Sequence[Demonstration]  # corrected demonstrations in the setting `example_deg`
     force_n: float  # that the robot was asked to hold
@@ -160,8 +158,8 @@ class FeedbackResults:
     datasets: Mapping[str, CouplingDataset]  # by primitive, of all settings
     checks: Mapping[str, pd.DataFrame]  # of `supervision.coupling_dataset`, by primitive
     networks: Mapping[str, CouplingModel]  # the pointwise models by primitive
-    comparison: pd.DataFrame  # of `model_comparison.compare_representations`, with `primitive`
-    orderings: pd.DataFrame  # of `model_comparison.paired_orderings`, with `primitive`
+    comparison: pd.DataFrame  # of `feedback_models.compare_representations`, with `primitive`
+    orderings: pd.DataFrame  # of `feedback_models.paired_orderings`, with `primitive`
     seen_deg: Sequence[float]  # settings that are learned from
     board: BoardResults  # what was executed with the models
 
@@ -326,10 +324,10 @@ def unroll_traces(results: FeedbackResults, primitive: str) -> tuple[np.ndarray,
     for run in results.unrolls:
         ends = results.unroll_cuts[primitive].loc[run.name, ["start_s", "end_s"]]
         first, last = (round(float(end) / run.dt) for end in ends)
-        part = sensor_traces.without_offset(run.signal("tactile"))[first : last + 1]
+        part = vector.without_offset(run.signal("tactile"))[first : last + 1]
         runs.append(signals.time_normalised(part, SAMPLES))
     learned = results.expected[primitive]
-    return np.stack(runs), sensor_traces.expected(learned, SAMPLES, learned.duration / (SAMPLES - 1))
+    return np.stack(runs), vector.expected_traces(learned, SAMPLES, learned.duration / (SAMPLES - 1))
 
 
 def dominant_features(phase_weights: np.ndarray, count: int = 10) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What was found over people, for the claims of the pages on segmentation and feedback.
+"""What was found for the claims of the pages on segmentation and feedback: in the sweep, and over people.
 
 One number per person: of each, the whole branch was run anew, demonstrations, sensor, corrections, models and
 executions. So people are independent, which folds and executions of one person are not. The numbers are
@@ -12,12 +12,64 @@ from dataclasses import dataclass
 import numpy as np
 
 from structlearn.ground.artefacts import Metrics
-from structlearn.reporting.claims import Claim, Evidence, Found, by_case, difference, geometric_mean, mean
+from structlearn.reporting.claims import (
+    UNKNOWN,
+    Claim,
+    Evidence,
+    Found,
+    by_case,
+    difference,
+    geometric_mean,
+    mean,
+)
 from structlearn.reporting.prose import level_name, rounded
 from structlearn.reporting.studies import Study
-from structlearn.segmentation.result import RESULT
-from structlearn.testbeds.scraping.page.evidence import weakest
+from structlearn.segmentation.alignment import METHODS, RESULT
+from structlearn.segmentation.cut_errors import errors_by_seed
+from structlearn.testbeds.scraping.names import CUT_METHODS
 from structlearn.testbeds.scraping.page.feedback_results import MODEL_KEYS, REPRESENTATION_KEYS, STEP_KEYS
+from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
+
+
+def weakest(found: Iterable[Evidence]) -> Evidence:
+    """Of several numbers that all should be above zero the one that decides.
+
+    That is one that is not known; else the clearest of those that are below zero; else that whose interval
+    reaches lowest.
+    """
+    found = list(found)
+    unknown = [one for one in found if not np.isfinite([one.value, one.low, one.high]).all()]
+    refuted = [one for one in found if one.high <= 0.0]
+    if not found or unknown:
+        return unknown[0] if unknown else UNKNOWN
+    return min(refuted, key=lambda one: one.high) if refuted else min(found, key=lambda one: one.low)
+
+
+def sweep_evidence(results: SegmentationResults) -> dict[str, Found]:
+    """Of the sweep's people.
+
+    How much better the result's cut points are than each other method's, at the least clear level; and what
+    is least true of down-sampling.
+    """
+    wide = errors_by_seed(results.noise).pivot_table(
+        index=["noise_mm", "seed"], columns="method", values="error_ms"
+    )
+    wide = wide[wide.index.get_level_values("noise_mm") > 0]
+    levels = wide.index.unique("noise_mm")
+    others = [method for method in METHODS if method in wide and method != RESULT]
+    found = {
+        CUT_METHODS[other].name: weakest(
+            difference(rows[other], rows[RESULT], comparisons=len(others) * len(levels))
+            for _, rows in wide[[other, RESULT]].dropna().groupby(level="noise_mm")
+        )
+        for other in others
+    }
+    evidence: dict[str, Found] = {"least_cut_error": found} if len(wide) else {}
+    worst = results.downsampling_worst
+    named = {"work": "work", "shift": "shift_samples_text", "shift_ours": "shift_samples"}
+    found = {f"downsampled_{name}": mean(worst[column]) for name, column in named.items() if len(worst)}
+    return evidence | found
+
 
 STUDY, VARIANT = "scraping/people", "ours"
 """The study whose numbers these are, and its variant with the parameters as they are."""
@@ -91,7 +143,7 @@ class People:
 
 
 def least_clear(found: Iterable[Evidence]) -> Evidence:
-    """`evidence.weakest`; of numbers without interval, as of one person, the smallest."""
+    """`weakest`; of numbers without interval, as of one person, the smallest."""
     found = list(found)
     bounds = np.array([(one.value, one.low, one.high) for one in found]).reshape(-1, 3)
     if np.isfinite(bounds[:, 0]).all() and not np.isfinite(bounds).all():

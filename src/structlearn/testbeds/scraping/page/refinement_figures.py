@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
 
 from structlearn.palette import BLACK
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.figure_style import PANEL_WIDTH, canvas, styled
 from structlearn.reporting.prose import capitalised, rounded
@@ -18,7 +18,7 @@ from structlearn.testbeds.scraping.names import ROLLOUTS, RUNS, SEARCHES, primit
 from structlearn.testbeds.scraping.page.execution_results import hand_roll_deg, moments, tool_roll_deg
 from structlearn.testbeds.scraping.page.feedback_figures import panel
 from structlearn.testbeds.scraping.page.refinement_results import PUBLISHED_ITERATIONS, RefinementResults
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.world.layout import CONTACT_M, EDGE_M, EDGE_WIDTH_M, GRASP_M
 
 CLOUD_WIDTH = 0.26
@@ -41,8 +41,7 @@ HAND_COLOURS = {BEFORE: "#d3d9df", AFTER: "#6b7681"}
 HEIGHT_DRAWN = 13.0
 """From the board to the tool where it hovers, at most: drawn higher the angles would be small."""
 
-VIEW, CLOSE_UP = (-48.0, 48.0, -17.0, 98.0), (-9.0, 9.0, -2.6, 4.0)
-"""mm, left, right, bottom, top."""
+VIEW, CLOSE_UP = (-48.0, 48.0, -17.0, 98.0), (-9.0, 9.0, -2.6, 4.0)  # mm, left, right, bottom, top
 
 
 @styled

@@ -1,7 +1,12 @@
-"""Refinement by trial (IV.7, IV.9.4): what the stages wrote, and the numbers that follow."""
+"""Refinement by trial (IV.7, IV.9.4): what stages and studies wrote, and the numbers that follow.
+
+Of each person of the study `scraping/people` the whole branch was run anew, demonstrations, sensor, models
+and refinement, once with the parameters as they are (`ours`) and once as in the text (`text`). The numbers
+are those of `details.json` by the same keys. So a refinement is one number, judged over people.
+"""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,14 +15,16 @@ import pandas as pd
 
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.metrics import BETTER, UNDECIDED, WORSE, mean_interval, verdict
-from structlearn.policy_search.rollouts import FEEDBACK
+from structlearn.policy_search.refinement import FEEDBACK
 from structlearn.policy_search.sample_efficiency import CMA_ES, PI2
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.reporting.claims import Evidence
+from structlearn.reporting.claims import Evidence, Found, by_case, geometric_mean, mean
+from structlearn.reporting.document import Table
 from structlearn.reporting.prose import level_name
+from structlearn.reporting.studies import Study
 from structlearn.testbeds.scraping.page.execution_results import ALL, ExecutionResults, welch
 from structlearn.testbeds.scraping.protocol.board_refinement import BoardRefinementParameters
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 
 PUBLISHED_ITERATIONS = 2
 """After which both primitives had converged (IV.9.4.1); also in `published.yaml`, for sentences."""
@@ -27,7 +34,7 @@ PUBLISHED_ITERATIONS = 2
 class RefinementResults(ExecutionResults):
     """Executions without feedback, before and after refinement; `example_deg` is the tilt refined on."""
 
-    history: pd.DataFrame  # of `rollouts.history_rows`, with `primitive`
+    history: pd.DataFrame  # of `refinement.history_rows`, with `primitive`
     search: pd.DataFrame  # of `sample_efficiency.compare`, with `primitive`; empty where not made
     parameters: BoardRefinementParameters
 
@@ -276,3 +283,105 @@ def _gain(difference: pd.Series, prefix: str) -> dict[str, object]:
 
 def _worst(verdicts: list[str]) -> str:
     return next((word for word in (WORSE, UNDECIDED) if word in verdicts), BETTER)
+
+
+PEOPLE, ADDED, EXPLORATION = "scraping/people", "scraping/added_executions", "scraping/exploration"
+STUDIES = (PEOPLE, ADDED, EXPLORATION)  # That the page rests on
+FORMS = ("text", "ours")  # Variants of the study over people
+
+Studies = Mapping[str, Study | None]
+
+
+def refinement_evidence(
+    results: RefinementResults, studies: Studies, number: Callable[[str], int]
+) -> dict[str, Found]:
+    """Of the page on refinement by trial; nothing where no people were studied.
+
+    `results`: of the person shown, which say what was executed; their numbers decide nothing. `studies`: by
+    name.
+    """
+    found: dict[str, Found] = {}
+    for form, people in _by_form(studies, number(results.refined[0])).items():
+        found |= _of_form(form, people, results, number)
+    return found
+
+
+def _by_form(studies: Studies, number: int) -> dict[str, Study]:
+    """The study over people, once per form of which it says what became of a primitive."""
+    people = studies.get(PEOPLE)
+    if people is None or f"rl_cost_ratio_prim{number}" not in people.table:
+        return {}
+    return {form: people for form in FORMS if (people.table["variant"] == form).any()}
+
+
+def _of_form(
+    form: str, people: Study, results: RefinementResults, number: Callable[[str], int]
+) -> dict[str, Found]:
+    def of(key: str, name: str = "") -> np.ndarray:
+        key = f"{key}_prim{number(name)}" if name else key
+        return people.values(form, key) if key in people.table else np.array([np.nan])
+
+    refined, executed = results.refined, results.primitives
+    found: dict[str, Found] = {
+        "lower": by_case(geometric_mean, {name: (of("rl_cost_ratio", name),) for name in refined}),
+        "converged": by_case(mean, {name: (of("rl_later_gain", name),) for name in refined}),
+        "seen": by_case(
+            geometric_mean,
+            {f"{tilt:g}°": (of(f"rl_cost_ratio_at_{level_name(tilt)}"),) for tilt in results.seen_deg},
+        ),
+        "between": by_case(
+            mean,
+            {
+                f"{name}, {model}": (of(f"rl_between_{model}", name),)
+                for name in executed
+                for model in ((BEFORE, AFTER) if form == "text" else (AFTER,))  # before, both are the same
+            },
+        ),
+        "level_board": geometric_mean(of("rl_over_nominal_0")),
+        "search": by_case(
+            geometric_mean,
+            {name: (of("search_cost_pi2", name) / of("search_cost_cma_es", name),) for name in refined},
+        ),
+    }
+    if form == "text":  # before refinement both are the same, and cost more than after
+        found["nominal_is_worst"] = by_case(
+            geometric_mean, {name: (of("rl_over_nominal_max", name),) for name in executed}
+        )
+    return {f"{name}_{form}": one for name, one in found.items()}
+
+
+def population_metrics(studies: Studies, numbers: Sequence[int]) -> Metrics:
+    """`rl_cost_ratio_prim<number>_mean` and `_worst` over people, `seen_cost_ratio_mean`.
+
+    Means are geometric; `seen_cost_ratio_mean` is that of `seen_cost_ratio_after_over_before_max`. Numbers of
+    the text's form end with `_text`. Nothing where no people were studied.
+
+    `studies`: by name.
+    """
+    values: Metrics = {}
+    for form, people in _by_form(studies, numbers[0]).items():
+        ending = "" if form == "ours" else f"_{form}"
+        for number in numbers:
+            ratios = people.values(form, f"rl_cost_ratio_prim{number}")
+            values[f"rl_cost_ratio_prim{number}_mean{ending}"] = geometric_mean(ratios).value
+            values[f"rl_cost_ratio_prim{number}_worst{ending}"] = float(ratios.max())
+        seen = people.values(form, "seen_cost_ratio_after_over_before_max")
+        values[f"seen_cost_ratio_mean{ending}"] = geometric_mean(seen).value
+    return values
+
+
+def study_tables(studies: Studies, numbers: Mapping[str, int]) -> dict[str, Table]:
+    """A row per variant of the two studies of parameters, mean and interval over the exploration's seeds.
+
+    `studies`: by name; tables of those that were not run are left out. `numbers`: of the refined primitives,
+    from 1, by name.
+    """
+    costs = {f"rl_cost_ratio_prim{number}": f"{name}: cost" for name, number in numbers.items()}
+    costs |= {"seen_cost_ratio_after_over_before_max": "seen: cost"}
+    searched = {f"search_cost_pi2_prim{number}": f"{name}: search (rad)" for name, number in numbers.items()}
+    shown = {"refinement_added": (ADDED, costs), "refinement_exploration": (EXPLORATION, costs | searched)}
+    return {
+        table: study.summary(columns)
+        for table, (name, columns) in shown.items()
+        if (study := studies.get(name)) is not None
+    }

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import read_values
 from structlearn.primitives.kernels import KERNEL_COUNT
@@ -15,22 +15,20 @@ from structlearn.reporting.document import Document, Source, Table, environment
 from structlearn.reporting.figure_style import Drawing, Raster
 from structlearn.reporting.prose import listing
 from structlearn.reporting.studies import Study, rests_on
-from structlearn.segmentation.execution_cuts import commanded_cuts
-from structlearn.segmentation.result import read_segmentation
+from structlearn.segmentation.segments import commanded_cuts, read_segmentation
 from structlearn.testbeds.scraping import files, names
 from structlearn.testbeds.scraping.page import (
     demonstration_figures,
-    evidence,
     feedback_figures,
     people_results,
     refinement_figures,
-    refinement_studies,
+    refinement_results,
     tables,
 )
 from structlearn.testbeds.scraping.page.feedback_results import BoardResults, FeedbackResults
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE, NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE, NOMINAL
 from structlearn.testbeds.scraping.world.scene_still import scraping_still
 
 Drawings = dict[str, Drawing | Sequence[Drawing]]
@@ -104,7 +102,7 @@ def scraping_report(
 ) -> ScrapingReport:
     """The report.
 
-    `studies`: all of `refinement_studies.STUDIES` by name; None where not run with these parameters.
+    `studies`: all of `refinement_results.STUDIES` by name; None where not run with these parameters.
     `parameters`: all of `PARAMETERS` by key.
     """
     report, printed = ScrapingReport(), published()
@@ -155,7 +153,7 @@ def scraping_report(
     found = people_results.known(people_results.segmentation_evidence, studied, aligned)
     of_one = people_results.known(people_results.segmentation_evidence, shown_one, aligned)
     found = quoted(found, people_results.STUDY)
-    add("index", found | evidence.sweep_evidence(segmentation), of_one)
+    add("index", found | people_results.sweep_evidence(segmentation), of_one)
 
     report.drawings |= feedback_drawings(feedback, studied)
     report.tables |= tables.feedback_tables(feedback, printed)
@@ -173,11 +171,11 @@ def scraping_report(
     report.tables |= tables.refinement_tables(refinement, primitives, printed)
     numbers = {name: primitives.index(name) + 1 for name in primitives}
     refined = {name: numbers[name] for name in refinement.refined}
-    report.tables |= refinement_studies.study_tables(studies, refined)
+    report.tables |= refinement_results.study_tables(studies, refined)
     report.metrics |= refinement.metrics(numbers.__getitem__)
-    report.metrics |= refinement_studies.population_metrics(studies, list(refined.values()))
-    found = refinement_studies.refinement_evidence(refinement, studies, numbers.__getitem__)
-    add("refinement", quoted(found, refinement_studies.PEOPLE))
+    report.metrics |= refinement_results.population_metrics(studies, list(refined.values()))
+    found = refinement_results.refinement_evidence(refinement, studies, numbers.__getitem__)
+    add("refinement", quoted(found, refinement_results.PEOPLE))
     return report
 
 

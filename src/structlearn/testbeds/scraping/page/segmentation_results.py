@@ -11,10 +11,18 @@ from structlearn.primitives.fitting import FitParameters, Segment, reproduction_
 from structlearn.primitives.sequence import PosePrimitive, largest_acceleration_jump
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.reporting.prose import level_name
-from structlearn.segmentation import method_comparison
-from structlearn.segmentation.cut_errors import cut_errors, mean_cut_errors_ms
+from structlearn.segmentation.alignment import RESULT
+from structlearn.segmentation.cut_errors import (
+    alignment_comparison,
+    cut_errors,
+    errors_by_level,
+    errors_by_seed,
+    mean_cut_errors_ms,
+    paired_comparison,
+    wins_at_every_noise_level,
+)
 from structlearn.segmentation.parameters import PrimitiveParameters, SegmentParameters
-from structlearn.segmentation.result import RESULT, Segmentation
+from structlearn.segmentation.segments import Segmentation
 
 FIT_METRICS = ("mean_mm", "max_mm", "end_mm", "mean_deg", "end_deg")
 LEFT_OUT_METRICS = ("mean_mm", "mean_deg")
@@ -78,10 +86,10 @@ class SegmentationResults:
 
     @cached_property
     def alignment(self) -> pd.DataFrame | None:
-        """See `method_comparison.alignment_comparison`; None where only the reference was cut."""
+        """See `cut_errors.alignment_comparison`; None where only the reference was cut."""
         if not self.guesses:
             return None
-        return method_comparison.alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
+        return alignment_comparison(self.was_cut, self.segmentation, self.found_primitives)
 
     @cached_property
     def downsampling_worst(self) -> pd.DataFrame:
@@ -100,13 +108,13 @@ class SegmentationResults:
 
     @cached_property
     def sweep(self) -> pd.DataFrame:
-        """See `method_comparison.errors_by_level`."""
-        return method_comparison.errors_by_level(method_comparison.errors_by_seed(self.noise))
+        """See `cut_errors.errors_by_level`."""
+        return errors_by_level(errors_by_seed(self.noise))
 
     @cached_property
     def sweep_comparison(self) -> pd.DataFrame:
-        """See `method_comparison.paired_comparison`."""
-        return method_comparison.paired_comparison(method_comparison.errors_by_seed(self.noise))
+        """See `cut_errors.paired_comparison`."""
+        return paired_comparison(errors_by_seed(self.noise))
 
     @cached_property
     def fit(self) -> pd.DataFrame:
@@ -160,7 +168,7 @@ class SegmentationResults:
                 values[f"cut_error_ms_{row.method}"] = row.mean_ms
         for row in self.sweep.itertuples():
             values[f"sweep_cut_error_ms_{row.method}_{level_name(row.noise_mm)}mm"] = row.mean_ms
-        wins = method_comparison.wins_at_every_noise_level(self.sweep)
+        wins = wins_at_every_noise_level(self.sweep)
         values["wls_wins_at_every_noise_level"] = wins
         if self.alignment is not None:
             for row in self.alignment.itertuples():

@@ -5,11 +5,11 @@ from typing import Any
 
 import pandas as pd
 
-from structlearn.feedback.folds import PARTS
-from structlearn.feedback.training_parameters import POINTWISE
+from structlearn.feedback.coupling_dataset import PARTS
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.reporting.document import Table
 from structlearn.reporting.prose import with_spread
-from structlearn.segmentation.result import RESULT
+from structlearn.segmentation.alignment import RESULT
 from structlearn.testbeds.scraping.names import (
     CUT_METHODS,
     REPRESENTATIONS,
@@ -22,7 +22,7 @@ from structlearn.testbeds.scraping.page.execution_results import ExecutionResult
 from structlearn.testbeds.scraping.page.feedback_results import FeedbackResults
 from structlearn.testbeds.scraping.page.refinement_results import RefinementResults
 from structlearn.testbeds.scraping.page.segmentation_results import SegmentationResults
-from structlearn.testbeds.scraping.protocol.executed_sets import NOMINAL
+from structlearn.testbeds.scraping.protocol.execution_scores import NOMINAL
 
 LOOKS = CUT_METHODS | REPRESENTATIONS | RUNS | SEARCHES | ROLLOUTS
 WORDS: Mapping[str, Mapping[Any, str]] = {

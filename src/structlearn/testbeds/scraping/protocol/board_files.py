@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
-from structlearn.feedback.limits import Limits, largest_coupling
+from structlearn.feedback.skill import Limits, largest_coupling
 from structlearn.feedback.supervision import SupervisionParameters
 from structlearn.recordings.source import ClockParameters
 from structlearn.testbeds.scraping.files import ScrapingFiles
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
-from structlearn.testbeds.scraping.protocol.orientation_cost import nominal_orientation
+from structlearn.testbeds.scraping.protocol.execution_scores import nominal_orientation
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
 

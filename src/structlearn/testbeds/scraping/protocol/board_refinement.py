@@ -10,18 +10,17 @@ import pandas as pd
 from pydantic import Field
 
 from structlearn.feedback.coupling_dataset import CouplingDataset, concatenated
-from structlearn.feedback.coupling_model import CouplingModel, train_final
-from structlearn.feedback.training_parameters import NetworkParameters
+from structlearn.feedback.coupling_model import CouplingModel, NetworkParameters, train_final
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
 from structlearn.policy_search.refinement import (
+    FEEDBACK,
     Progress,
     RefinementParameters,
     executed,
     open_loop_weights,
     refine,
 )
-from structlearn.policy_search.rollouts import FEEDBACK
 from structlearn.primitives.kernels import KERNEL_COUNT
 from structlearn.testbeds.scraping.protocol.board_rollouts import Board
 
@@ -43,8 +42,8 @@ class Refined:
 
     before: Mapping[str, CouplingModel]  # networks by primitive, learned from demonstrations alone
     after: Mapping[str, CouplingModel]  # networks by primitive
-    history: pd.DataFrame  # of `rollouts.history_rows`
-    samples: pd.DataFrame  # of `rollouts.sample_rows`
+    history: pd.DataFrame  # of `refinement.history_rows`
+    samples: pd.DataFrame  # of `refinement.sample_rows`
     policies: pd.DataFrame  # `iteration`, `kind`, `number` and `weight_00`, ... of the open-loop rollouts.
 
 

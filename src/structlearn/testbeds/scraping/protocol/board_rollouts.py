@@ -8,29 +8,22 @@ import pandas as pd
 
 from structlearn.feedback.coupling_dataset import CouplingDataset
 from structlearn.feedback.coupling_model import CouplingModel
-from structlearn.feedback.limits import Limits
-from structlearn.feedback.skill import ReactiveSkill, on_axis
-from structlearn.feedback.supervision import (
-    SupervisionParameters,
-    corrected_primitive,
-    coupling_samples,
-)
+from structlearn.feedback.skill import Limits, ReactiveSkill, on_axis
+from structlearn.feedback.supervision import SupervisionParameters, corrected_primitive, coupling_samples
 from structlearn.ground.errors import InputError
 from structlearn.ground.parallel import parallel_map
-from structlearn.policy_search.rollouts import Rollout
+from structlearn.policy_search.refinement import Rollout
 from structlearn.primitives.sequence import PosePrimitive
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.demonstration import Demonstration
 from structlearn.recordings.recording import Recording
 from structlearn.recordings.source import ClockParameters
+from structlearn.testbeds.scraping.protocol.execution_scores import orientation_cost
 from structlearn.testbeds.scraping.protocol.executions import Run, execute_run
-from structlearn.testbeds.scraping.protocol.orientation_cost import orientation_cost
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
-REFINED = 4
-"""First number of a rollout's seed: what the run is for."""
-
+REFINED = 4  # First number of a rollout's seed: what the run is for
 FAILURES = (InputError, ValueError, FloatingPointError, ArithmeticError, np.linalg.LinAlgError)
 """What a run that diverges may raise; errors of the program itself are not hidden."""
 
@@ -51,7 +44,7 @@ class Board:
     preceding: Mapping[str, CouplingModel]  # networks of the primitives before this one
     name: str  # of the primitive that is refined
     setting_deg: float  # roll of the board
-    nominal: np.ndarray  # (T, 4) of `cost.nominal_orientation`
+    nominal: np.ndarray  # (T, 4) of `nominal_orientation`
     supervision: SupervisionParameters  # how executions become supervised data
     testbed: TestbedParameters
     limits: Limits

@@ -96,10 +96,7 @@ def _downsampled(
 
 
 def _one_person(
-    seed: int,
-    levels: Sequence[float],
-    simulation: DemonstratorParameters,
-    segmentation: SegmentParameters,
+    seed: int, levels: Sequence[float], simulation: DemonstratorParameters, segmentation: SegmentParameters
 ) -> list[pd.DataFrame]:
     """Rows of each level; the noise is in proportion to it."""
     movements = intended_movements(simulation.model_copy(update={"noise_mm": 1.0, "seed": seed}))

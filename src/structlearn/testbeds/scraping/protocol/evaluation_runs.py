@@ -3,8 +3,8 @@
 from structlearn.feedback.skill import ReactiveSkill
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.source import ClockParameters
-from structlearn.segmentation.execution_cuts import commanded_cuts
-from structlearn.testbeds.scraping.protocol.executed_sets import EvaluationParameters, ExecutedSet
+from structlearn.segmentation.segments import commanded_cuts
+from structlearn.testbeds.scraping.protocol.execution_scores import EvaluationParameters, ExecutedSet
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, executions
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 

@@ -1,22 +1,72 @@
-"""What executions on the board achieve, primitive by primitive (IV.9.3.5, fig. IV.17, IV.18, IV.20)."""
+"""What executions on the board achieve, primitive by primitive (IV.9.3.5, fig. IV.17, IV.18, IV.20).
+
+The cost of an execution is how far the tool is off its nominal orientation on the board (eq. IV.34):
+
+    J_t = | 2 log(Q_nr,t o Q_cr,t*) |        n: nominal run at 0 degrees, c: current run
+
+The dissertation prints the norm with a trailing 2: read as the Euclidean norm.
+"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 
 from structlearn.feedback.coupling_model import CouplingModel
 from structlearn.feedback.supervision import Cuts, SupervisionParameters, executed_primitive
 from structlearn.ground import quaternion
+from structlearn.ground.errors import InputError
 from structlearn.ground.metrics import mean_interval
+from structlearn.ground.params import Parameters
 from structlearn.primitives import canonical
 from structlearn.primitives.vector import VectorPrimitive
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.testbeds.scraping.protocol.orientation_cost import accumulated, orientation_cost
 
-END_S = 0.2
-"""s at the end of a primitive over which its final roll is taken."""
 
+def nominal_orientation(runs: Sequence[Demonstration]) -> np.ndarray:
+    """Orientation of the tool on the board in the default setting, mean over runs.
+
+    `runs`: nominal executions in the default setting, of equal commanded durations. Returns (T, 4) unit
+    quaternions, sign-continuous; T of the shortest run. Raises InputError: a run has no tool-to-board
+    orientation.
+    """
+    length = min(len(run.time) for run in runs)
+    paths = np.stack([_tool_to_board(run)[:length] for run in runs], axis=1)  # (T, R, 4)
+    aligned = np.where(np.sum(paths * paths[:, :1], axis=2, keepdims=True) < 0, -paths, paths)
+    # over a degree or two the normalised mean is the mean orientation
+    return quaternion.sign_continuous(quaternion.normalised(aligned.mean(axis=1)))
+
+
+def orientation_cost(run: Demonstration, nominal: np.ndarray) -> np.ndarray:
+    """Cost at every tick.
+
+    `run`: the current execution, on the clock of the nominal runs and of the same durations. `nominal`:
+    (T, 4) of `nominal_orientation`. Returns (T',) rad, T' the shorter of both. Raises InputError: the run has
+    no tool-to-board orientation.
+    """
+    current = _tool_to_board(run)
+    length = min(len(current), len(nominal))
+    return np.linalg.norm(quaternion.difference(nominal[:length], current[:length]), axis=1)
+
+
+def accumulated(cost: np.ndarray, segment: tuple[float, float], rate_hz: float) -> float:
+    """Sum of the cost over the ticks of one primitive (fig. IV.20), rad.
+
+    `cost`: (T,) rad. `segment`: start and end of the primitive in s.
+    """
+    first, last = (round(end * rate_hz) for end in segment)
+    return float(cost[first : last + 1].sum())
+
+
+def _tool_to_board(run: Demonstration) -> np.ndarray:
+    if run.tool_to_board is None:
+        raise InputError(f"{run.name}: has no tool-to-board orientation, which the cost is made of")
+    return run.tool_to_board
+
+
+END_S = 0.2  # s at the end of a primitive over which its final roll is taken
 SETTLED_S = 1.0
 """s after the start of a primitive from which force is judged: contact and correction are over; of one
 that takes less than twice this the second half."""
@@ -28,7 +78,7 @@ def execution_scores(
     """Scores of executions in one setting.
 
     `cuts`: of these runs, for the primitives that are scored. `nominal`: (T, 4) of
-    `cost.nominal_orientation`. `axis`: (3,) roll axis.
+    `nominal_orientation`. `axis`: (3,) roll axis.
 
     Returns:
         One row per run and primitive: `run`, `primitive`; `cost_rad`, accumulated over ticks; `mean_deg`, its
@@ -108,4 +158,57 @@ def feedback_traces(
             channels = {f"channel_{index:02d}": values for index, values in enumerate(deviation.T)}
             keys = {"setting_deg": setting, "run": run.name, "time_s": time, "coupling": coupling}
             tables.append(pd.DataFrame(keys | channels))
+    return pd.concat(tables, ignore_index=True)
+
+
+NOMINAL = "nominal"  # Name of the executions without feedback
+BEFORE, AFTER = "before", "after"
+"""Names of the executions with feedback before and after refinement by trial."""
+
+
+class EvaluationParameters(Parameters):
+    """Executions for the evaluation."""
+
+    settings_deg: tuple[float, ...] = Field(min_length=1)
+    runs: int = Field(ge=1)
+
+
+@dataclass(frozen=True)
+class ExecutedSet:
+    """Executions with one model, or without."""
+
+    model: str  # its name, or `NOMINAL`
+    networks: Mapping[str, CouplingModel]  # its networks by primitive; none without feedback
+    runs: Mapping[float, Sequence[Demonstration]]  # by setting in degrees
+    cuts: Mapping[float, Cuts]  # of these runs by setting
+
+
+def scores(
+    sets: Sequence[ExecutedSet], nominal_orientation: np.ndarray, parameters: SupervisionParameters
+) -> pd.DataFrame:
+    """Rows of `execution_scores` with `model` and `setting_deg`, of the primitives with feedback.
+
+    `nominal_orientation`: (T, 4).
+    """
+    tables = []
+    for executed in sets:
+        for setting, runs in executed.runs.items():
+            cuts = {name: executed.cuts[setting][name] for name in parameters.primitives}
+            table = execution_scores(runs, cuts, nominal_orientation, parameters.unit_axis)
+            tables.append(table.assign(model=executed.model, setting_deg=setting))
+    return pd.concat(tables, ignore_index=True)
+
+
+def traces(
+    sets: Sequence[ExecutedSet], expected: Mapping[str, VectorPrimitive], parameters: SupervisionParameters
+) -> pd.DataFrame:
+    """Rows of `feedback_traces` with `model` and `primitive`, for every set and primitive with feedback."""
+    tables = []
+    for executed in sets:
+        for name in parameters.primitives:
+            cuts = {setting: own[name] for setting, own in executed.cuts.items()}
+            table = feedback_traces(
+                executed.runs, cuts, expected[name], executed.networks.get(name), parameters
+            )
+            tables.append(table.assign(model=executed.model, primitive=name))
     return pd.concat(tables, ignore_index=True)

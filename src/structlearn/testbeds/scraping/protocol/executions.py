@@ -26,8 +26,7 @@ from structlearn.testbeds.scraping.world.execution import Engine, execute
 from structlearn.testbeds.scraping.world.recorder import provenance, recorded
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finger_rate, run_conditions
 
-HOLD_S = 0.3
-"""s that the robot waits at the end of an execution, so that all streams cover its last sample."""
+HOLD_S = 0.3  # s that the robot waits at the end of an execution, so that all streams cover its last sample
 
 
 class CorrectedRunsParameters(Parameters):
@@ -49,8 +48,7 @@ class Run:
     feedback: bool = False  # whether the skill's networks act
 
 
-NOMINAL, CORRECTED, EVALUATED = 1, 2, 3
-"""First number of a run's seed: what the run is for."""
+NOMINAL, CORRECTED, EVALUATED = 1, 2, 3  # First number of a run's seed: what the run is for
 
 
 def nominal_runs(count: int) -> list[Run]:

@@ -5,19 +5,15 @@ import time
 import numpy as np
 from pydantic import Field
 
-from structlearn.feedback.runtime import Controller
+from structlearn.feedback.runtime import Controller, tick_latency
 from structlearn.feedback.skill import ReactiveSkill
-from structlearn.feedback.tick_latency import tick_latency
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.scraping.protocol.executions import evaluation_runs, execute_run
 from structlearn.testbeds.scraping.world.testbed import TestbedParameters
 
-WARM_UP_RUNS = 1
-"""Runs before those that count: the first one compiles, or loads what was compiled."""
-
-STANDARD_RUN_S = 10.0
-"""s of movement to which the cost of a run is scaled."""
+WARM_UP_RUNS = 1  # Runs before those that count: the first one compiles, or loads what was compiled
+STANDARD_RUN_S = 10.0  # s of movement to which the cost of a run is scaled
 
 
 class TimingParameters(Parameters):

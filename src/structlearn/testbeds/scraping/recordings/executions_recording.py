@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 
 from structlearn.palette import primitive_colour
 from structlearn.testbeds.scraping.names import RUNS
-from structlearn.testbeds.scraping.protocol.executed_sets import AFTER, BEFORE
+from structlearn.testbeds.scraping.protocol.execution_scores import AFTER, BEFORE
 from structlearn.testbeds.scraping.recordings.scraping_scene import (
     close_view,
     full_scale,
@@ -66,9 +66,7 @@ felt; orange is above, blue below, grey as expected."""
 URDF = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
 """Of the arm with its meshes, among the data that PyBullet brings."""
 
-JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
-"""Of the columns of joint positions."""
-
+JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))  # Of the columns of joint positions
 PALE = {RUNS[BEFORE].name: RUNS[AFTER].name}
 """What was done before refinement is the shadow of what is done after it, as in figure IV.21."""
 
@@ -100,9 +98,9 @@ def write_refinement(
     Each setting has a tab with the executions without feedback, before and after refinement, and each refined
     primitive one with its search, in which a step of the time line `search.ITERATION` is an iteration.
 
-    `settings`: of `shown_runs.read_refined_runs`. `history`: one row per rollout, of
-    `policy_search.rollouts.history_rows` with `primitive`. `samples`: what was felt and done, of
-    `policy_search.rollouts.sample_rows` with `primitive`.
+    `settings`: of `shown_execution.read_refined_runs`. `history`: one row per rollout, of
+    `refinement.history_rows` with `primitive`. `samples`: what was felt and done, of
+    `refinement.sample_rows` with `primitive`.
     """
     origin = origin_label([one.run for group in settings.values() for one in group])
     with recording(path, title) as stream:

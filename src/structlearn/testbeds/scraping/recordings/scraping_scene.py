@@ -32,23 +32,18 @@ from structlearn.viewer.rrd import (
 WRIST_M, FINGER_M = 0.06, 0.045
 """From the end of the arm to the hand's root, and from the palm to the start of a finger's round tip."""
 
-BOARD_M = np.array([0.07, 0.14, 0.006])
-"""Size of the board's part that is drawn, in its own frame."""
-
+BOARD_M = np.array([0.07, 0.14, 0.006])  # Size of the board's part that is drawn, in its own frame
 GRIP_M, BLADE_M = np.array([0.02, 0.012, 0.02]), 0.0015
 """Size of the tool between the finger tips, and thickness of its blade."""
 
-AXES_M, EYE_M = 0.02, 0.16
-"""Length of the axes of the hand's frame, and from the camera to what it looks at."""
-
+AXES_M, EYE_M = 0.02, 0.16  # Length of the axes of the hand's frame, and from the camera to what it looks at
 BOARD, SKIN, SHADOW_OPACITY = "#39424e", "#6b7480", 0.3
 """Colours of the board and of the hand, and opacity of what is drawn pale in the scene of another run."""
 
 FULL_SCALE_QUANTILE = 0.995
 """Share of the deviations within the colour scale: single electrodes would darken all others."""
 
-MAP_WIDTH, MAP_GAP = 24.0, 3.0
-"""mm that one finger takes in the flat picture, and between the two."""
+MAP_WIDTH, MAP_GAP = 24.0, 3.0  # mm that one finger takes in the flat picture, and between the two
 
 
 def send_scene(

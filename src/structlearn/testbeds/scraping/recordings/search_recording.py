@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from structlearn.palette import LIGHT_GREY, VERMILION
-from structlearn.policy_search.rollouts import FEEDBACK, IMPROVED, SAMPLE
+from structlearn.policy_search.refinement import FEEDBACK, IMPROVED, SAMPLE
 from structlearn.testbeds.scraping.names import ROLLOUTS
 from structlearn.viewer.diagram import Diagram, diagram_view, rounded_range, send_axes, texts
 from structlearn.viewer.rrd import TIME, blended, entity, rgba, thinning
@@ -43,14 +43,9 @@ LABELS = {SAMPLE: (-1.5, -0.5), IMPROVED: (-0.3, 0.4), FEEDBACK: (0.3, -1.9)}
 WIDTH, HEIGHTS = 32.0, {"target": 14.0, "cost_rad": 8.0}
 """Of the diagrams over time in their drawings, by column of the samples."""
 
-CURVE_RATE_HZ = 50.0
-"""Points per second of a curve: they are the most that a search takes of a file."""
-
-ON_TOP = 40.0
-"""Draw order above rerun's own for lines and points, 20 and 30."""
-
-PALE = 0.4
-"""Opacity of the rollouts of other iterations."""
+CURVE_RATE_HZ = 50.0  # Points per second of a curve: they are the most that a search takes of a file
+ON_TOP = 40.0  # Draw order above rerun's own for lines and points, 20 and 30
+PALE = 0.4  # Opacity of the rollouts of other iterations
 
 
 @dataclass(frozen=True)
@@ -58,8 +53,8 @@ class Search:
     """Rollouts of the search for one primitive."""
 
     primitive: str
-    history: pd.DataFrame  # one row per rollout, see `policy_search.rollouts.history_rows`
-    samples: pd.DataFrame  # what was felt and done, see `policy_search.rollouts.sample_rows`
+    history: pd.DataFrame  # one row per rollout, see `refinement.history_rows`
+    samples: pd.DataFrame  # what was felt and done, see `refinement.sample_rows`
 
     @property
     def iterations(self) -> list[int]:
@@ -90,8 +85,8 @@ class Search:
 def searches(history: pd.DataFrame, samples: pd.DataFrame) -> list[Search]:
     """One search per primitive, in the order in which they were refined.
 
-    `history`: rows of `policy_search.rollouts.history_rows` with `primitive`. `samples`: rows of
-    `policy_search.rollouts.sample_rows` with `primitive`.
+    `history`: rows of `refinement.history_rows` with `primitive`. `samples`: rows of
+    `refinement.sample_rows` with `primitive`.
     """
     return [
         Search(name, own, samples[samples["primitive"] == name])

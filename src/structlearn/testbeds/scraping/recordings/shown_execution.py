@@ -1,6 +1,6 @@
-"""One execution on the board for recordings: the run, what its feedback saw and did, and its plots."""
+"""Executions on the board that recordings show: the first of each kind in every setting, and their plots."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,15 +9,24 @@ import pandas as pd
 import rerun as rr
 import rerun.blueprint as rrb
 
+from structlearn.feedback.coupling_dataset import to_table
+from structlearn.feedback.feedback_models import POINTWISE
 from structlearn.ground import quaternion
 from structlearn.palette import GREY, Look
 from structlearn.recordings.demonstration import Demonstration
+from structlearn.testbeds.scraping.files import CLOSED_LOOP, CORRECTIONS, REFINED, ScrapingFiles
+from structlearn.testbeds.scraping.names import CORRECTED, RUNS
+from structlearn.testbeds.scraping.protocol.execution_scores import (
+    AFTER,
+    BEFORE,
+    NOMINAL,
+    nominal_orientation,
+    orientation_cost,
+)
 from structlearn.testbeds.scraping.world.layout import EDGE_M, FLAT_ORIENTATION, ROLL_AXIS
 from structlearn.viewer.rrd import entity, plot, send_curve, thinning
 
-RATE_HZ = 50.0
-"""Poses, colours and samples of signals per second: smooth to the eye; they are most of a file."""
-
+RATE_HZ = 50.0  # Poses, colours and samples of signals per second: smooth to the eye; they are most of a file
 HEADINGS = {
     "roll on board": "roll of the tool on the board (degrees; 0 is flat)",
     "hand roll": "roll of the hand (degrees; grey: of the board)",
@@ -117,3 +126,77 @@ def send_signals(
     board = entity(parent, "hand roll", "board")
     send_curve(stream, board, one.run.time[[0, -1]], np.full(2, one.board_deg), "board", GREY)
     return [plot(HEADINGS[kind], [f"{entity(parent, kind)}/**"], legend=False) for kind in one.signals]
+
+
+NEEDED = ("orientation", "joint_positions", "wrench", "tool_to_board", "true_segments")
+"""Of a run that is shown."""
+
+FEEDBACK_RUNS = {
+    NOMINAL: (CLOSED_LOOP, NOMINAL),
+    CORRECTED: (CORRECTIONS, ""),
+    POINTWISE: (CLOSED_LOOP, POINTWISE),  # trained as in the dissertation
+}
+REFINED_RUNS = {model: (REFINED, model) for model in (NOMINAL, BEFORE, AFTER)}
+"""Where the runs lie that a recording puts beside each other, for `ScrapingFiles.runs_at`."""
+
+
+def read_feedback_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
+    """The first nominal, corrected and closed-loop run of every setting that has all three.
+
+    Returns by roll of the board in degrees, the largest first; empty where nothing was executed. Raises
+    InputError: a file is not readable.
+    """
+    traces = files.table("traces")
+    if traces.empty:
+        return {}
+    corrected = [to_table(dataset).assign(primitive=name) for name, dataset in files.datasets().items()]
+    targets = pd.concat(corrected).query("demonstration == 0").rename(columns={"target": "coupling"})
+    return _read(files, FEEDBACK_RUNS, pd.concat([_first_runs(traces), targets.assign(model=CORRECTED)]))
+
+
+def read_refined_runs(files: ScrapingFiles) -> dict[float, list[Execution]]:
+    """The first run without feedback, before and after refinement by trial of every setting, with its cost.
+
+    Returns, raises:
+        As `read_feedback_runs`.
+    """
+    traces = files.table("refined_traces")
+    if traces.empty:
+        return {}
+    return _read(files, REFINED_RUNS, _first_runs(traces), nominal_orientation(files.runs("unrolls")))
+
+
+def _first_runs(traces: pd.DataFrame) -> pd.DataFrame:
+    return traces[traces["run"] == traces["run"].min()]
+
+
+def _read(
+    files: ScrapingFiles,
+    places: Mapping[str, tuple[str, str]],
+    traces: pd.DataFrame,
+    nominal: np.ndarray | None = None,
+) -> dict[float, list[Execution]]:
+    """Executions of the settings that have a complete run of every kind, with cost if nominal is known."""
+    primitives = [primitive.name for primitive in files.primitives()]
+    shown = {}
+    for setting in sorted(traces["setting_deg"].unique(), reverse=True):
+        found = {
+            kind: run
+            for kind, (folder, model) in places.items()
+            for run in files.runs_at(setting, folder, model)[:1]
+            if all(getattr(run, name) is not None for name in NEEDED)
+        }
+        if len(found) == len(places):
+            felt = dict(iter(traces[traces["setting_deg"] == setting].groupby("model")))
+            shown[float(setting)] = [
+                Execution(
+                    RUNS[kind],
+                    run,
+                    float(setting),
+                    primitives,
+                    felt[kind],
+                    None if nominal is None else orientation_cost(run, nominal),
+                )
+                for kind, run in found.items()
+            ]
+    return shown

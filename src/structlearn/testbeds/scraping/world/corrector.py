@@ -89,11 +89,8 @@ class Corrector(NamedTuple):
     decision: np.ndarray  # (1,) s, time of the next decision
 
 
-_FIRST, _MOVEMENTS, _DRAWN = range(3)
-"""Places in `Corrector.counts`."""
-
-_DRAWS = 4
-"""Random numbers of a decision, at most."""
+_FIRST, _MOVEMENTS, _DRAWN = range(3)  # Places in `Corrector.counts`
+_DRAWS = 4  # Random numbers of a decision, at most
 
 
 def corrector(parameters: CorrectorParameters, ticks: int, dt: float, rng: np.random.Generator) -> Corrector:

@@ -2,7 +2,7 @@
 
 Go down 8.7 cm until the tool touches the board, turn the tool until its edge lies flat, scrape 6.4 cm along
 y. Movements come from published facts of human movement (the constants below). In the physical world the
-person guides the robot's arm along them (`guidance`); `as_meant` takes them as they are meant,
+person guides the robot's arm along them (`guided_demonstrations`); `as_meant` takes them as they are meant,
 without arm and board, for sweeps over thousands of demonstrations.
 
 Three independent random streams per demonstration (movement, noise, run) and a fixed number of draws from the
@@ -57,7 +57,6 @@ BOW_M = (
     np.array([[2.0, 2.0, 0.0], [0.8, 0.8, 0.0], [1.0, 0.0, 0.0]]) * 1e-3
 )  # std; hand paths are bowed a little
 BOARD_TAKES_OVER_S = 0.25  # from the first touch until the board holds the hand's noise along z
-
 EPOCH_NS = 1_577_836_800_000_000_000  # 2020-01-01, an arbitrary fixed start of the recorder's clock
 BETWEEN_STARTS_NS = 60_000_000_000
 GRID_HZ = 1000.0  # on which time warps are integrated

@@ -1,8 +1,8 @@
 """One run of the scraping robot: a motion is followed, the board is touched, everything is recorded.
 
-What differs between runs is who leads: a person who guides the arm (`guidance.guided_motion`), the learned
-primitives, or the primitives with feedback (`feedback.runtime.Controller`). All of them give a reference pose
-per tick; force control along z and, for corrections, compliance about roll are added to it (table IV.4).
+What differs between runs is who leads: a person who guides the arm (`guided_motion`), the learned primitives,
+or the primitives with feedback (`feedback.runtime.Controller`). All of them give a reference pose per tick;
+force control along z and, for corrections, compliance about roll are added to it (table IV.4).
 
 The whole run is one compiled loop. Its ticks can also be run one by one with somebody else integrating the
 robot's motion between them: `in_pybullet`, to compare.
@@ -35,11 +35,8 @@ Advance = Callable[[np.ndarray], None]
 Engine = Callable[[World], AbstractContextManager[Advance]]
 """Integrates the robot's motion in a world instead of the compiled loop."""
 
-NO_PLAN, NOBODY = stepping.no_plan(), nobody()
-"""Where no controller leads, and where nobody corrects."""
-
-FINGER_TICKS = 3
-"""Control ticks per reading of the fingers: 100 Hz at 300 Hz."""
+NO_PLAN, NOBODY = stepping.no_plan(), nobody()  # Where no controller leads, and where nobody corrects
+FINGER_TICKS = 3  # Control ticks per reading of the fingers: 100 Hz at 300 Hz
 
 
 class ControlParameters(Parameters):
@@ -336,27 +333,16 @@ def _aim(reference: Reference, k: int, height: float, roll: float, target: Targe
 
 
 def _empty_reference(ticks: int) -> Reference:
+    widths = dict.fromkeys(Reference._fields[:-1], 3) | {"orientation": 4}
+    primitive = np.empty(ticks, dtype=np.int64)
     return Reference(
-        position=np.empty((ticks, 3)),
-        velocity=np.empty((ticks, 3)),
-        acceleration=np.empty((ticks, 3)),
-        orientation=np.empty((ticks, 4)),
-        angular_velocity=np.empty((ticks, 3)),
-        angular_acceleration=np.empty((ticks, 3)),
-        primitive=np.empty(ticks, dtype=np.int64),
+        **{name: np.empty((ticks, width)) for name, width in widths.items()}, primitive=primitive
     )
 
 
 def _empty_log(ticks: int) -> RunLog:
-    widths = {
-        "position": 3,
-        "orientation": 4,
-        "joint_positions": ARM_JOINTS,
-        "joint_velocities": ARM_JOINTS,
-        "joint_torques": ARM_JOINTS,
-        "wrench": 6,
-        "tool_to_board": 4,
-    }
+    widths = {"position": 3, "orientation": 4, "wrench": 6, "tool_to_board": 4}
+    widths |= dict.fromkeys(("joint_positions", "joint_velocities", "joint_torques"), ARM_JOINTS)
     count_ticks = np.arange(0, ticks, FINGER_TICKS)
     return RunLog(
         counts=np.empty((len(count_ticks), CHANNELS)),

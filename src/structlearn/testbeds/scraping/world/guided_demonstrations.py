@@ -1,4 +1,10 @@
-"""Guided demonstrations of the scraping task: a person moves the arm by hand (IV.9.1.3, step i)."""
+"""A person guides the arm by hand (kinesthetic teaching): how nominal demonstrations are made (IV.9.1.3, i).
+
+The arm is in gravity compensation; what the person's own arm does to it is again a pose reference with a
+natural frequency, softer than the robot's. People who have practised compensate the inertia of what they hold
+(Shadmehr & Mussa-Ivaldi 1994), so the intended velocity and acceleration are fed forward and only the noise
+is filtered by the arm's inertia. Pressure on the board is regulated by feel, slowly.
+"""
 
 from functools import partial
 
@@ -15,10 +21,40 @@ from structlearn.testbeds.scraping.world.demonstrator import (
     intended_movements,
     orientation_of,
 )
-from structlearn.testbeds.scraping.world.execution import execute
-from structlearn.testbeds.scraping.world.guidance import guided_motion, pressure
+from structlearn.testbeds.scraping.world.execution import Reference, execute
 from structlearn.testbeds.scraping.world.recorder import provenance, recorded
-from structlearn.testbeds.scraping.world.testbed import TestbedParameters, finger_rate, run_conditions
+from structlearn.testbeds.scraping.world.testbed import (
+    GuidanceParameters,
+    TestbedParameters,
+    finger_rate,
+    run_conditions,
+)
+
+
+def guided_motion(movement: Intention) -> Reference:
+    """The intended movement as a pose reference."""
+    step = movement.time[1]
+    velocity = np.gradient(movement.edge, step, axis=0)
+    turning = np.gradient(movement.tilt, step, axis=0)  # small angles: the vector's rate
+    return Reference(
+        position=movement.edge + movement.edge_noise,
+        velocity=velocity,
+        acceleration=np.gradient(velocity, step, axis=0),
+        orientation=orientation_of(movement.tilt + movement.tilt_noise),
+        angular_velocity=turning,
+        angular_acceleration=np.gradient(turning, step, axis=0),
+        primitive=np.searchsorted(movement.segments[1:, 0], movement.time, side="right"),
+    )
+
+
+def pressure(parameters: GuidanceParameters, ticks: int, dt: float, rng: np.random.Generator) -> np.ndarray:
+    """Force that the person means to press with, over the ticks of one trial: (ticks,) N."""
+    from scipy.signal import lfilter
+
+    level = parameters.force_n * np.exp(parameters.force_spread * rng.standard_normal())
+    keep = np.exp(-dt / parameters.force_fluctuation_s)
+    fluctuation = lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.standard_normal(ticks))
+    return level * (1.0 + parameters.force_cv * fluctuation)
 
 
 def guided_demonstrations(
@@ -51,14 +87,7 @@ def _guide(movement: Intention, testbed: TestbedParameters, seed: int) -> Record
     start = (movement.edge[0] + movement.edge_noise[0], quaternion.matrix(first))
     fingers = FingerPair(testbed.touch, testbed.sensor_seed, fingers_rng, finger_rate(testbed))
     log = execute(
-        testbed.world,
-        guided_motion(movement),
-        start,
-        ticks,
-        conditions,
-        testbed.control,
-        fingers,
-        wrist_rng,
+        testbed.world, guided_motion(movement), start, ticks, conditions, testbed.control, fingers, wrist_rng
     )
     return recorded(
         movement.name,

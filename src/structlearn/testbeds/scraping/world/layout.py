@@ -7,15 +7,9 @@ unloaded: a correction turns the hand about the edge instead of dragging the edg
 
 import numpy as np
 
-GRASP_M = 0.06
-"""From the hand to the grasp, the middle between the finger tips, along z."""
-
-EDGE_M = 0.03
-"""From the grasp to the tool's edge, along z."""
-
-EDGE_WIDTH_M = 0.011
-"""Of the edge, along x."""
-
+GRASP_M = 0.06  # From the hand to the grasp, the middle between the finger tips, along z
+EDGE_M = 0.03  # From the grasp to the tool's edge, along z
+EDGE_WIDTH_M = 0.011  # Of the edge, along x
 CONTACT_M = np.array([0.630, -0.030, 0.100])
 """Where the edge meets the board, on the board's axis of tilt, base frame."""
 

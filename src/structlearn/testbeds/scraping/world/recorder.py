@@ -9,9 +9,7 @@ from structlearn.ground.params import Parameters
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.testbeds.scraping.world.execution import RunLog
 
-RECORDED_EVERY = 3
-"""Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz."""
-
+RECORDED_EVERY = 3  # Control ticks per message of the joints and of motion capture: 100 Hz at 300 Hz
 FINGERS = ("left", "right")
 
 

@@ -14,9 +14,7 @@ from structlearn.testbeds.scraping.world.layout import (
     ROLL_AXIS,
 )
 
-ARM = "kuka_iiwa/model.urdf"
-"""Of the arm with its meshes, among the data that PyBullet brings."""
-
+ARM = "kuka_iiwa/model.urdf"  # Of the arm with its meshes, among the data that PyBullet brings
 BOARD_M = np.array([0.10, 0.18, 0.006])
 BENCH_M = np.array([0.16, 0.24, 0.02])
 PALM_M, FINGER_M, BLADE_M = np.array([0.07, 0.09, 0.04]), np.array([0.018, 0.02, 0.055]), 0.003

@@ -11,10 +11,20 @@ from structlearn.ground.params import Parameters
 from structlearn.simulation.fingers import TouchParameters
 from structlearn.testbeds.scraping.world.corrector import CorrectorParameters
 from structlearn.testbeds.scraping.world.execution import FINGER_TICKS, Conditions, ControlParameters
-from structlearn.testbeds.scraping.world.guidance import GuidanceParameters
 from structlearn.testbeds.scraping.world.layout import CONTACT_M
 from structlearn.testbeds.scraping.world.recorder import RecorderParameters
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
+
+
+class GuidanceParameters(Parameters):
+    """The guiding person. Fields: `params.yaml`, `testbed.guidance`."""
+
+    frequency_hz: float = Field(gt=0)
+    force_n: float = Field(gt=0)
+    force_spread: float = Field(ge=0)
+    force_cv: float = Field(ge=0)
+    force_fluctuation_s: float = Field(gt=0)
+    force_i_m_n_s: float = Field(ge=0)
 
 
 class VariationParameters(Parameters):

@@ -34,12 +34,7 @@ from structlearn.testbeds.servoing.names import (
     TEXT,
     dynamics_name,
 )
-from structlearn.testbeds.servoing.page.results import (
-    PEOPLE_STUDY,
-    ServoingResults,
-    forward_key,
-    rate_key,
-)
+from structlearn.testbeds.servoing.page.results import PEOPLE_STUDY, ServoingResults, forward_key, rate_key
 from structlearn.testbeds.servoing.protocol.model_scores import TEST_CHAIN
 from structlearn.testbeds.servoing.protocol.servo_scores import ControllerScores
 from structlearn.testbeds.servoing.protocol.servo_variants import Variant

@@ -26,14 +26,9 @@ from structlearn.testbeds.servoing.protocol.servo_variants import RESTING, Varia
 
 BOUNDS = {"reconstruction": PUBLISHED["reconstruction_nmse"], "distances": PUBLISHED["distances_nmse"]}
 
-MAP_SAMPLES = 12_000
-"""Samples of the map that are drawn: more hide each other."""
-
-FEWEST = 10
-"""Samples in a square of skin below which no mean error is drawn."""
-
-TOLERANCES_MM = np.linspace(0.25, 4.0, 16)
-"""At which success is looked at."""
+MAP_SAMPLES = 12_000  # samples of the map that are drawn: more hide each other
+FEWEST = 10  # samples in a square of skin below which no mean error is drawn
+TOLERANCES_MM = np.linspace(0.25, 4.0, 16)  # at which success is looked at
 
 DASHES: Mapping[str, LineStyleType] = {form: "-" if form == RESTING else "--" for form in names.FORM_NAMES}
 """Lines of controllers."""

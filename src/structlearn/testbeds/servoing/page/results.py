@@ -27,20 +27,14 @@ from structlearn.testbeds.servoing.protocol.servo_variants import (
     variants_of_other_skins,
 )
 
-PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))
-"""Numbers as the dissertation prints them."""
+PUBLISHED = read_values(Path(__file__).with_name("published.yaml"))  # numbers as the dissertation prints them
 
 STUDIES = ("people", "controller", "loss_weights")
 """What the page quotes of trials beside the pipeline, `benchmarks/studies/servoing`."""
 
-PEOPLE_STUDY = "servoing/people"
-"""The study that verdicts stand on."""
-
-AS_IT_STANDS = "as it stands"
-"""Variant of a study in which nothing is changed."""
-
-SPACE_KEYS = {True: "struct", False: "nostruct"}
-"""Latent spaces in the names of metrics."""
+PEOPLE_STUDY = "servoing/people"  # the study that verdicts stand on
+AS_IT_STANDS = "as it stands"  # variant of a study in which nothing is changed
+SPACE_KEYS = {True: "struct", False: "nostruct"}  # latent spaces in the names of metrics
 
 HEADLINES = (
     "reconstruction_nmse_test",

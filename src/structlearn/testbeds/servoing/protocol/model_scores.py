@@ -19,8 +19,7 @@ from structlearn.testbeds.servoing.names import (
     dynamics_name,
 )
 
-TEST_CHAIN = 3
-"""Steps of prediction on which forward models are compared; they learn from two (II.4.4)."""
+TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they learn from two (II.4.4)
 
 
 PARTS = ("plane", "third", "electrodes", "pressure")
@@ -172,8 +171,7 @@ def skin_table(latent: pd.DataFrame, directions: pd.DataFrame) -> pd.DataFrame:
     return errors.join(distances[columns]).reset_index()
 
 
-SQUARE_MM = 1.5
-"""Side of the squares of skin in which errors are gathered."""
+SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
 
 def contact_errors(dataset: TouchDataset, truth: pd.DataFrame, skin: Skin) -> pd.DataFrame:

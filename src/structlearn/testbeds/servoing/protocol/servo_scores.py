@@ -11,8 +11,7 @@ from structlearn.tactile.electrodes import path_length, skin_distance
 from structlearn.testbeds.servoing.protocol.servo_variants import ToleranceParameters, Variant
 from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
 
-THINNED = 10
-"""Samples of the electrodes per point of a path; tremor of the contact between them is no travel."""
+THINNED = 10  # samples of the electrodes per point of a path; tremor of the contact between them is no travel
 
 
 def scored(
@@ -110,8 +109,7 @@ def success_by_tolerance(
     return pd.DataFrame(rows, columns=[*by, "tolerance_mm", "rate"])
 
 
-KEYS = [field.name for field in fields(Variant)]
-"""Columns that name a controller."""
+KEYS = [field.name for field in fields(Variant)]  # columns that name a controller
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,7 @@ from structlearn.tactile.latent_parameters import (
 )
 from structlearn.testbeds.servoing.world.servo_loop import LoopParameters
 
-PUBLISHED, RESTING = "published", "resting"
-"""Forms of the controllers."""
+PUBLISHED, RESTING = "published", "resting"  # forms of the controllers
 
 AS_DATA = "filter and rate of the data"
 """What is changed of either form: the loop is that of the preparation of the data."""

@@ -104,11 +104,8 @@ def _notes(origin: str, one: ShownTouch, scale: float) -> str:
 
 MAP_TITLE = "Touch: latent map"
 
-EVERY = 10
-"""Every how many samples one is on a path."""
-
-POINT_MM, SAMPLE_OPACITY = 0.12, 0.5
-"""Radius of a sample on a flat picture, and how much it covers."""
+EVERY = 10  # every how many samples one is on a path
+POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius of a sample on a flat picture, and how much it covers
 
 PATH = "#ffffff"
 """Colour of paths among coloured samples."""

@@ -80,10 +80,7 @@ def shown_runs(trials: pd.DataFrame, paths: pd.DataFrame, count: int) -> list[di
 
 
 def write_servo_runs(
-    path: str | Path,
-    shown: Sequence[Mapping[str, ServoRun]],
-    flat_skin: scene.FlatSkin,
-    handle: Handle,
+    path: str | Path, shown: Sequence[Mapping[str, ServoRun]], flat_skin: scene.FlatSkin, handle: Handle
 ) -> None:
     """Write closed loops as a recording: a tab per trial, in it a column per controller.
 

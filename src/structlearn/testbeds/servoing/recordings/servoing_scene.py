@@ -34,29 +34,17 @@ from structlearn.viewer.rrd import (
 
 SKIN, HANDLE = "#6b7480", "#8d7f6b"
 
-HANDLE_M = 0.03
-"""Length of the handle that is drawn."""
-
-GRID_LINES, GRID_POINTS = 9, 25
-"""Lines of the skin in either direction, and points of each."""
-
-ELECTRODE_M, CONTACT_M = 0.0007, 0.0009
-"""Radii of electrodes and points of contact in 3-D views."""
-
-ELECTRODE_MM, CONTACT_MM = 0.75, 0.45
-"""The same in flat pictures."""
-
-IN_FRONT = 50.0
-"""Order of drawing of paths on flat pictures; points have 30."""
+HANDLE_M = 0.03  # length of the handle that is drawn
+GRID_LINES, GRID_POINTS = 9, 25  # lines of the skin in either direction, and points of each
+ELECTRODE_M, CONTACT_M = 0.0007, 0.0009  # radii of electrodes and points of contact in 3-D views
+ELECTRODE_MM, CONTACT_MM = 0.75, 0.45  # the same in flat pictures
+IN_FRONT = 50.0  # order of drawing of paths on flat pictures; points have 30
 
 POSE_RATE_HZ, COLOUR_RATE_HZ = 50.0, 25.0
 """Poses of the finger, and colours of its electrodes, per second; colours are most of a file."""
 
-FULL_SCALE_QUANTILE = 0.97
-"""Share of the signals within the colour scale: most electrodes feel little."""
-
-AXES_M, EYE_M = 0.006, 0.055
-"""Length of the finger's axes; from the camera to the handle."""
+FULL_SCALE_QUANTILE = 0.97  # share of the signals within the colour scale: most electrodes feel little
+AXES_M, EYE_M = 0.006, 0.055  # length of the finger's axes; from the camera to the handle
 
 
 @dataclass(frozen=True)
@@ -308,10 +296,7 @@ def shown_touches(
     `demonstrations`: all of them, in the order in which the dataset numbers them; `dataset`: samples of their
     contacts; `latent_map`: a row for each sample, see `tactile.latent_evaluation.latent_map`; `names`: which
     are wanted; see `ServoingViewParameters`; `air_s`: at the start of each, in the air; counts there are the
-    offset.
-
-    Raises:
-        InputError: there is no demonstration of such a name.
+    offset. Raises InputError: there is no demonstration of such a name.
     """
     numbers = {one.name: number for number, one in enumerate(demonstrations)}
     if unknown := [name for name in names if name not in numbers]:

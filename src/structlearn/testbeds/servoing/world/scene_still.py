@@ -8,23 +8,15 @@ from structlearn.ground import quaternion
 from structlearn.simulation.still import Sheet, Solid, View, still
 from structlearn.tactile.electrodes import Skin
 
-SCALE = 10.0
-"""Drawn so many times larger: the camera sees nothing that is nearer than 5 cm."""
+SCALE = 10.0  # drawn so many times larger: the camera sees nothing that is nearer than 5 cm
 
 SKIN, ELECTRODE, HANDLE = (0.45, 0.49, 0.55, 1.0), (0.9, 0.62, 0.0, 1.0), (0.8, 0.72, 0.6, 1.0)
 """Red, green, blue, opacity."""
 
-ELECTRODE_M = 0.0006
-"""Radius of the mark on the skin over an electrode."""
-
-HANDLE_M = 0.04
-"""Length of the handle that is drawn, without its round ends."""
-
-ALONG_M = -0.006
-"""Where along the finger it touches the handle."""
-
-ACROSS = np.array([0.0, 0.0, 0.5 * np.pi])
-"""How the handle is turned from the finger."""
+ELECTRODE_M = 0.0006  # radius of the mark on the skin over an electrode
+HANDLE_M = 0.04  # length of the handle that is drawn, without its round ends
+ALONG_M = -0.006  # where along the finger it touches the handle
+ACROSS = np.array([0.0, 0.0, 0.5 * np.pi])  # how the handle is turned from the finger
 
 VIEW = View(target=(0.0, 0.0, 0.06), distance=0.66, yaw_deg=35.0, pitch_deg=-8.0)
 

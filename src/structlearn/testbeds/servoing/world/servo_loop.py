@@ -32,11 +32,8 @@ from structlearn.simulation.touch_demonstrator import (
     held_on_handle,
 )
 
-CENTRE = (0.5, 0.1, 0.9)
-"""m, of the handle in the base frame; its axis is y."""
-
-FILTER_ORDER = 2
-"""Of the low-pass, as in the preparation of the training data."""
+CENTRE = (0.5, 0.1, 0.9)  # m, of the handle in the base frame; its axis is y
+FILTER_ORDER = 2  # of the low-pass, as in the preparation of the training data
 
 StateT = TypeVar("StateT")
 

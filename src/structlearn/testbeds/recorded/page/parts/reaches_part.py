@@ -14,15 +14,15 @@ from structlearn.reporting.document import Table
 from structlearn.reporting.figure_style import styled
 from structlearn.reporting.panels import SAMPLES, legend, panel
 from structlearn.reporting.prose import level_name, listing
-from structlearn.segmentation.method_comparison import errors_by_level, errors_by_seed, paired_comparison
-from structlearn.segmentation.result import METHODS, RESULT
+from structlearn.segmentation.alignment import METHODS, RESULT
+from structlearn.segmentation.cut_errors import errors_by_level, errors_by_seed, paired_comparison
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
 
 SPREAD_SAMPLES = 500
-"""Of a reach in normalised time, as in `human_reaches.own_spread_mm`."""
+"""Of a reach in normalised time, as in `movement.own_spread_mm`."""
 
 
 def by_level(results: RecordedResults) -> pd.DataFrame:

@@ -16,7 +16,7 @@ from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.part import Part, Pictures
 from structlearn.testbeds.recorded.page.results import RecordedResults
 from structlearn.testbeds.recorded.page.tables import shown
-from structlearn.testbeds.recorded.protocol.unscrewing import turning
+from structlearn.testbeds.recorded.protocol.movement import turning
 
 
 def metrics(results: RecordedResults) -> Metrics:

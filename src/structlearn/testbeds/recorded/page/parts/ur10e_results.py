@@ -10,7 +10,7 @@ import pandas as pd
 from structlearn.ground.artefacts import Metrics
 from structlearn.ground.block_bootstrap import block_count, block_sums, drawn_counts, percentiles
 from structlearn.reporting.claims import Evidence, confidence
-from structlearn.rigid_body.torque_blocks import drawn_nmse
+from structlearn.rigid_body.motion import drawn_nmse
 from structlearn.testbeds.recorded import names
 from structlearn.testbeds.recorded.page.parts.arm_figures import errors_by_joint
 from structlearn.testbeds.recorded.protocol.arm_parameters import RecordedUr10eParameters

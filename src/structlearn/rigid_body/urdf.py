@@ -1,4 +1,4 @@
-"""What Pinocchio passes over in a URDF, found in the XML.
+"""What a URDF says before it becomes a robot: mistakes that Pinocchio passes over, moving joints, hands.
 
 Pinocchio 4 reads a link whose `<inertial>` is absent, incomplete or no number as massless, a negative mass as
 it stands, limits without bounds as [0, 0] and an axis of zeros as it stands. Dynamics of such a robot are
@@ -6,7 +6,8 @@ singular or wrong, and no error says so.
 """
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,10 +21,6 @@ _INERTIA_ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 def check_urdf(path: str | Path, locked: Sequence[str]) -> None:
     """Refuse a file that is no URDF of a robot with one degree of freedom per joint and limits on each.
-
-    Args:
-        path: the URDF file.
-        locked: names of joints that are to be locked.
 
     Raises:
         InputError: see `structlearn.rigid_body.tree.read_urdf`.
@@ -93,3 +90,62 @@ def _numbers(texts: Sequence[str], where: str) -> list[float]:
     if not all(math.isfinite(value) for value in values):
         raise InputError(f"{where}: a value is not finite")
     return values
+
+
+HANDS = re.compile(r"tcp|tool|grasp|gripper|hand|ee$|end_?effector|flange", re.IGNORECASE)
+"""What links and frames of a hand are mostly called."""
+
+
+def moving_joints(path: str | Path) -> list[str]:
+    """Names of all joints that are not fixed, in the order of the file.
+
+    Raises:
+        InputError: the file is missing or no URDF.
+    """
+    return [name for name, (kind, _, _) in _joints(path).items() if kind != "fixed"]
+
+
+def tips(path: str | Path, joints: Collection[str]) -> list[str]:
+    """Links at the ends of what some joints move, the likeliest for the hand first.
+
+    They carry none of the others: those called like a hand first, then those behind more joints. What joints
+    not named move is left out, e.g. fingers.
+
+    Raises:
+        InputError: the file is missing or no URDF.
+    """
+    found = _joints(path)
+    carried = {child: (name, kind, parent) for name, (kind, parent, child) in found.items()}
+    depths: dict[str, int] = {}
+    for link in carried:
+        depth, at, passed = 0, link, set()
+        while at in carried and at not in passed:  # a circle of links has no root
+            passed.add(at)
+            name, kind, at = carried[at]
+            if kind != "fixed" and name not in joints:
+                depth = 0
+                break
+            depth += kind != "fixed"
+        if depth:
+            depths[link] = depth
+    inner = {carried[link][2] for link in depths}
+    return sorted(depths.keys() - inner, key=lambda link: (not HANDS.search(link), -depths[link], link))
+
+
+def _joints(path: str | Path) -> dict[str, tuple[str, str, str]]:
+    """Kind, parent and child link of every joint."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such URDF file") from error
+    except (OSError, ElementTree.ParseError) as error:
+        raise InputError(f"{path}: cannot be read as a URDF: {error}") from error
+    found = {}
+    for joint in root.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is None or child is None:
+            raise InputError(f"{path}: joint '{joint.get('name')}' has no parent or no child")
+        found[joint.get("name", "")] = (joint.get("type", ""), parent.get("link", ""), child.get("link", ""))
+    if not found:
+        raise InputError(f"{path}: not a URDF of a robot: it has no joints")
+    return found

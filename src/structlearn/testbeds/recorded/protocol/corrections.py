@@ -1,4 +1,12 @@
-"""How well coupling that was learned from some corrected reaches reproduces the others, over random splits.
+"""Higher reaches as corrections of the nominal ones: the coupling term they ask for, and phase alone for it.
+
+The reaches of the second set have the start and goal of the nominal ones and a higher arc. Their coupling
+targets against the nominal primitive (eq. IV.23) are learned as a function of phase, without any sensor:
+
+    c = w_c . (G(p, u) * b_m)          a phase-modulated network of input dimension 0 and no hidden layer
+
+Such a network is linear in its features G, so its squared loss is convex: the least squares that the forcing
+term is fitted with give its minimum at once, and nothing is trained.
 
 Every split draws the reaches to learn from anew, since one draw of a few reaches to reproduce says little.
 The splits share their reaches, so an interval over them would be too narrow: whoever compares two distances
@@ -12,21 +20,143 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from structlearn.feedback.coupling import position_target
+from structlearn.feedback.coupling_model import CouplingModel
+from structlearn.feedback.models.pmnn import PhaseModulatedNetwork, open_loop
 from structlearn.ground import signals
 from structlearn.ground.errors import MissingInputError
 from structlearn.ground.metrics import nmse
 from structlearn.ground.params import Parameters
-from structlearn.primitives import canonical
-from structlearn.primitives.trajectory import Trajectory
-from structlearn.primitives.vector import VectorPrimitive
-from structlearn.testbeds.recorded.protocol.corrected_reaches import (
-    AXES,
-    CorrectedReach,
-    Networks,
-    adapted_path,
-    phase_coupling,
-    phase_networks,
-)
+from structlearn.primitives import canonical, kernels
+from structlearn.primitives.position import PositionPrimitive, in_local_frame
+from structlearn.primitives.trajectory import Trajectory, differentiated
+from structlearn.primitives.vector import VectorPrimitive, sample_count
+from structlearn.recordings.demonstration import Demonstration
+
+AXES = ("x", "y", "z")
+"""Of the local frame: x from start to goal, z upwards, y to the side."""
+
+Networks = Sequence[tuple[str, CouplingModel]]
+"""One network per local axis, by its name in `AXES`."""
+
+
+@dataclass(frozen=True)
+class CorrectedReach:
+    """One complete corrected reach.
+
+    Attributes:
+        name: of the recording.
+        path: (T, 3) relative to its start, in its local frame.
+        target: (T, 3) coupling target of each local axis, in m: c is an acceleration times tau^2.
+    """
+
+    name: str
+    path: Trajectory
+    target: np.ndarray
+
+
+def completeness(
+    demonstrations: Sequence[Demonstration], nominal: PositionPrimitive, largest_m: float
+) -> pd.DataFrame:
+    """Which higher reaches start and end where the nominal ones do.
+
+    One that begins or ends in mid-air has no start or no goal, hence no local frame and no coupling target.
+
+    Returns:
+        Per `reach`: `start_off_mm`, `goal_off_mm`, and whether it is `complete`.
+    """
+    off_mm = 1e3 * np.array(
+        [
+            np.linalg.norm(one.position[[0, -1]] - [nominal.start, nominal.goal], axis=1)
+            for one in demonstrations
+        ]
+    )
+    return pd.DataFrame(
+        {
+            "reach": [one.name for one in demonstrations],
+            "start_off_mm": off_mm[:, 0],
+            "goal_off_mm": off_mm[:, 1],
+            "complete": off_mm.max(axis=1) <= 1e3 * largest_m,
+        }
+    )
+
+
+def complete(demonstrations: Sequence[Demonstration], completeness: pd.DataFrame) -> list[Demonstration]:
+    """Those that are complete."""
+    names = set(completeness.loc[completeness["complete"], "reach"])
+    return [one for one in demonstrations if one.name in names]
+
+
+def corrected_reaches(
+    demonstrations: Sequence[Demonstration], nominal: PositionPrimitive, smoothing_hz: float
+) -> list[CorrectedReach]:
+    """Corrected reaches with the coupling term that each asks of the nominal primitive.
+
+    Returns:
+        In the order of the demonstrations.
+    """
+    reaches = []
+    for demonstration in demonstrations:
+        smooth = differentiated(demonstration.position, demonstration.dt, smoothing_hz)
+        path = in_local_frame(smooth, nominal.frame)
+        target = position_target(path, nominal.local, goal=path.position[-1])
+        reaches.append(CorrectedReach(demonstration.name, path, target))
+    return reaches
+
+
+def phase_networks(
+    targets: Sequence[np.ndarray], kernel_count: int = kernels.KERNEL_COUNT
+) -> list[tuple[str, PhaseModulatedNetwork]]:
+    """Phase-only networks at the minimum of their squared loss.
+
+    Only the products of w_c and b_m count, so w_c is 1 and b_m solves the ridge regression of
+    `kernels.forcing_weights`; there is no other minimum.
+
+    Returns:
+        One network per local axis; its input has dimension 0.
+    """
+    weights = kernels.forcing_weights(targets, count=kernel_count)  # (N, 3)
+    return [(axis, open_loop(biases)) for axis, biases in zip(AXES, weights.T, strict=True)]
+
+
+def phase_coupling(networks: Networks, samples: int) -> np.ndarray:
+    """Coupling term (samples, 3) of phase-only networks from start to end; it does not depend on duration."""
+    phases = canonical.phase(np.linspace(0.0, 1.0, samples), canonical.TAU_PER_DURATION)
+    nothing = np.zeros((samples, 0))
+    return np.column_stack([network.coupling(nothing, *phases) for _, network in networks])
+
+
+def adapted_path(nominal: VectorPrimitive, reach: Trajectory, networks: Networks | None = None) -> Trajectory:
+    """The nominal primitive to the goal and in the time of a reach, with learned coupling in the loop.
+
+    Returns:
+        (T, 3) path in the same frame, at the reach's samples.
+    """
+    if networks is None:
+        return nominal.unroll(reach.dt, reach.position[0], reach.position[-1], reach.duration)
+    terms = phase_coupling(networks, len(reach.time))
+    return nominal.unroll(
+        reach.dt, reach.position[0], reach.position[-1], reach.duration, coupling=lambda k, x, xd: terms[k]
+    )
+
+
+def typical_paths(
+    nominal: PositionPrimitive, demonstrations: Sequence[Demonstration], networks: Networks
+) -> dict[str, Trajectory]:
+    """The nominal primitive in the mean situation of corrected reaches, without and with learned coupling.
+
+    Returns:
+        `nominal` and `adapted`: (T, 3) paths in the base frame.
+    """
+    start, goal = (np.mean([one.position[end] for one in demonstrations], axis=0) for end in (0, -1))
+    duration = float(np.mean([one.time[-1] for one in demonstrations]))
+    dt = demonstrations[0].dt
+    terms = phase_coupling(networks, sample_count(duration, dt))
+    return {
+        "nominal": nominal.unroll(dt, start, goal, duration),
+        "adapted": nominal.unroll(dt, start, goal, duration, coupling=lambda k, x, xd: terms[k]),
+    }
+
 
 SAMPLES = 500
 """Of a movement in normalised time, for distances and tables."""
@@ -80,11 +210,6 @@ def learn_corrections(
     reaches: Sequence[CorrectedReach], nominal: VectorPrimitive, parameters: CorrectionParameters
 ) -> tuple[Networks, CorrectionResults]:
     """Learn the coupling from some reaches and reproduce the others, for several random choices.
-
-    Args:
-        reaches: the complete corrected reaches.
-        nominal: the nominal reaches' movement in the local frame.
-        parameters: see there.
 
     Returns:
         The networks of the first split, and the results over all splits.
