@@ -241,7 +241,7 @@ def leaves(node: yaml.Node, above: tuple[int, ...] = ()) -> Iterator[tuple[int, 
             yield from leaves(value, above)
 
 
-EXPLAINED = r"as(?: of)? `|by primitive|in order of time|and the joint|by name: "
+EXPLAINED = r"as(?: of)? `|by primitive|in order of time|and the joint"
 """In the comment of a group: it says what all its values are, or where they are explained."""
 
 
