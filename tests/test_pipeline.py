@@ -149,10 +149,14 @@ def test_a_changed_parameter_reruns_only_what_depends_on_it(watched):
 
 
 def test_rewording_a_page_makes_only_that_page_again(watched):
-    """Of all stages, those that depend on the folder of the template; and the front page after them."""
-    template = "src/structlearn/testbeds/obstacles/page"
-    stages = yaml.safe_load((watched / "dvc.yaml").read_text())["stages"]
-    assert [name for name, stage in stages.items() if template in stage["deps"]] == ["obstacles_report"]
+    """Of all lists of code, that of its report changes; so the front page runs after it, and nothing else."""
+    template = watched / "src/structlearn/testbeds/obstacles/page/obstacles.html.jinja"
+    lists, text = watched / "data/code/main", template.read_text()
+    before = {path: path.read_bytes() for path in lists.rglob("*.txt")}
+    template.write_text(text + "\n")
+    assert repro(watched, "code") == ["code"]
+    assert [path for path in before if path.read_bytes() != before[path]] == [lists / "obstacles/report.txt"]
+    template.write_text(text)
 
 
 def test_a_killed_stage_leaves_nothing_half_written(reduced_project, copied):

@@ -23,11 +23,7 @@ NO_ROW = "no such row"
 
 
 def compared(here: Mapping[str, pd.DataFrame], there: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """Hold tables of claims against each other.
-
-    Args:
-        here: `claims.csv` by testbed.
-        there: of the run on another processor, likewise.
+    """Tables of claims by testbed, of here and of another processor, held against each other.
 
     Returns:
         `KEYS`, `here`, `there` (numbers in words), `verdict_here`, `verdict_there`, and `outcome`, one of
@@ -53,11 +49,7 @@ def compared(here: Mapping[str, pd.DataFrame], there: Mapping[str, pd.DataFrame]
 
 
 def changes(table: pd.DataFrame) -> list[str]:
-    """A line per row whose verdict is another word, `yes -> undecided`, with its numbers.
-
-    Args:
-        table: of `compared`.
-    """
+    """A line per row of `compared` whose verdict is another word, `yes -> undecided`, with its numbers."""
     changed = table[table["outcome"].isin([MARGIN, FLIPPED])].astype(object)
     changed = changed.where(changed.notna(), NO_ROW)
     return [
@@ -68,13 +60,7 @@ def changes(table: pd.DataFrame) -> list[str]:
 
 
 def other_processor_page(table: pd.DataFrame, settings: Mapping[str, str], machine: str) -> str:
-    """The page as HTML.
-
-    Args:
-        table: of `compared`.
-        settings: environment variables that made the machine another one.
-        machine: that it ran on, in words.
-    """
+    """The page on `compared` as HTML; settings are the variables that made the machine another one."""
     counts = {outcome: int((table["outcome"] == outcome).sum()) for outcome in OUTCOMES}
     table = table.drop(columns=[name for name in ("set", "by") if not table[name].astype(bool).any()])
     changed = table[table["outcome"].isin([MARGIN, FLIPPED])].drop(columns="outcome")

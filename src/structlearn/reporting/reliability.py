@@ -55,13 +55,7 @@ def keep(name: str, table: pd.DataFrame, command: str, metrics: Metrics, folder:
 
 
 def outcome_table(rows: Sequence[tuple], names: Sequence[str], outcomes: Sequence[str]) -> pd.DataFrame:
-    """A table of outcomes: a row for each combination of words, a column of counts for each outcome.
-
-    Args:
-        rows: words, outcome, count.
-        names: of the words' columns.
-        outcomes: all that there are.
-    """
+    """Of rows of words, outcome and count: a row per combination of words, a column per outcome."""
     table = pd.DataFrame(rows, columns=[*names, "outcome", "count"])
     counts = table.pivot_table(index=list(names), columns="outcome", values="count", fill_value=0)
     counts = counts.reindex(columns=list(outcomes), fill_value=0).astype(int)
@@ -69,12 +63,7 @@ def outcome_table(rows: Sequence[tuple], names: Sequence[str], outcomes: Sequenc
 
 
 def reliability_page(tables: Mapping[str, pd.DataFrame], metrics: Metrics) -> str:
-    """The page as HTML; what was not run is said to be so.
-
-    Args:
-        tables: of `keep`, by name.
-        metrics: of all of them.
-    """
+    """The page on the tables of `keep` as HTML; what was not run is said to be so."""
     facts = {
         name: {
             "commit": UNKNOWN_COMMIT,

@@ -12,11 +12,9 @@ SOURCES = ("*.py", "*.yaml")
 
 
 def source_commit(folders: Iterable[str] = ("src", "stages"), root: Path = Path(".")) -> str:
-    """`b9b799a`, or `b9b799a+changes` where folders are not as committed; else `UNKNOWN_COMMIT`.
+    """`b9b799a`, or `b9b799a+changes` where folders are not as committed.
 
-    Args:
-        folders: of sources.
-        root: of the project; there is no commit where it was unpacked from an archive, or git is missing.
+    `UNKNOWN_COMMIT` where the project was unpacked from an archive, or git is missing.
     """
     if _git(root, "rev-parse", "--show-prefix") != "":  # none, or that of another project around this one
         return UNKNOWN_COMMIT

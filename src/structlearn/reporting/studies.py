@@ -38,114 +38,68 @@ Changes = dict[str, Any]
 
 
 class OverPopulation(Parameters):
-    """Repeats over the test seeds of a population.
+    """Repeats over the test seeds of a population."""
 
-    Attributes:
-        population: its key in `params.yaml`.
-        seeds: keys of the parameters that each of its seeds is given to.
-    """
-
-    population: str
-    seeds: list[str] = Field(min_length=1)
+    population: str  # its key in `params.yaml`
+    seeds: list[str] = Field(min_length=1)  # keys of the parameters that each of its seeds is given to
 
 
 class PartOfCell(Parameters):
-    """What of one cell can be run again in 20 s, by the script beside the description.
-
-    Attributes:
-        variant: of the cell.
-        repeat: of the cell, from 0.
-        covers: in words.
-    """
+    """What of one cell can be run again in 20 s, by the script beside the description."""
 
     variant: str
-    repeat: int = Field(ge=0)
-    covers: str
+    repeat: int = Field(ge=0)  # from 0
+    covers: str  # in words
 
 
 class Description(Parameters):
-    """What a study varies.
-
-    Attributes:
-        question: that it answers.
-        target: stage that is brought up to date in each experiment.
-        reads: flat JSON files of numbers that are in the repository then.
-        keys: of these numbers, with wildcards.
-        shown: those in the page's table, in words.
-        variants: by name, what is changed.
-        repeats: likewise; every variant is run with each of them, for the interval.
-        minutes: that all of it took on two cores.
-        rerun: None where no number of it can be had in 20 s.
-    """
+    """What a study varies."""
 
     question: str
-    target: str
-    reads: list[str] = Field(min_length=1)
-    keys: list[str] = Field(min_length=1)
-    shown: dict[str, str] = Field(min_length=1)
-    variants: dict[str, Changes] = Field(min_length=1)
+    target: str  # stage that is brought up to date in each experiment
+    reads: list[str] = Field(min_length=1)  # flat JSON files of numbers that are in the repository then
+    keys: list[str] = Field(min_length=1)  # of these numbers, with wildcards
+    shown: dict[str, str] = Field(min_length=1)  # those in the page's table, in words
+    variants: dict[str, Changes] = Field(min_length=1)  # by name, what is changed
+    # likewise; every variant is run with each of them, for the interval
     repeats: OverPopulation | Annotated[list[Changes], Field(min_length=1)]
-    minutes: PositiveFloat
-    rerun: PartOfCell | None = None
+    minutes: PositiveFloat  # that all of it took on two cores
+    rerun: PartOfCell | None = None  # None where no number of it can be had in 20 s
 
 
 class Rerun(Parameters):
-    """What came of running part of a cell again.
+    """What came of running part of a cell again."""
 
-    Attributes:
-        commit: of the code that ran it.
-        code: its digests, by source folder of the study.
-        processor: that it ran on.
-        exact: whether all digits were compared; else within `study_rerun.TOLERANCE`.
-        covers: in words.
-        compared: numbers.
-        in_table: of these; the others were kept beside the table.
-        different: keys of those that differ.
-    """
-
-    commit: str
-    code: dict[str, str]
-    processor: str
-    exact: bool
-    covers: str
-    compared: int
-    in_table: int
-    different: list[str]
+    commit: str  # of the code that ran it
+    code: dict[str, str]  # its digests, by source folder of the study
+    processor: str  # that it ran on
+    exact: bool  # whether all digits were compared; else within `study_rerun.TOLERANCE`
+    covers: str  # in words
+    compared: int  # numbers
+    in_table: int  # of these; the others were kept beside the table
+    different: list[str]  # keys of those that differ
 
 
 class Made(Parameters):
-    """How a study was made, as `study.json` holds it.
+    """How a study was made, as `study.json` holds it."""
 
-    Attributes:
-        parameters: digests by key of `params.yaml`.
-        code: digests by source folder of its target stage and all before it.
-        commit: of this code.
-        processor: that it ran on; empty where that was not kept.
-        added: columns of the table that were computed later for the same cells, with the commit of that code.
-        beside: numbers of the part of a cell that can be run again which the table does not have.
-        rerun: of that part; None before it was run again.
-    """
-
-    parameters: dict[str, str]
-    code: dict[str, str]
-    commit: str
-    processor: str
+    parameters: dict[str, str]  # digests by key of `params.yaml`
+    code: dict[str, str]  # digests by source folder of its target stage and all before it
+    commit: str  # of this code
+    processor: str  # that it ran on; empty where that was not kept
+    # columns of the table that were computed later for the same cells, with the commit of that code
     added: dict[str, str]
+    # numbers of the part of a cell that can be run again which the table does not have
     beside: dict[str, float]
-    rerun: Rerun | None
+    rerun: Rerun | None  # of that part; None before it was run again
 
 
 @dataclass(frozen=True)
 class Study:
-    """What a study found.
+    """What a study found."""
 
-    Attributes:
-        table: `variant`, `repeat`, then a column per number.
-        made: how; None in tests.
-    """
-
-    table: pd.DataFrame
-    made: Made | None = None
+    table: pd.DataFrame  # `variant`, `repeat`, then a column per number
+    made: Made | None = None  # how; None in tests
 
     def values(self, variant: str, key: str) -> np.ndarray:
         """One number of a variant, (N,) by repeat, in order: values of two variants are pairs."""
@@ -156,11 +110,7 @@ class Study:
         return self.table.groupby("variant").indices
 
     def summary(self, columns: Mapping[str, str]) -> Table:
-        """A row per variant: mean over repeats, with its interval where there are two or more.
-
-        Args:
-            columns: what stands above them, by key.
-        """
+        """A row per variant: mean over repeats, with its interval where there are two or more."""
         rows = []
         for variant, part in self.table.groupby("variant", sort=False):
             row = {"variant": variant, "n": len(part)}
@@ -203,12 +153,7 @@ def repeats(description: Description, parameters: Path) -> list[Changes]:
 
 
 def upstream_parameters(pipeline: Mapping[str, Any], target: str) -> list[str]:
-    """Keys of `params.yaml` that a stage and all before it depend on.
-
-    Args:
-        pipeline: the content of `dvc.yaml`.
-        target: a stage of it.
-    """
+    """Keys of `params.yaml` that a stage and all before it depend on."""
     stages = _upstream(pipeline, target)
     return sorted({str(key).split(".")[0] for stage in stages for key in stage.get("params", [])})
 
@@ -258,13 +203,7 @@ def stored_study(folder: Path) -> Study:
 
 
 def read_study(name: str, folder: Path = RESULTS, parameters: Path = Path("params.yaml")) -> Study | None:
-    """What a study found; None where it was not run, or with other parameters than these.
-
-    Args:
-        name: e.g. `scraping/people`.
-        folder: of all results.
-        parameters: the file whose values it must have been made with.
-    """
+    """What a study found; None where it was not run, or with parameters of other values than in this file."""
     made = Path(folder, name)
     if not (made / "study.json").exists():
         return None
@@ -279,12 +218,7 @@ def changed_code(made: Made, root: Path = Path(".")) -> list[str]:
 
 
 def provenance(study: Study, root: Path = Path(".")) -> str:
-    """`made by other code (commit a319e1d), part of one cell re-run on b9b799a: equal`, in words.
-
-    Args:
-        study: as read.
-        root: of the project, whose code is compared.
-    """
+    """`made by other code (commit a319e1d), part of one cell re-run on b9b799a: equal`, in words."""
     made = study.made
     if made is None:
         return "made by unknown code, not re-run"

@@ -27,12 +27,7 @@ TOLERANCE = 1e-3
 
 
 def run_part(name: str, description: Description, root: Path = Path(".")) -> Metrics:
-    """Numbers of the part of a cell that its description names.
-
-    Args:
-        name: of the study, e.g. `scraping/people`.
-        description: its own, with `rerun`.
-        root: of the project.
+    """Numbers of the part of a cell that a study's description names.
 
     Raises:
         InputError: the script failed.
@@ -72,14 +67,7 @@ def changed(values: Mapping[str, object], changes: Changes) -> dict[str, object]
 
 
 def compare(found: Metrics, study: Study, description: Description, root: Path = Path(".")) -> Rerun:
-    """Numbers that were found anew beside those of a study.
-
-    Args:
-        found: of `run_part`.
-        study: with its table, and how it was made.
-        description: of it, with `rerun`.
-        root: of the project, whose code found them.
-    """
+    """Numbers that `run_part` found anew beside those of the study."""
     cell, made, here = description.rerun, study.made, processor()
     assert cell is not None
     assert made is not None
