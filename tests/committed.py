@@ -14,6 +14,7 @@ from structlearn.simulation.fingers import TouchParameters
 from structlearn.simulation.touch import FingerParameters, TouchFingerParameters
 
 PARAMETER_FILE = Path(__file__).parents[1] / "params.yaml"
+RECORDED_FILE = Path(__file__).parents[1] / "stages/recorded/params.yaml"
 OWN_FILE = Path(__file__).parents[1] / "stages/own/params.yaml"
 NO_TOPICS = {
     "twist": None,
@@ -29,11 +30,14 @@ ParametersType = TypeVar("ParametersType", bound=Parameters)
 
 @cache
 def _tree() -> dict[str, Any]:
-    return yaml.load(PARAMETER_FILE.read_text(), yaml.CSafeLoader)
+    files = (PARAMETER_FILE, RECORDED_FILE)
+    return {
+        key: value for file in files for key, value in yaml.load(file.read_text(), yaml.CSafeLoader).items()
+    }
 
 
 def parameter_tree(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """All of `params.yaml` with some changes, e.g. to write it for stages in a folder of their own."""
+    """All of both parameter files with some changes, e.g. to write it for stages in a folder of their own."""
     return merged(deepcopy(_tree()), changes)
 
 
@@ -47,7 +51,7 @@ def own_tasks(folder: Path, changes: Mapping[str, Any] | None = None, **tasks: M
 
 
 def committed(model: type[ParametersType], key: str, **changes: Any) -> ParametersType:
-    """The parameters at a dotted key of `params.yaml`, with changes; nested ones by a mapping or a model.
+    """The parameters at a dotted key of a pipeline's file, with changes; nested ones by a mapping or a model.
 
     A base class takes what it knows of the key.
     """

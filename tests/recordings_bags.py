@@ -1,4 +1,4 @@
-"""Bags as a user's robot writes them, and small recordings; definitions are not taken from the package."""
+"""Bags as a user's robot writes them, and small recordings; definitions are not those of the package."""
 
 import os
 from pathlib import Path
@@ -7,46 +7,13 @@ import numpy as np
 import pytest
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer
+from rosbags.typesys import Stores, get_typestore
 
 from structlearn.ground import quaternion
 from structlearn.recordings import Recording, Stream
 
-_NESTED = {
-    "std_msgs/Header": "# stamp and frame\nbuiltin_interfaces/Time stamp\nstring frame_id",
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
-    "geometry_msgs/Pose": "Point position\nQuaternion orientation",
-    "geometry_msgs/Twist": "Vector3 linear\nVector3 angular",
-    "geometry_msgs/Wrench": "Vector3 force\nVector3 torque",
-    "geometry_msgs/Transform": "Vector3 translation\nQuaternion rotation",
-    "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\nTransform transform",
-    "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
-    "geometry_msgs/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
-    "std_msgs/MultiArrayLayout": "MultiArrayDimension[] dim\nuint32 data_offset",
-    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride",
-}
-
-_OWN = {
-    "geometry_msgs/msg/Pose": _NESTED["geometry_msgs/Pose"],
-    "geometry_msgs/msg/PoseStamped": "std_msgs/Header header\nPose pose",
-    "geometry_msgs/msg/PoseWithCovarianceStamped": "std_msgs/Header header\nPoseWithCovariance pose",
-    "geometry_msgs/msg/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
-    "Transform transform",
-    "geometry_msgs/msg/QuaternionStamped": "std_msgs/Header header\nQuaternion quaternion",
-    "nav_msgs/msg/Odometry": "std_msgs/Header header\nstring child_frame_id\n"
-    "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist",
-    "geometry_msgs/msg/TwistStamped": "std_msgs/Header header\nTwist twist",
-    "geometry_msgs/msg/WrenchStamped": "std_msgs/Header header\nWrench wrench",
-    "sensor_msgs/msg/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
-    "float64[] velocity\nfloat64[] effort",
-    "std_msgs/msg/String": "string data",
-    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms",
-} | {
-    f"std_msgs/msg/{name}MultiArray": f"MultiArrayLayout layout\n{name.lower()}[] data"
-    for name in ("Float32", "Float64", "Int16", "Int32", "UInt16")
-}
+STORE = get_typestore(Stores.LATEST)
+"""Definitions of ROS 2 as the library `rosbags` has them."""
 
 
 def write_bag(path, messages, empty=(), **options):
@@ -63,8 +30,8 @@ def write_bag(path, messages, empty=(), **options):
         schemas = {}
         for message_type in [row[1] for row in (*messages, *empty)]:
             if message_type not in schemas:
-                nested = "".join(f"\n{'=' * 80}\nMSG: {name}\n{text}" for name, text in _NESTED.items())
-                text = _OWN[message_type.replace("/msg/", "/").replace("/", "/msg/")] + nested
+                name = message_type.replace("/msg/", "/").replace("/", "/msg/")
+                text, _ = STORE.generate_msgdef(name, ros_version=2)
                 schemas[message_type] = writer.register_msgdef(message_type, text)
         for topic, message_type in empty:
             writer._writer.register_channel(topic, "cdr", schemas[message_type].id)

@@ -130,10 +130,12 @@ def clone(root: Path, target: Path) -> Path:
         if (root / name).is_file() and not name.endswith("dvc.lock"):
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(root / name, target / name)
-    parameters = yaml.safe_load((target / "params.yaml").read_text())
-    parameters = merged(parameters, REDUCED)
-    parameters["other_skins"]["skins"].pop("flat_pad")
-    (target / "params.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
+    for name in ("params.yaml", "stages/recorded/params.yaml"):
+        parameters = yaml.safe_load((target / name).read_text())
+        parameters = merged(parameters, {key: its for key, its in REDUCED.items() if key in parameters})
+        if "other_skins" in parameters:
+            parameters["other_skins"]["skins"].pop("flat_pad")
+        (target / name).write_text(yaml.safe_dump(parameters, sort_keys=False))
     subprocess.run(["git", "init", "--quiet"], cwd=target, check=True)
     return target
 

@@ -22,7 +22,7 @@ from structlearn.ground.artefacts import write_metrics, write_table
 from structlearn.ground.publication import publish
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.recordings import read_demonstrations, write_recordings
-from structlearn.recordings.folders import read_recordings
+from structlearn.recordings.bag_recording import read_recordings
 from structlearn.recordings.source import ClockParameters
 
 

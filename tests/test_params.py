@@ -160,6 +160,9 @@ def test_a_changed_file_is_read_anew(tmp_path):
     assert read(tmp_path, "segment: {extension_s: 0.25}\n").extension_s == 0.25
 
 
+FILES = ("params.yaml", "stages/recorded/params.yaml")
+
+
 def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
     """Keys that a stage reads with their models: from calls of `stage_parameters`, and mappings for them."""
     tree = ast.parse(script.read_text())
@@ -172,7 +175,7 @@ def read_by(script: Path) -> Iterator[tuple[str, type[Parameters]]]:
     for node in ast.walk(tree):
         pairs = []
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "stage_parameters":
-            pairs = [node.args]
+            pairs = [node.args[:2]]
         elif isinstance(node, ast.Dict):
             pairs = [*zip(node.keys, node.values, strict=True)]
         for key, model in pairs:
@@ -204,11 +207,11 @@ def nested_models(model: type[Parameters]) -> set[type[Parameters]]:
 
 
 def test_every_key_is_read_by_a_stage_and_every_key_read_is_there(root, models):
-    written = yaml.safe_load((root / "params.yaml").read_text())
+    written = {key: root / file for file in FILES for key in yaml.safe_load((root / file).read_text())}
     assert {key.split(".")[0] for key in models} == set(written)
     for key, its in models.items():
         for model in its:
-            read_parameters(root / "params.yaml", key, model)
+            read_parameters(written[key.split(".")[0]], key, model)
 
 
 MAY_BE_LEFT_OUT = {"PrimitiveParameters", "BoundParameters"}
@@ -248,9 +251,10 @@ def is_leaf(node: yaml.Node) -> bool:
     return not (isinstance(node, yaml.MappingNode) and node.value)
 
 
-def test_every_value_has_a_line_of_its_own_with_a_comment(root):
+@pytest.mark.parametrize("file", FILES)
+def test_every_value_has_a_line_of_its_own_with_a_comment(root, file):
     """Beside or above it; or the comment of its group says what all are, or where they are explained."""
-    text = (root / "params.yaml").read_text()
+    text = (root / file).read_text()
     lines = text.splitlines()
     assert max(map(len, lines)) <= 100
     found = list(leaves(yaml.compose(text)))

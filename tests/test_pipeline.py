@@ -72,10 +72,12 @@ def test_everything_is_there(reduced_project):
 def test_pages_are_short_and_name_only_files_that_are_there(reduced_project, testbed):
     """And those of a testbed name every figure and table beside them, and load nothing from elsewhere."""
     folder = reduced_project / "reports" / testbed
+    stages = yaml.safe_load((reduced_project / "dvc.yaml").read_text())["stages"]
     linked = set()
     for page in folder.glob("*.html"):
         text = page.read_text()
         assert words_in_view(text) <= 1500
+        assert set(re.findall(r"dvc repro -s ([a-z_]+)<", text)) <= set(stages)
         assert not re.search(r'(src|href)="(https?:)?//', text)
         assert not re.search(
             r"\bnan\b", re.sub(r"<(style|script)>.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)

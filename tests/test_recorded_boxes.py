@@ -266,7 +266,8 @@ def test_the_same_results_every_time():
 
 def test_a_set_that_is_not_there_leaves_an_empty_folder(root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    shutil.copy(root / "params.yaml", tmp_path)
+    (tmp_path / "stages/recorded").mkdir(parents=True)
+    shutil.copy(root / "stages/recorded/params.yaml", tmp_path / "stages/recorded")
     (tmp_path / "data/raw/recorded/boxes").mkdir(parents=True)  # as the import leaves it
     runpy.run_path(str(root / "stages/recorded/boxes.py"), run_name="__main__")
     assert capsys.readouterr().out.startswith("data/recorded/boxes: left empty")

@@ -504,7 +504,7 @@ def test_calibration_without_a_recorded_execution_says_so():
 
 def test_the_claims_bound_is_the_parameters_factor(root):
     parameters = touch_calibration.CalibrationParameters
-    factor = read_parameters(root / "params.yaml", "calibrate", parameters).factor
+    factor = read_parameters(root / "stages/recorded/params.yaml", "calibrate", parameters).factor
     claims = read_claims(package_files(assembly.PACKAGE) / "calibration_claims.yaml")
     assert {tuple(claim.bound) for claim in claims} == {(1 / factor, factor)}
 

@@ -14,7 +14,7 @@ from recordings_bags import joint_messages, pose_messages, pose_rows, write_bag
 from structlearn.ground.errors import InputError
 from structlearn.recordings import read_recording, read_recordings
 from structlearn.recordings.bag_files import as_recording_file, open_bag, recording_files
-from structlearn.recordings.schemas import definition
+from structlearn.recordings.messages import definition
 
 STAMPS = [1_700_000_000 * 10**9 + 5_000_001 * row for row in range(12)]
 POSES = pose_rows(12)

@@ -120,40 +120,6 @@ def test_missing_data(tmp_path, read, complaint):
         read(tmp_path)
 
 
-def test_any_number_of_files_is_taken(folder):
-    """Reaches and logs under other numbers and in other folders, an execution of two primitives."""
-    reaches, logs = folder / "cart_coord_dmp", folder / "quat_dmp_unscrewing"
-    (reaches / "dataset1").rename(reaches / "dataset2")
-    (reaches / "dataset2/2.txt").rename(reaches / "dataset2/31.txt")
-    (reaches / "dataset2/notes.txt").write_text("not a reach")
-    assert [one.name for one in clmc.read_reaches(folder, "dataset2")] == ["1", "10", "31"]
-    for name in ("2", "10"):
-        (logs / f"{name}.txt").write_text((logs / "01.txt").read_text())
-    assert [one.name for one in clmc.read_unscrewing(folder)] == ["01", "2", "10"]
-    trials = folder / "scraping"
-    (trials / "setting_2_trial_3").rename(trials / "setting_10_trial_1")
-    shutil.rmtree(trials / "setting_10_trial_1/prim3")
-    assert [one.name for one in clmc.read_scraping_execution(folder)] == ["prim1", "prim2"]
-    shutil.copytree(trials / "setting_10_trial_1", trials / "setting_9_trial_1")
-    first, *_ = clmc.read_scraping_execution(folder)
-    assert "setting_9_trial_1" in first.provenance["files"]
-    first, *_ = clmc.read_scraping_execution(folder, "setting_10_trial_1")
-    assert "setting_10_trial_1" in first.provenance["files"]
-
-
-def test_a_primitive_without_one_of_its_files_is_refused(folder):
-    (folder / "scraping/setting_2_trial_3/prim2/sense_R_LF").unlink()
-    with pytest.raises(InputError, match="prim2/sense_R_LF: cannot be read") as error:
-        clmc.read_scraping_execution(folder)
-    assert not isinstance(error.value, MissingInputError)
-
-
-def test_a_wrong_table_is_named(folder):
-    (folder / "cart_coord_dmp/dataset1/2.txt").write_text("0 1 2\n")
-    with pytest.raises(InputError, match=r"dataset1/2\.txt: line 1 has 3 columns, expected 10"):
-        clmc.read_reaches(folder)
-
-
 @pytest.mark.parametrize(("dataset", "count"), [("dataset1", 97), ("dataset2_part", 30)])
 def test_recorded_reaches(dataset, count):
     recordings = clmc.read_reaches(recorded_data("clmc"), dataset)

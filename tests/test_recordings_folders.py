@@ -46,15 +46,6 @@ def test_numbers_as_names_are_padded_and_come_in_their_order(tmp_path):
     assert [d.name for d in read_demonstrations(tmp_path)] == ["01", "02", "10", "prim1"]
 
 
-def test_natural_order_without_padding(tmp_path):
-    for name in ("demo10", "demo2", "demo1", "10", "9", "demo2b"):
-        bag(tmp_path / f"{name}.mcap")
-    (tmp_path / "notes.txt").write_text("not a bag")
-    (tmp_path / "._demo1.mcap").write_bytes(b"a Mac's shadow")
-    names = [demonstration.name for demonstration in read_demonstrations(tmp_path, TOOL)]
-    assert names == ["9", "10", "demo1", "demo2", "demo2b", "demo10"]
-
-
 def test_one_file_is_a_set_of_one(tmp_path):
     bag(tmp_path / "reach.mcap")
     (demonstration,) = read_demonstrations(str(tmp_path / "reach.mcap"), TOOL, rate_hz=200)
@@ -88,27 +79,12 @@ def test_a_bag_in_several_files_is_one_demonstration(tmp_path):
         read_recordings(tmp_path, TOOL)
 
 
-def test_the_home_folder_has_a_short_name(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    bag(tmp_path / "bags" / "reach.mcap")
-    for source in ("~/bags", "~/bags/reach.mcap"):
-        assert [d.name for d in read_demonstrations(source, TOOL)] == ["reach"]
-
-
 def test_missing_and_empty_sources(tmp_path):
     with pytest.raises(InputError, match="nowhere: no such file or folder"):
         read_demonstrations(tmp_path / "nowhere")
     (tmp_path / "notes.txt").write_text("not a bag")
     with pytest.raises(InputError, match=r"holds no bag \(\.mcap, \.db3, \.bag\) and no table"):
         read_demonstrations(tmp_path)
-
-
-def test_files_of_one_name_are_refused(tmp_path):
-    bag(tmp_path / "a.mcap")
-    bag(tmp_path / "bag" / "a.mcap")
-    (tmp_path / "bag" / "metadata.yaml").touch()
-    with pytest.raises(InputError, match="several recordings have the name a"):
-        read_demonstrations(tmp_path, TOOL)
 
 
 @pytest.mark.parametrize(

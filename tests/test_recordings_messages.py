@@ -137,13 +137,6 @@ def test_a_clock_that_starts_at_zero_is_kept(tmp_path):
     np.testing.assert_array_equal(read_pose(tmp_path / "bag.mcap", messages).stamps, simulated)
 
 
-def test_messages_come_in_the_order_of_their_log_times(tmp_path):
-    messages = pose_messages(STAMPS, ROWS)
-    pose = read_pose(tmp_path / "bag.mcap", [messages[i] for i in (3, 0, 4, 2, 1)])
-    np.testing.assert_array_equal(pose.stamps, STAMPS)
-    np.testing.assert_array_equal(pose.values, ROWS)
-
-
 def test_frames_that_change_make_no_difference(tmp_path):
     messages = pose_messages(STAMPS, ROWS)
     for number, (_, _, message, _) in enumerate(messages):
@@ -245,10 +238,3 @@ def test_an_unknown_type_is_named_with_those_that_are_understood(tmp_path, role,
     complaint = rf"bag\.mcap: topic '/words' has messages of type std_msgs/msg/String; {role} .*{understood}"
     with pytest.raises(InputError, match=complaint):
         read_recording(tmp_path / "bag.mcap", topic_map(**topics))
-
-
-def test_a_known_type_in_the_wrong_role_is_refused(tmp_path):
-    with pytest.raises(
-        InputError, match="topic '/joints' has messages of type sensor_msgs/msg/JointState; twist can"
-    ):
-        read(tmp_path / "bag.mcap", [joint_message(s, position=[1]) for s in STAMPS], twist="/joints")

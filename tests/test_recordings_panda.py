@@ -46,11 +46,6 @@ def test_several_motions_are_told_apart_by_their_folders(folder):
     assert names == ["Trajectory_2_exciting_traj", "Trajectory_10_exciting_traj", "exciting_traj"]
 
 
-def test_times_of_other_things_are_no_motion(folder):
-    (folder / "gen_time.txt").write_text("0\n")  # of the planned motion, as the repository has it
-    assert [log.name for log in panda.read_trajectories(folder)] == ["exciting_traj"]
-
-
 def test_a_missing_motion_and_a_missing_file_are_not_the_same(folder, tmp_path_factory):
     with pytest.raises(MissingInputError, match="holds no motion"):
         panda.read_trajectories(tmp_path_factory.mktemp("empty"))

@@ -63,25 +63,6 @@ def test_trials_may_lie_in_folders_of_their_material_and_be_limited(folder):
     assert [recording.name for recording in slide.read_slides(folder, trials=1)] == ["mat9_2"]
 
 
-def test_any_material_and_any_trials_are_taken(folder):
-    """Materials have any name, and of each the first trials that are there are the first."""
-    for path in folder.glob("mat9_10_*.csv"):
-        for name in ("rough_paper_7", "rough_paper_31", "mat15_3"):
-            (folder / path.name.replace("mat9_10", name)).write_text(path.read_text())
-        path.unlink()
-    names = [recording.name for recording in slide.read_slides(folder)]
-    assert names == ["mat9_2", "mat15_3", "rough_paper_7", "rough_paper_31"]
-    assert [recording.name for recording in slide.read_slides(folder, trials=1)] == names[:3]
-    assert [slide.material_of(name) for name in names[1:3]] == ["mat15", "rough_paper"]
-
-
-def test_a_broken_row_is_named(folder):
-    path = folder / "mat9_2_jp.csv"
-    path.write_text(path.read_text().replace(",7\n", "\n", 1))
-    with pytest.raises(InputError, match=r"mat9_2_jp\.csv: line 2 has 7 columns, expected 8"):
-        slide.read_slide(folder, "mat9_2")
-
-
 def test_all_recorded_slides_come_onto_one_clock():
     recordings = slide.read_slides(recorded_data("slide"))
     assert len(recordings) == 24

@@ -63,20 +63,10 @@ def test_faults_are_named_with_file_and_line(log, read, text, complaint):
         read(log(text), 2)
 
 
-def test_a_line_that_is_only_a_separator_is_named(log):
-    with pytest.raises(InputError, match=r"log\.txt: line 2 has 1 columns, expected 2"):
-        read_table(log("1,2\n,\n3,4\n"), 2, separator=",")
-
-
 @pytest.mark.parametrize("time", ["nan", "inf", "noon", "1e30", "1e999999"])
 def test_times_that_are_none(log, time):
     with pytest.raises(InputError, match=rf"log\.txt: line 1: (not a time in s|time out of range): '{time}'"):
         read_stamped_table(log(f"{time} 1\n"), 2)
-
-
-def test_a_missing_file(tmp_path):
-    with pytest.raises(InputError, match=r"none\.txt: cannot be read: No such file"):
-        read_table(tmp_path / "none.txt", 2)
 
 
 def test_uniform_stamps_do_not_drift():

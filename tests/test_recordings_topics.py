@@ -5,7 +5,7 @@ from pydantic import ValidationError
 
 from structlearn.ground.errors import InputError
 from structlearn.ground.params import read_parameters
-from structlearn.recordings import OWN_TOPICS, TopicMap
+from structlearn.recordings import TopicMap
 
 
 def test_roles_come_in_a_fixed_order_and_skip_what_is_not_named():
@@ -44,8 +44,3 @@ def test_a_topic_is_named_once(tmp_path):
     file.write_text(yaml.safe_dump({"topics": NO_TOPICS | {"pose": "/a", "twist": "/a"}}))
     with pytest.raises(InputError, match=r"params\.yaml: topics: .*more than once: /a"):
         read_parameters(file, "topics", TopicMap)
-
-
-def test_own_topics_may_be_absent():
-    assert not OWN_TOPICS.must_exist
-    assert topic_map(pose="/a").must_exist

@@ -71,13 +71,6 @@ def test_each_current_is_put_back_to_when_it_acted():
     np.testing.assert_allclose(found, positions, atol=5e-4)  # of linear interpolation
 
 
-def test_a_hole_in_a_log_is_named():
-    stamps = np.array([0, 10, 500, 510]) * 1_000_000
-    values = np.zeros((4, 1))
-    with pytest.raises(InputError, match=r"run: positions: row 1 .* gap of 0\.49 s"):
-        on_clock(DriveLog("run", ("one",), stamps, *[values] * 5), 100.0, np.zeros(1))
-
-
 def test_the_recorded_logs_are_read_in_full():
     logs = {log.name: log for log in ur10e.read_logs(recorded_data("ur10e"))}
     assert {name: len(log.stamps) for name, log in logs.items()} == {

@@ -111,6 +111,40 @@ def test_a_model_is_kept_as_it_was_when_it_became_good_enough(motion):
     assert (learned.nmse[: learned.epochs[first], first].max(axis=1) > 0.1).all()
 
 
+class Scripted:
+    """Models whose errors are told beforehand: (E + 1, M, n)."""
+
+    samples = batch = 1
+
+    def __init__(self, errors):
+        self.errors, self.models, self.epoch = errors, np.arange(errors.shape[1]), 0
+
+    def learn(self, order):
+        self.epoch += 1
+
+    def nmse(self, stride=1):
+        return self.errors[self.epoch, self.models]
+
+    def keep(self, models):
+        self.models = self.models[models]
+
+    def state(self):
+        return {"epoch": np.full(len(self.models), self.epoch)}
+
+
+def test_a_model_stops_when_no_joint_that_lacks_would_get_there():
+    epochs = np.arange(13.0)[:, None]
+    fast, slow, met = 0.5**epochs, 0.9**epochs, np.where(epochs < 3, 1.0, 0.01)
+    errors = np.stack([np.hstack(pair) for pair in ((fast, met), (slow, met), (slow, fast))], axis=1)
+    learned = learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12, futility=4)
+    # 0.9^12 > 0.1: the second stops when its first joint alone lacks; the third waits for its other joint
+    np.testing.assert_array_equal(learned.state["epoch"], [4, 4, 4])
+    np.testing.assert_array_equal(learned.epochs, [4, 0, 0])
+    patient = learn_in_epochs(Scripted(errors), threshold=0.1, epochs=12)
+    np.testing.assert_array_equal(patient.state["epoch"], [4, 12, 12])
+    np.testing.assert_array_equal(patient.nmse[5:, 0], np.tile(errors[4, 0], (8, 1)))
+
+
 def test_friction_is_learned_with_the_inertias():
     motion = rubbing_motion(arm())
     with_friction = start("cov", motion, friction=FRICTION, loss="normalised")

@@ -1,20 +1,26 @@
 import re
 
 import numpy as np
-import pybullet_data
 import pytest
 from rigid_body_robots import FINGERS, joint, link, robot
 
 from structlearn.ground.errors import InputError
 from structlearn.rigid_body.tree import joint_order, read_urdf
+from structlearn.rigid_body.urdf import moving_joints, tips
+from structlearn.simulation.arm import urdf_path
 
 BODY = link("moved")
 HINGE = joint("hinge", "revolute", "base", "moved")
+ARM = [f"panda_joint{joint + 1}" for joint in range(7)]
 
 
-def write(folder, body=BODY, hinge=HINGE, more=""):
+def file(body=BODY, hinge=HINGE, more=""):
+    return f'<robot name="arm"><link name="base"/>{body}{hinge}{more}</robot>'
+
+
+def write(folder, **parts):
     path = folder / "arm.urdf"
-    path.write_text(f'<robot name="arm"><link name="base"/>{body}{hinge}{more}</robot>')
+    path.write_text(file(**parts))
     return path
 
 
@@ -56,6 +62,14 @@ def test_a_massless_link_may_move_what_is_fixed_to_it(tmp_path):
 
 
 NUMBER = link("moved").replace('mass value="1.0"', 'mass value="{}"')
+
+
+def hinge(limit, kind="revolute", axis="0 0 1"):
+    return joint("hinge", kind, "base", "moved", limit=limit, axis=axis)
+
+
+LIMIT = '<limit lower="{}" upper="{}" velocity="{}" effort="1"/>'
+GOOD = LIMIT.format(-1, 1, 1)
 BAD_BODIES = {
     "link that joint 'hinge' moves has no mass: <inertial> is absent or zero": [
         '<link name="moved"/>',
@@ -74,90 +88,54 @@ BAD_BODIES = {
         re.sub(r'(i[xyz]{2})="[^"]*"', r'\1="0"', BODY),
     ],
 }
-
-
-@pytest.mark.parametrize(
-    ("message", "body"), [(message, body) for message, bodies in BAD_BODIES.items() for body in bodies]
-)
-def test_bad_inertias_are_one_message(tmp_path, message, body):
-    path = write(tmp_path, body=body)
-    with pytest.raises(InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)):
-        read_urdf(path)
-
-
-def hinge(limit, kind="revolute", axis="0 0 1"):
-    return joint("hinge", kind, "base", "moved", limit=limit, axis=axis)
-
-
 BAD_JOINTS = {
-    "joint 'hinge': <limit> lacks lower, upper, velocity, effort": [hinge(""), hinge("", "prismatic")],
-    "joint 'hinge': <limit> lacks lower, upper": [hinge('<limit velocity="1" effort="1"/>')],
-    "joint 'hinge': <limit> lacks velocity": [hinge('<limit lower="-1" upper="1" effort="1"/>')],
-    "joint 'hinge': lower limit 1 is not below the upper limit -1": [
-        hinge('<limit lower="1" upper="-1" velocity="1" effort="1"/>')
-    ],
-    "joint 'hinge': velocity limit 0 is not positive": [
-        hinge('<limit lower="-1" upper="1" velocity="0" effort="1"/>')
-    ],
-    "joint 'hinge': a value is missing or no number": [
-        hinge('<limit lower="x" upper="1" velocity="1" effort="1"/>')
-    ],
-    "joint 'hinge': <limit> lacks effort": [hinge('<limit lower="-1" upper="1" velocity="1"/>')],
-    "joint 'hinge': type 'floating' is not supported": [hinge("", "floating")],
-    "joint 'hinge': type 'planar' is not supported": [hinge("", "planar")],
-    "joint 'hinge': type 'screw' is not supported": [hinge("", "screw")],
-    "joint 'hinge': the axis is zero": [
-        hinge('<limit lower="-1" upper="1" velocity="1" effort="1"/>', axis="0 0 0")
-    ],
-    "joint 'hinge': it follows another one (<mimic>)": [
-        hinge('<limit lower="-1" upper="1" velocity="1" effort="1"/><mimic joint="other"/>')
-    ],
+    "<limit> lacks lower, upper, velocity, effort": [hinge(""), hinge("", "prismatic")],
+    "<limit> lacks lower, upper": [hinge('<limit velocity="1" effort="1"/>')],
+    "<limit> lacks velocity": [hinge('<limit lower="-1" upper="1" effort="1"/>')],
+    "<limit> lacks effort": [hinge('<limit lower="-1" upper="1" velocity="1"/>')],
+    "lower limit 1 is not below the upper limit -1": [hinge(LIMIT.format(1, -1, 1))],
+    "velocity limit 0 is not positive": [hinge(LIMIT.format(-1, 1, 0))],
+    "a value is missing or no number": [hinge(LIMIT.format("x", 1, 1))],
+    "type 'floating' is not supported": [hinge("", "floating")],
+    "type 'screw' is not supported": [hinge("", "screw")],
+    "the axis is zero": [hinge(GOOD, axis="0 0 0")],
+    "it follows another one (<mimic>)": [hinge(f'{GOOD}<mimic joint="other"/>')],
+}
+BAD_ROBOTS = {
     "the robot has no joint that moves": [hinge("", "fixed")],
     "not a valid URDF model": [HINGE.replace('child link="moved"', 'child link="lost"'), HINGE + HINGE],
 }
+BAD_FILES = [
+    (None, "no such URDF file"),
+    ("joints of an arm", "not an XML file"),
+    ("<sdf/>", "not a URDF file: its root is <sdf>, not <robot>"),
+    ('<robot name="r"/>', "not a valid URDF model"),
+    *((file(body=body), message) for message, bodies in BAD_BODIES.items() for body in bodies),
+    *((file(hinge=bad), f"joint 'hinge': {message}") for message, all in BAD_JOINTS.items() for bad in all),
+    *((file(hinge=bad), message) for message, every in BAD_ROBOTS.items() for bad in every),
+]
 
 
-@pytest.mark.parametrize(
-    ("message", "hinge"), [(message, hinge) for message, hinges in BAD_JOINTS.items() for hinge in hinges]
-)
-def test_bad_joints_are_one_message(tmp_path, message, hinge):
-    path = write(tmp_path, hinge=hinge)
-    with pytest.raises(InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)):
-        read_urdf(path)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (None, "no such URDF file"),
-        ("joints of an arm", "not an XML file"),
-        ("<sdf/>", "not a URDF file: its root is <sdf>, not <robot>"),
-        ('<robot name="r"/>', "not a valid URDF model"),
-    ],
-)
+@pytest.mark.parametrize(("content", "message"), BAD_FILES)
 def test_bad_files_are_one_message(tmp_path, content, message):
     path = tmp_path / "arm.urdf"
     if content is not None:
         path.write_text(content)
-    with pytest.raises(InputError, match=re.escape(f"{path}: {message}")):
+    with pytest.raises(InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)):
         read_urdf(path)
 
 
-def test_a_joint_is_not_locked_twice(tmp_path):
+def test_a_joint_is_locked_once_and_is_there(tmp_path):
     with pytest.raises(InputError, match="joint 'hinge' is to be locked twice"):
         read_urdf(write(tmp_path), ("hinge", "hinge"))
+    with pytest.raises(InputError, match="there is no moving joint 'finger' to lock"):
+        read_urdf(write(tmp_path), ("finger",))
 
 
 def test_an_inertia_that_no_body_has_is_told_of(tmp_path):
     body = BODY.replace('ixx="0.03"', 'ixx="0.3"')
     with pytest.warns(UserWarning, match="no body has the inertia of what moves with 'hinge'"):
         read_urdf(write(tmp_path, body=body))
-
-
-def test_an_unknown_joint_cannot_be_locked():
-    path = f"{pybullet_data.getDataPath()}/kuka_iiwa/model.urdf"
-    with pytest.raises(InputError, match=f"{path}: there is no moving joint '{FINGERS[0]}' to lock"):
-        read_urdf(path, FINGERS)
 
 
 def test_a_log_is_brought_into_the_robot_s_order():
@@ -175,3 +153,54 @@ def test_a_log_of_another_robot_is_refused():
         joint_order(tree, tree.names[:5], "log.mcap")
     with pytest.raises(InputError, match=r"log\.mcap: joint 'panda_joint2' stands 2 times"):
         joint_order(tree, [*tree.names, "panda_joint2"], "log.mcap")
+
+
+def linked(path, joints):
+    """Joints as (name, kind, parent, child)."""
+    lines = [
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
+        for name, kind, parent, child in joints
+    ]
+    path.write_text(f"<robot name='r'>{''.join(lines)}</robot>")
+    return path
+
+
+def test_the_hand_of_a_panda_is_neither_a_finger_nor_a_link_before_it():
+    panda = urdf_path("franka_panda/panda.urdf")
+    assert moving_joints(panda) == ARM + list(FINGERS)
+    assert tips(panda, ARM) == ["panda_grasptarget"]
+    assert tips(panda, ARM + list(FINGERS)) == ["panda_grasptarget", "panda_leftfinger", "panda_rightfinger"]
+    assert tips(panda, ARM[:3]) == ["panda_link3"]
+    assert tips(panda, []) == []
+
+
+def test_without_a_name_for_a_hand_it_is_the_link_behind_the_most_joints(tmp_path):
+    joints = [
+        ("a", "revolute", "base", "one"),
+        ("b", "revolute", "one", "two"),
+        ("c", "fixed", "base", "camera"),
+        ("d", "revolute", "base", "wheel"),
+    ]
+    assert tips(linked(tmp_path / "robot.urdf", joints), "abd") == ["two", "wheel"]
+
+
+def test_a_circle_of_links_ends(tmp_path):
+    joints = [("a", "revolute", "one", "two"), ("b", "revolute", "two", "one")]
+    assert tips(linked(tmp_path / "robot.urdf", joints), "ab") == []
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "no such URDF"),
+        ("<robot", "cannot be read"),
+        ("<robot/>", "no joints"),
+        ("<robot><joint name='a'/></robot>", "'a' has no parent"),
+    ],
+)
+def test_names_of_what_is_no_urdf_are_not_looked_for(tmp_path, content, message):
+    path = tmp_path / "robot.urdf"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        moving_joints(path)

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from structlearn.ground.metrics import nmse
 from structlearn.rigid_body import compiled_dynamics
 from structlearn.rigid_body.compiled_models import bodies_model
 from structlearn.simulation.arm import ArmParameters, Mechanics, ideal
-from structlearn.testbeds.dynamics.world import controlled_arm
 from structlearn.testbeds.dynamics.world.arm_motion import (
     ArmMotionParameters,
     Feedback,
@@ -22,7 +20,7 @@ from structlearn.testbeds.dynamics.world.arm_motion import (
     sine_controller,
     sine_path,
 )
-from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm
+from structlearn.testbeds.dynamics.world.controlled_arm import SimulatedArm, run
 
 SHORT = committed_motion(duration_s=4.0)
 
@@ -61,12 +59,6 @@ def arm(robot):
     return SimulatedArm(robot, ideal(robot.inertias), 1.0 / SHORT.rate_hz)
 
 
-@pytest.fixture(params=["compiled", "pybullet"])
-def run(request):
-    """Lets a controller move an arm, in the compiled loop or in PyBullet."""
-    return partial(controlled_arm.run, pybullet=request.param == "pybullet")
-
-
 def constant(robot, torque, ticks):
     """A controller that always wants the same torque; its path stands still at zero."""
     zero = np.zeros((ticks, 7))
@@ -77,7 +69,7 @@ def constant(robot, torque, ticks):
     return sine_controller(bodies_model(model), JointPath(zero, zero, zero), Feedback(zero[0], zero[0]))
 
 
-def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm, run):
+def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, arm):
     reference = sine_path(robot.tree, SHORT)
     model = bodies_model(compiled_dynamics.inverse_dynamics(robot.tree, robot.inertias))
     moved = run(arm, sine_controller(model, reference, feedback), reference.q[0], reference.qd[0])
@@ -90,24 +82,24 @@ def test_the_right_model_tracks_without_help_of_the_feedback(robot, feedback, ar
 @pytest.mark.parametrize(
     ("torque", "reason"), [(np.nan, "not finite"), (np.inf, "not finite"), (250.0, "speed limit")]
 )
-def test_an_arm_that_runs_away_is_stopped(robot, arm, run, torque, reason):
+def test_an_arm_that_runs_away_is_stopped(robot, arm, torque, reason):
     moved = run(arm, constant(robot, torque, 1000), np.zeros(7), np.zeros(7))
     assert moved.stopped == reason
     assert len(moved.q) == len(moved.torques) < 1000
     assert np.isfinite(moved.q).all()
 
 
-def test_an_arm_beyond_its_range_is_stopped(robot, arm, run):
+def test_an_arm_beyond_its_range_is_stopped(robot, arm):
     moved = run(arm, constant(robot, 0.0, 10), robot.tree.upper + 0.1, np.zeros(7))
     assert moved.stopped == "joint limit"
 
 
-def test_torques_are_cut_off_at_the_drives_limits(robot, arm, run):
+def test_torques_are_cut_off_at_the_drives_limits(robot, arm):
     moved = run(arm, constant(robot, -900.0, 1), np.zeros(7), np.zeros(7))
     np.testing.assert_array_equal(moved.torques, -robot.model.effortLimit[None])
 
 
-def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm, run):
+def test_torques_act_later_by_the_latency_and_ripple_with_the_joint(robot, arm):
     zero, still, late = np.zeros(7), np.zeros((6, 7)), 2
     mechanics = Mechanics(robot.inertias, zero, zero, np.full(7, 0.5), 3.0, latency_steps=late)
     reference = JointPath(still + 0.1, still, still)

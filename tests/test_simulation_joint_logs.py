@@ -123,15 +123,3 @@ def test_the_payload_appears_when_it_is_picked_up(robot):
     np.testing.assert_allclose(without[:half], log.torques[:half], atol=1e-8)
     np.testing.assert_allclose(loaded_too[half:], log.torques[half:-1], atol=1e-8)
     assert np.abs(without[half:] - log.torques[half:-1]).max() > 1.0
-
-
-def test_both_engines_write_the_same_log(robot):
-    stand_in, payload = (
-        committed(StandInParameters, "stand_in"),
-        committed(PayloadParameters, "record_motion.payload"),
-    )
-    ours, bullets = (
-        payload_log(robot, stand_in, SEED, payload, MOTION, pybullet) for pybullet in (False, True)
-    )
-    np.testing.assert_allclose(ours.positions, bullets.positions, atol=1e-11)
-    np.testing.assert_allclose(ours.torques, bullets.torques, atol=1e-9)

@@ -3,6 +3,7 @@
 from structlearn.avoidance.avoidance_dataset import from_table
 from structlearn.ground.artefacts import filled, publish, read_table, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.protocol.avoidance_representations import (
     RecordedAvoidanceParameters,
     compare_on_recorded,
@@ -10,7 +11,7 @@ from structlearn.testbeds.recorded.protocol.avoidance_representations import (
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_avoidance", RecordedAvoidanceParameters)
+    parameters = stage_parameters("recorded_avoidance", RecordedAvoidanceParameters, PARAMETER_FILE)
     samples = from_table(read_table(filled("data/raw/recorded/avoidance") / "samples.parquet"))
     results = compare_on_recorded(samples, parameters)
     with publish("data/recorded/avoidance") as folder:

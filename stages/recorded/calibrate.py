@@ -5,6 +5,7 @@ from pathlib import Path
 from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings import read_recordings
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import SCRAPING, SLIDES, UNSCREWING, RecordedFiles
 from structlearn.testbeds.recorded.protocol import touch_calibration
 from structlearn.testbeds.recorded.protocol.touch_statistics import finger_traces, joined
@@ -14,7 +15,7 @@ SETS = {"unscrewing, recorded": UNSCREWING, "slides, recorded": SLIDES}
 
 
 def main() -> None:
-    parameters = stage_parameters("calibrate", touch_calibration.CalibrationParameters)
+    parameters = stage_parameters("calibrate", touch_calibration.CalibrationParameters, PARAMETER_FILE)
     clock = parameters.rate_hz, parameters.settling_s
     stored = RecordedFiles()
     traces = joined(touch_calibration.REFERENCE, "execution", stored.streams(SCRAPING), *clock)

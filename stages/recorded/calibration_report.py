@@ -2,6 +2,7 @@
 
 from structlearn.ground.stage import run, stage_parameters
 from structlearn.reporting.publishing import publish_report
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.calibration_figures import pictures
 from structlearn.testbeds.recorded.page.calibration_results import (
@@ -14,7 +15,7 @@ from structlearn.testbeds.recorded.protocol.touch_calibration import Calibration
 
 
 def main() -> None:
-    parameters = stage_parameters("calibrate", CalibrationParameters)
+    parameters = stage_parameters("calibrate", CalibrationParameters, PARAMETER_FILE)
     stored = RecordedFiles().calibration()
     shown = tables(stored) if stored else {}
     pages = {"index": calibration_document(stored, shown, {"calibrate": parameters})}

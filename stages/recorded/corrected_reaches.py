@@ -4,6 +4,7 @@ from structlearn.feedback.coupling_model import write_networks
 from structlearn.ground.artefacts import filled, publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import read_primitives
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.corrections import (
     CorrectionParameters,
@@ -15,7 +16,7 @@ from structlearn.testbeds.recorded.protocol.corrections import (
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_corrections", CorrectionParameters)
+    parameters = stage_parameters("recorded_corrections", CorrectionParameters, PARAMETER_FILE)
     demonstrations = RecordedFiles().runs("corrected_reaches", at_least=2)
     nominal = read_primitives(filled("data/recorded/reaches") / "primitive.safetensors")[0].position
     ends = completeness(demonstrations, nominal, parameters.incomplete_m)

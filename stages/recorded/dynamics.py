@@ -10,12 +10,13 @@ from structlearn.rigid_body.tree import read_urdf
 from structlearn.simulation.arm import urdf_path
 from structlearn.tasks.joint_motion import arm_of, learn_motion, logs_of
 from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.slide_torques import ARM, CUTOFF_HZ, RATE_HZ, torque_check
 
 
 def panda(folder: Path) -> None:
-    parameters = stage_parameters("recorded_dynamics", MotionParameters)
+    parameters = stage_parameters("recorded_dynamics", MotionParameters, PARAMETER_FILE)
     filled(parameters.source)
     robot, urdf = arm_of(parameters)
     learn_motion(robot, logs_of(parameters, robot.tree), parameters, urdf, folder)

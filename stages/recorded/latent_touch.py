@@ -9,13 +9,14 @@ from structlearn.simulation.touch import TouchFingerParameters
 from structlearn.simulation.touch_demonstrator import ToucherParameters, demonstrate, recorded
 from structlearn.tactile.electrodes import SKINS
 from structlearn.tactile.touch_preparation import TouchDataParameters, prepare
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import SLIDES, UNSCREWING, RecordedFiles
 from structlearn.testbeds.recorded.protocol.latent_touch import learn_touch
 from structlearn.testbeds.recorded.protocol.touch_sets import LatentTouchParameters, touch_sets
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_latent_touch", LatentTouchParameters)
+    parameters = stage_parameters("recorded_latent_touch", LatentTouchParameters, PARAMETER_FILE)
     samples = stage_parameters("touch_dataset", TouchDataParameters)
     skin = SKINS["biotac"]
     fewer = dict.fromkeys(("rotations", "translations"), parameters.simulated_repeats) | {"skin": skin.name}

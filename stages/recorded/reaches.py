@@ -4,6 +4,7 @@ from structlearn.ground.artefacts import publish, write_metrics, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.fitting import segment_paths, whole
 from structlearn.primitives.primitive_files import write_primitives
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.movement import (
     ReachParameters,
@@ -14,7 +15,7 @@ from structlearn.testbeds.recorded.protocol.movement import (
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_reaches", ReachParameters)
+    parameters = stage_parameters("recorded_reaches", ReachParameters, PARAMETER_FILE)
     demonstrations = RecordedFiles().runs("reaches", at_least=2)
     primitive, errors = learn_reaches(demonstrations, parameters)
     segments = segment_paths(demonstrations, whole(demonstrations), parameters.fit.smoothing_hz)

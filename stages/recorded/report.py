@@ -6,6 +6,7 @@ from structlearn.primitives.fitting import FitParameters
 from structlearn.reporting.publishing import publish_report
 from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.tasks.touch_parameters import TouchParameters
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.page.assembly import recorded_pictures, recorded_report
 from structlearn.testbeds.recorded.page.results import read_results
@@ -31,7 +32,7 @@ PARAMETERS = {
 
 
 def main() -> None:
-    parameters = {key: stage_parameters(key, model) for key, model in PARAMETERS.items()}
+    parameters = {key: stage_parameters(key, model, PARAMETER_FILE) for key, model in PARAMETERS.items()}
     results = read_results(RecordedFiles(), parameters)
     report, drawn = recorded_report(results), recorded_pictures(results)
     publish_report("reports/recorded", report.pages, drawn, report.tables, report.metrics, report.headlines)

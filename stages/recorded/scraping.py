@@ -4,6 +4,7 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_primitives, write_vector_primitive
 from structlearn.primitives.sequence import sequence_table
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.movement import (
     ExecutionParameters,
@@ -13,7 +14,7 @@ from structlearn.testbeds.recorded.protocol.movement import (
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_scraping", ExecutionParameters)
+    parameters = stage_parameters("recorded_scraping", ExecutionParameters, PARAMETER_FILE)
     parts = RecordedFiles().runs("scraping")
     primitives, path, errors = learn_execution(parts, parameters.fit)
     sensors, scores, traces = learn_traces(parts, parameters)

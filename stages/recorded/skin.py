@@ -5,10 +5,11 @@ from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.recordings.touch_log import read_touch_logs
 from structlearn.tasks.skin_touches import learn_touch
 from structlearn.tasks.touch_parameters import TouchParameters
+from structlearn.testbeds.recorded import PARAMETER_FILE
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_skin", TouchParameters)
+    parameters = stage_parameters("recorded_skin", TouchParameters, PARAMETER_FILE)
     logs = read_touch_logs(filled(parameters.source), parameters.channels)
     with publish("data/recorded/skin") as folder:
         folder.mkdir()

@@ -4,6 +4,7 @@ from structlearn.ground.artefacts import publish, write_table
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.primitives.primitive_files import write_vector_primitive
 from structlearn.recordings import synchronise
+from structlearn.testbeds.recorded import PARAMETER_FILE
 from structlearn.testbeds.recorded.files import RecordedFiles
 from structlearn.testbeds.recorded.protocol.slides import (
     SlideParameters,
@@ -15,7 +16,7 @@ from structlearn.testbeds.recorded.protocol.slides import (
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_slides", SlideParameters)
+    parameters = stage_parameters("recorded_slides", SlideParameters, PARAMETER_FILE)
     recordings = RecordedFiles().streams("slides")
     demonstrations = [
         synchronise(recording, parameters.rate_hz, parameters.max_gap_s) for recording in recordings

@@ -4,10 +4,11 @@ from structlearn.ground.artefacts import filled, publish
 from structlearn.ground.stage import or_empty, run, stage_parameters
 from structlearn.tasks.joint_motion import arm_of, learn_motion, logs_of
 from structlearn.tasks.motion_parameters import MotionParameters
+from structlearn.testbeds.recorded import PARAMETER_FILE
 
 
 def main() -> None:
-    parameters = stage_parameters("recorded_ur10e", MotionParameters)
+    parameters = stage_parameters("recorded_ur10e", MotionParameters, PARAMETER_FILE)
     filled(parameters.source)
     robot, urdf = arm_of(parameters)
     logs = logs_of(parameters, robot.tree)

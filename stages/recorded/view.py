@@ -8,7 +8,7 @@ from structlearn.primitives.fitting import FitParameters, segment_paths, whole
 from structlearn.recordings import synchronise
 from structlearn.tasks.motion_parameters import MotionParameters
 from structlearn.tasks.touch_parameters import TouchParameters
-from structlearn.testbeds.recorded import files
+from structlearn.testbeds.recorded import PARAMETER_FILE, files
 from structlearn.testbeds.recorded.protocol.corrections import complete
 from structlearn.testbeds.recorded.protocol.slides import SlideParameters
 from structlearn.testbeds.recorded.recordings import movement_recordings as movements
@@ -30,7 +30,7 @@ def show_higher_reaches(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_unscrewing(stored: files.RecordedFiles, folder: Path) -> None:
-    fit = stage_parameters("recorded_unscrewing", FitParameters)
+    fit = stage_parameters("recorded_unscrewing", FitParameters, PARAMETER_FILE)
     logs = stored.runs(files.UNSCREWING)
     turns = [turn for _, turn in segment_paths(logs, whole(logs), fit.smoothing_hz)]
     write_unscrewing(folder / "unscrewing.rrd", turns, stored.primitives(files.UNSCREWING)[0])
@@ -43,7 +43,7 @@ def show_scraping(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_slides(stored: files.RecordedFiles, folder: Path) -> None:
-    slides = stage_parameters("recorded_slides", SlideParameters)
+    slides = stage_parameters("recorded_slides", SlideParameters, PARAMETER_FILE)
     trials = [synchronise(one, slides.rate_hz, slides.max_gap_s) for one in stored.streams(files.SLIDES)]
     movements.write_slides(folder / "slides.rrd", trials, stored.expected_slide(), slides)
 
@@ -55,12 +55,13 @@ def show_boxes(stored: files.RecordedFiles, folder: Path) -> None:
 
 
 def show_skin(stored: files.RecordedFiles, folder: Path) -> None:
-    skin = stage_parameters("recorded_skin", TouchParameters)
+    skin = stage_parameters("recorded_skin", TouchParameters, PARAMETER_FILE)
     write_skin(folder / "skin.rrd", stored.of_set("skin"), skin.tuned_on)
 
 
 def show_ur10e(stored: files.RecordedFiles, folder: Path) -> None:
-    own, tables = stage_parameters("recorded_ur10e", MotionParameters), stored.of_set("ur10e")
+    own = stage_parameters("recorded_ur10e", MotionParameters, PARAMETER_FILE)
+    tables = stored.of_set("ur10e")
     if own.load is not None and len(tables["carried"]):
         write_carried(folder / "ur10e.rrd", stored.ur10e_urdf, tables, stored.ur10e_log, own.load)
 

@@ -97,10 +97,7 @@ def fit_human_inspired(features: np.ndarray, target: np.ndarray) -> HumanInspire
 
 
 def pruning_regression(inputs: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Weights (F,) of Bayesian regression without intercept that prunes (MacKay 1994, Tipping 2001).
-
-    `inputs` (S, F); `target` (S,).
-    """
+    """Weights (F,) of Bayesian regression (S, F) -> (S,) that prunes (MacKay 1994, Tipping 2001)."""
     gram, moments, energy = inputs.T @ inputs, inputs.T @ target, target @ target
     kept, weights = np.arange(len(gram)), np.zeros(len(gram))
     decay, noise = np.ones(len(gram)), 1.0 / (target.var() + np.finfo(float).eps)  # precisions

@@ -29,6 +29,14 @@ from structlearn.feedback.coupling_model import TrainingParameters, read_network
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.ground.errors import InputError
 
+NETWORK, ENSEMBLE = "network", "ensemble"
+
+HUMAN_INSPIRED, PHASE_MODULATED = "human_inspired", "phase_modulated"
+"""Kinds of models: names of their files, and in tables."""
+
+SETTING, ALL = "setting", "all"
+"""What a model learned from, if not from all scenarios of a shape: from one scenario, or from all of them."""
+
 
 @dataclass(frozen=True)
 class PhaseModulatedAvoidance:
@@ -93,14 +101,6 @@ def read_phase_modulated(path: str | Path) -> dict[str, PhaseModulatedAvoidance]
     return {
         name: PhaseModulatedAvoidance(tuple(networks[f"{name}.{axis}"] for axis in AXES)) for name in names
     }
-
-
-NETWORK, ENSEMBLE = "network", "ensemble"
-HUMAN_INSPIRED, PHASE_MODULATED = "human_inspired", "phase_modulated"
-"""Kinds of models: names of their files, and in tables."""
-
-SETTING, ALL = "setting", "all"
-"""What a model learned from, if not from all scenarios of a shape: from one scenario, or from all of them."""
 
 
 @dataclass(frozen=True)

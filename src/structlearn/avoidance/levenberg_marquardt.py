@@ -36,6 +36,25 @@ from structlearn.ground.params import Parameters
 
 CHUNK_SAMPLES = 256  # products of activations of so many samples stay in a core's cache
 
+FIRST_DAMPING = 1e-3  # mu at the start; it falls tenfold after a gain and grows tenfold until there is one
+LARGEST_DAMPING = 1e10
+SMALLEST_DAMPING = 1e-12  # below, damping no longer changes a sum of squares of order one in double precision
+DAMPING_FACTOR = 10.0
+PATIENCE = 6  # with `validation`, iterations without gain after which training stops
+VALIDATION_SHARE = 0.15  # with `validation`, of the training demonstrations or blocks of samples
+
+TOLERANCE = 1e-4
+"""Training stops when some steps in a row (`SLOW_STEPS`) gain less than this part of the error."""
+
+WEIGHTS, SPLIT, LESSON = 0, 1, 2  # last number of a network's streams of random numbers
+VALIDATION, EVIDENCE = "validation", "evidence"
+FIRST_DECAY = 0.01  # of `evidence` before the first estimate, in units of the precision
+
+SETTLING_STEPS = 5
+"""Before the first estimate: random weights explain nothing, and decay would be chosen to remove them."""
+
+SLOW_STEPS = 3  # steps in a row with hardly a gain, after which nothing more is expected
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -148,24 +167,6 @@ def _triangle(size: int) -> np.ndarray:
     return np.maximum(places, places.T)
 
 
-FIRST_DAMPING = 1e-3  # mu at the start; it falls tenfold after a gain and grows tenfold until there is one
-
-LARGEST_DAMPING = 1e10
-SMALLEST_DAMPING = 1e-12  # below, damping no longer changes a sum of squares of order one in double precision
-
-DAMPING_FACTOR = 10.0
-
-PATIENCE = 6  # with `validation`, iterations without gain after which training stops
-VALIDATION_SHARE = 0.15  # with `validation`, of the training demonstrations or blocks of samples
-
-TOLERANCE = 1e-4
-"""Training stops when some steps in a row (`SLOW_STEPS`) gain less than this part of the error."""
-
-WEIGHTS, SPLIT, LESSON = 0, 1, 2  # last number of a network's streams of random numbers
-
-VALIDATION, EVIDENCE = "validation", "evidence"
-
-
 class LevenbergMarquardtParameters(Parameters):
     """How a network is trained. Fields: `params.yaml`, `obstacle_training.per_setting.training`."""
 
@@ -253,14 +254,6 @@ def train_from(
         iterations=iterations,
         determined_weights=prior.determined,
     )
-
-
-FIRST_DECAY = 0.01  # of `evidence` before the first estimate, in units of the precision
-
-SETTLING_STEPS = 5
-"""Before the first estimate: random weights explain nothing, and decay would be chosen to remove them."""
-
-SLOW_STEPS = 3  # steps in a row with hardly a gain, after which nothing more is expected
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ from pydantic import Field
 from structlearn.ground.params import Parameters
 from structlearn.primitives.transformation import step_matrix
 
+PUBLISHED_DECAY_PER_M2 = 10.0  # k of the dissertation in 1/m^2
+
 
 class PostprocessingParameters(Parameters):
     """What acts of a model's coupling term. Fields: `params.yaml`, `obstacle_evaluation.postprocessing`."""
@@ -50,8 +52,6 @@ class PostprocessingParameters(Parameters):
     late_factor: float = Field(gt=1)
     return_coupling: float = Field(ge=0)
 
-
-PUBLISHED_DECAY_PER_M2 = 10.0  # k of the dissertation in 1/m^2
 
 TEXT_ONLY = PostprocessingParameters(
     passed_decay_per_m2=PUBLISHED_DECAY_PER_M2,

@@ -45,6 +45,20 @@ from structlearn.primitives.position import fit_position
 from structlearn.primitives.trajectory import Trajectory
 from structlearn.primitives.vector import VectorPrimitive
 
+NONE, HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE, PLANNED = (
+    "none",
+    "human_inspired",
+    "text",
+    "text_ensemble",
+    "scene",
+    "planned",
+)
+"""The baseline alone; Rai et al.; the text's features with the text's network; the same features with our
+training; the scene's features with the same network and training; the planned way itself."""
+
+PLANNED_STEP_M = 0.005
+PLANNED_MOST_M = 2.0  # spacing and greatest length of a planned way
+
 
 @dataclass(frozen=True)
 class SceneStates:
@@ -154,21 +168,6 @@ def _dataset(states: SceneStates, columns: Sequence[np.ndarray]) -> AvoidanceDat
     p, u = canonical.phase(states.time, TAU)
     none = np.zeros(len(order), dtype=int)
     return AvoidanceDataset(features, states.target, p, u, none, states.scene, states.time)
-
-
-NONE, HUMAN_INSPIRED, TEXT, ENSEMBLE, SCENE, PLANNED = (
-    "none",
-    "human_inspired",
-    "text",
-    "text_ensemble",
-    "scene",
-    "planned",
-)
-"""The baseline alone; Rai et al.; the text's features with the text's network; the same features with our
-training; the scene's features with the same network and training; the planned way itself."""
-
-PLANNED_STEP_M = 0.005
-PLANNED_MOST_M = 2.0  # spacing and greatest length of a planned way
 
 
 @dataclass(frozen=True)

@@ -80,12 +80,8 @@ def read_arrow(path: str | Path) -> pyarrow.Table:
     Raises:
         InputError: the file is missing, truncated, of another kind or not as it was written.
     """
-    try:
+    with _readable(path, "readable Parquet", pyarrow.ArrowException, OSError):  # OSError: damaged pages
         table = pyarrow.parquet.read_table(path, page_checksum_verification=True)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; run the stage that writes it") from error
-    except (pyarrow.ArrowException, OSError) as error:  # OSError: damaged pages
-        raise InputError(f"{path}: not a readable Parquet file: {error}") from error
     if (table.schema.metadata or {}).get(HEADINGS) != _headings(table):
         raise InputError(f"{path}: damaged, or not written by this project: its columns are not as written")
     return table
@@ -123,7 +119,7 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
             NaN or infinite.
     """
     description, digest = _signed(path)
-    with _readable_tensors(path):
+    with _readable(path, "readable safetensors", SafetensorError):
         tensors = load_file(path)
     if digest != _digest(tensors, description):
         raise InputError(f"{path}: damaged: its content is not what was written")
@@ -147,7 +143,10 @@ DIGEST = "sha256 "
 
 def _signed(path: str | Path) -> tuple[str, str]:
     """Description and digest of a safetensors file."""
-    with _readable_tensors(path), safe_open(path, framework="np") as file:
+    with (
+        _readable(path, "readable safetensors", SafetensorError),
+        safe_open(path, framework="np") as file,
+    ):
         text = (file.metadata() or {}).get("description", "")
     description, _, last = text.rpartition("\n")
     if not last.startswith(DIGEST):
@@ -166,15 +165,16 @@ def _digest(tensors: Mapping[str, np.ndarray], description: str) -> str:
 
 
 @contextmanager
-def _readable_tensors(path: str | Path) -> Iterator[None]:
+def _readable(path: str | Path, kind: str, *faults: type[Exception]) -> Iterator[None]:
+    """Say in one line why a file of some kind cannot be read; `faults` are those of its content."""
     try:
         yield
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; run the stage that writes it") from error
+    except faults as error:
+        raise InputError(f"{path}: not a {kind} file: {error}") from error
     except OSError as error:  # as of a folder
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    except SafetensorError as error:
-        raise InputError(f"{path}: not a readable safetensors file: {error}") from error
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 def write_metrics(metrics: Mapping[str, float | int | str | bool | None], target: str | Path) -> None:
@@ -202,14 +202,8 @@ def read_metrics(path: str | Path) -> Metrics:
     Raises:
         InputError: the file is missing or no JSON of names and values.
     """
-    try:
+    with _readable(path, "JSON", ValueError, RecursionError):  # also no text, or a number without end
         found = json.loads(Path(path).read_text())
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; run the stage that writes it") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # ValueError: no JSON, no text, or a number without end
-        raise InputError(f"{path}: not a JSON file: {error}") from error
     if not isinstance(found, dict):
         raise InputError(f"{path}: not a JSON file of names and values")
     return found

@@ -17,9 +17,9 @@ INTERRUPTED = 130
 """Exit code of what SIGINT ended, as shells have it."""
 
 
-def stage_parameters(key: str, model: type[ParametersType]) -> ParametersType:
-    """Parameters of one stage from `params.yaml` in the working directory (see `read_parameters`)."""
-    return read_parameters(PARAMETER_FILE, key, model)
+def stage_parameters(key: str, model: type[ParametersType], path: Path = PARAMETER_FILE) -> ParametersType:
+    """Parameters of one stage of its pipeline, in the working directory (see `read_parameters`)."""
+    return read_parameters(path, key, model)
 
 
 def or_empty(main: Callable[[], None], target: str | Path) -> Callable[[], None]:

@@ -6,10 +6,15 @@ and `forward_kinematics` (raw messages <-> streams), `clock` (streams -> one clo
 tables: `runs`, and `joint_log` where nobody recorded a pose.
 """
 
-from structlearn.recordings.bag_recording import read_recording, write_recording
+from structlearn.recordings.bag_recording import (
+    read_demonstrations,
+    read_recording,
+    read_recordings,
+    write_recording,
+    write_recordings,
+)
 from structlearn.recordings.clock import synchronise
 from structlearn.recordings.demonstration import Demonstration
-from structlearn.recordings.folders import read_demonstrations, read_recordings, write_recordings
 from structlearn.recordings.recording import Recording, Stream
 from structlearn.recordings.stamps import StampPolicy
 from structlearn.recordings.topics import OWN_TOPICS, TopicMap

@@ -34,34 +34,20 @@ def short_name(message_type: str) -> str:
     return message_type.replace("/msg/", "/")
 
 
-def columns(message_type: str, definition: str, messages: np.ndarray) -> SimpleNamespace | None:
-    """Views of all fields of messages (T, L) uint8, in C order, that have one layout.
+def columns(
+    message_type: str, definition: str, messages: np.ndarray
+) -> tuple[SimpleNamespace, np.ndarray] | None:
+    """Views of all fields of messages (T, L) uint8, in C order, by the layout of the first one.
 
     The definition is the text of the type with those of all nested types, as in the encoding `ros2msg`.
 
     Returns:
         Fields under their names, nested as in the definition: numbers as (T,), sequences of numbers as (T, n)
         views of the bytes, so that to write them is to write the messages; a string, or list of strings, is
-        that of every message. None where the messages differ in a length or a string, are big-endian, or have
-        a definition with something else than numbers, strings, sequences and nested types.
+        that of the first message. And which messages (T,) have that layout: the others differ in a length or
+        a string, and their fields mean nothing. None where the first message is big-endian, or its definition
+        has something else than numbers, strings, sequences and nested types.
     """
-    found = _of_first(message_type, definition, messages)
-    if found is None:
-        return None
-    fields, shaping = found
-    return fields if (messages[:, shaping] == messages[0, shaping]).all() else None
-
-
-def like_the_first(message_type: str, definition: str, messages: np.ndarray) -> np.ndarray | None:
-    """Which messages (T, L) have the layout of the first one; None where `columns` cannot follow that."""
-    found = _of_first(message_type, definition, messages)
-    return None if found is None else (messages[:, found[1]] == messages[0, found[1]]).all(axis=1)
-
-
-def _of_first(
-    message_type: str, definition: str, messages: np.ndarray
-) -> tuple[SimpleNamespace, np.ndarray] | None:
-    """Fields as the first message has them, and the bytes (L,) bool that shape it."""
     if messages.shape[1] < 4 or messages[0, 1] != LITTLE_ENDIAN:
         return None
     layout = _Layout(messages)
@@ -69,7 +55,7 @@ def _of_first(
         fields = layout.message(dict(_definitions(message_type, definition)), short_name(message_type))
     except (LookupError, ValueError):  # a type that is not defined; a line, text or end that is not expected
         return None
-    return fields, layout.shaping
+    return fields, (messages[:, layout.shaping] == messages[0, layout.shaping]).all(axis=1)
 
 
 class _Layout:

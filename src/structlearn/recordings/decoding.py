@@ -55,14 +55,15 @@ def _of_one_length(schema: Schema, rows: np.ndarray, raw: np.ndarray) -> Iterato
     """Messages of one type, (M, L) bytes: those of a layout together while there are few layouts."""
     text = schema.data.decode()
     for _ in range(MOST_LAYOUTS):
-        alike = cdr.like_the_first(schema.name, text, raw)
-        if alike is None:
+        found = cdr.columns(schema.name, text, raw)
+        if found is None:
             break
-        whole = alike.all()  # then nothing is copied
-        yield Decoded(rows[alike], cdr.columns(schema.name, text, raw if whole else raw[alike]))
-        rows, raw = rows[~alike], raw[~alike]
-        if not len(rows):
+        fields, alike = found
+        if alike.all():
+            yield Decoded(rows, fields)
             return
+        yield from _of_one_length(schema, rows[alike], raw[alike])
+        rows, raw = rows[~alike], raw[~alike]
     from mcap_ros2.decoder import DecoderFactory  # seldom needed
 
     decode = DecoderFactory().decoder_for(MessageEncoding.CDR, schema)

@@ -11,6 +11,7 @@ Frames. Poses, twists and wrenches are taken as published; that their frame is t
 user, unless the pose is named by its frames (see `transforms`).
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -34,7 +35,6 @@ from structlearn.recordings.decoding import (
     table,
 )
 from structlearn.recordings.recording import JOINT_KINDS, Form, Kind, NamedShape, Stream
-from structlearn.recordings.schemas import MESSAGE_TYPES, SHAPES_TYPE, definition
 from structlearn.recordings.stamps import StampPolicy, in_order
 from structlearn.recordings.topics import Role
 
@@ -46,6 +46,22 @@ LAST_STAMP = 2**31 * 10**9 - 1
 
 FIELDS: Mapping[Kind, str] = dict(zip(JOINT_KINDS, ("position", "velocity", "effort"), strict=True))
 """Field of a joint state that each kind of stream comes from."""
+
+
+MESSAGE_TYPES: Mapping[Kind, str] = {
+    "pose": "geometry_msgs/msg/PoseStamped",
+    "twist": "geometry_msgs/msg/TwistStamped",
+    "joint_positions": "sensor_msgs/msg/JointState",
+    "joint_velocities": "sensor_msgs/msg/JointState",
+    "joint_torques": "sensor_msgs/msg/JointState",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "tactile": "std_msgs/msg/Float32MultiArray",
+    "tool_to_board": "geometry_msgs/msg/QuaternionStamped",
+}
+"""Type in which each kind of stream is written."""
+
+SHAPES_TYPE = "visualization_msgs/msg/MarkerArray"
+"""Type in which named shapes are written, one message for all: rviz, Foxglove and rerun draw it."""
 
 
 def check_readable(where: str, role: Role | Literal["transforms"], types: Sequence[str]) -> None:
@@ -186,6 +202,17 @@ def shapes_message(stamp: int, shapes: Sequence[NamedShape]) -> RawMessages:
     return of_one_type(SHAPES_TYPE, definition(SHAPES_TYPE), np.array([stamp]), data[None])
 
 
+def definition(message_type: str) -> str:
+    """Text of a message definition with those of all nested types, as MCAP's `ros2msg` encoding has it."""
+    names = [cdr.short_name(message_type)]
+    for name in names:  # grows by the types that are met
+        nested = re.findall(r"^(\w+/\w+)", _DEFINITIONS[name], re.MULTILINE)
+        names += [one for one in dict.fromkeys(nested) if one not in names]
+    own, *others = names
+    separator = "=" * 80
+    return _DEFINITIONS[own] + "".join(f"{separator}\nMSG: {one}\n{_DEFINITIONS[one]}" for one in others)
+
+
 def _type_of(messages: RawMessages) -> str:
     schema = messages.schemas[0]
     assert schema is not None  # `check_readable` lets none pass
@@ -201,8 +228,9 @@ def _blank(
         raise InputError(f"{where}: stamps {fault} cannot be written")
     template = _template(message_type, tuple(names), tuple(lengths.items()))
     messages = np.tile(np.frombuffer(template, dtype=np.uint8), (len(stamps), 1))
-    columns = cdr.columns(message_type, definition(message_type), messages)
-    assert columns is not None  # all are copies of one template
+    found = cdr.columns(message_type, definition(message_type), messages)
+    assert found is not None  # the template has what we define
+    columns, _ = found
     if hasattr(columns, "header"):
         stamp = columns.header.stamp
         stamp.sec[:], stamp.nanosec[:] = np.divmod(stamps, 10**9)
@@ -297,3 +325,40 @@ READERS: Mapping[Role | Kind | Literal["transforms"], Mapping[str, Callable[[Any
 }
 """Message types that can be read in each role, and how a message gives its columns: numbers, or where its
 fields are columns over many messages (`cdr.columns`), arrays."""
+
+_DEFINITIONS = {
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec\n",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n",
+    "geometry_msgs/QuaternionStamped": "std_msgs/Header header\ngeometry_msgs/Quaternion quaternion\n",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+    "geometry_msgs/TwistStamped": "std_msgs/Header header\ngeometry_msgs/Twist twist\n",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n",
+    "geometry_msgs/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data\n",
+    "sensor_msgs/JointState": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    ),
+    "std_msgs/ColorRGBA": "float32 r\nfloat32 g\nfloat32 b\nfloat32 a\n",
+    "std_msgs/Float32MultiArray": "std_msgs/MultiArrayLayout layout\nfloat32[] data\n",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride\n",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n",
+    "visualization_msgs/Marker": (
+        "std_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\ngeometry_msgs/Pose pose\n"
+        "geometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\nbuiltin_interfaces/Duration lifetime\n"
+        "bool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
+        "string texture_resource\nsensor_msgs/CompressedImage texture\n"
+        "visualization_msgs/UVCoordinate[] uv_coordinates\nstring text\nstring mesh_resource\n"
+        "visualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials\n"
+    ),
+    "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers\n",
+    "visualization_msgs/MeshFile": "string filename\nuint8[] data\n",
+    "visualization_msgs/UVCoordinate": "float32 u\nfloat32 v\n",
+}
+"""Definitions as in ROS 2, without comments and constants. The one library that ships them, `rosbags`, is an
+extra which most have no need of."""

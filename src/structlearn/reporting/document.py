@@ -236,10 +236,7 @@ def cell(value: object, number_format: str = "") -> str:
 
 
 def parameter_table(parameters: Mapping[str, Parameters]) -> pd.DataFrame:
-    """One row per parameter, named as for `dvc exp run --temp -S`.
-
-    `parameters`: by their key in `params.yaml`.
-    """
+    """One row per parameter of every key of `params.yaml`, named as for `dvc exp run --temp -S`."""
     rows = [row for key, model in parameters.items() for row in _rows(key, model.model_dump(mode="json"))]
     return pd.DataFrame(rows, columns=["parameter", "value"])
 

@@ -53,32 +53,6 @@ class Motion:
         return self.part(slice(None, end)), self.part(slice(end, None))
 
 
-def joined(motions: Sequence[Motion]) -> Motion:
-    """Several motions of the same joints, one behind the other."""
-    fields = ("q", "qd", "qdd", "torque")
-    return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))
-
-
-@dataclass(frozen=True)
-class JointRange:
-    """What one joint went through: rad, rad/s, rad/s^2 (m where it slides).
-
-    The position from its least to its largest, the others the largest either way.
-    """
-
-    position: float
-    velocity: float
-    acceleration: float
-
-
-def joint_ranges(motion: Motion) -> list[JointRange]:
-    """What each of the n joints of a motion went through."""
-    columns = zip(
-        np.ptp(motion.q, axis=0), np.abs(motion.qd).max(axis=0), np.abs(motion.qdd).max(axis=0), strict=True
-    )
-    return [JointRange(*map(float, column)) for column in columns]
-
-
 def measured_motion(
     name: str,
     time: np.ndarray,

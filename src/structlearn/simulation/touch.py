@@ -102,10 +102,7 @@ class Memory(NamedTuple):
 
 
 def make_finger(parameters: FingerParameters, skin: Skin, sensor_seed: int, rate_hz: float) -> Finger:
-    """A finger with individual electrodes.
-
-    `rate_hz`: of its samples.
-    """
+    """A finger with individual electrodes, read `rate_hz` times per second."""
     rng = np.random.default_rng(sensor_seed)
     response = draw_response(parameters, 1e3 * skin.electrodes, 1, rng, rate_hz)
     return Finger(skin, response, parameters.stiffness_n_mm * 1e3**1.5, parameters.noise_counts)

@@ -50,6 +50,9 @@ SKIN_LENGTH_MM = 15.0  # of the cylinder that has electrodes under it
 DEPTH = 1.92e-3
 """m from the surface to the electrodes: fluid and skin of the BioTac, whose core has a radius of 5.08 mm."""
 
+SEGMENTS = 16  # of a shortest path; over a quarter of a circle, chords are 0.04 % too short
+ROUNDS = 300  # of shortening; the longest wave of a path of 16 segments falls to 1/e in 50
+
 
 @dataclass(frozen=True)
 class Skin:
@@ -172,10 +175,6 @@ def _over_core(
 
 SKINS: Mapping[str, Skin] = {skin.name: skin for skin in (biotac(), flat_pad(), sphere())}
 """All skins by name."""
-
-
-SEGMENTS = 16  # of a shortest path; over a quarter of a circle, chords are 0.04 % too short
-ROUNDS = 300  # of shortening; the longest wave of a path of 16 segments falls to 1/e in 50
 
 
 def skin_distance(first: np.ndarray, second: np.ndarray, skin: Skin) -> np.ndarray:

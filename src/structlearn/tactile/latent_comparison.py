@@ -52,6 +52,9 @@ from structlearn.tactile.touch_dataset import (
     touch_units,
 )
 
+NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
+"""Dynamics are not trained."""
+
 
 @dataclass(frozen=True)
 class LatentComparison:
@@ -87,7 +90,7 @@ def learn(dataset: TouchDataset, geodesics: Geodesics, parameters: LatentParamet
     splits = {}
     for name, split in SPLITS.items():
         compared = draw_pairs(dataset, geodesics, split, parameters.evaluation_pairs, rng)
-        splits[name] = _split_data(data, dataset.split == split, compared, units)
+        splits[name] = asked_of(units, dataset, compared, split)
     tested = _chains(dataset, parameters.longest_chain, (TEST_STRIDE,), "test")
     groups = np.array_split(np.arange(parameters.seeds), min(parameters.stacks, parameters.seeds))
     work = [
@@ -159,13 +162,6 @@ def _chains(dataset: TouchDataset, length: int, strides: Sequence[int], split: s
             f"{split} split has none"
         )
     return found
-
-
-def _split_data(data: TrainingData, rows: np.ndarray, pairs: Pairs, units: TouchUnits) -> SplitData:
-    chosen = torch.from_numpy(np.flatnonzero(rows))
-    first, second = (data.signals[torch.from_numpy(found)] for found in (pairs.first, pairs.second))
-    geodesic = as_tensor(pairs.distance / units.length)
-    return SplitData(data.signals[chosen], data.pressure[chosen], first, second, geodesic)
 
 
 def _chain_data(data: TrainingData, found: Chains, units: TouchUnits) -> ChainData:
@@ -241,7 +237,3 @@ def asked_of(units: TouchUnits, samples: TouchSamples, found: Pairs, split: int)
         second=as_tensor(signals[found.second]),
         geodesic=as_tensor(found.distance / units.length),
     )
-
-
-NO_CHAINS = Chains(np.empty((0, CHAIN_STEPS + 1), dtype=int), np.empty((0, CHAIN_STEPS, 6)), np.empty(0))
-"""Dynamics are not trained."""

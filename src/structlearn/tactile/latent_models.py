@@ -42,6 +42,10 @@ from structlearn.tactile.touch_dataset import TouchUnits
 
 SQUARED_DISTANCE_FLOOR = 1e-9  # keeps the gradient of a distance finite where two points coincide
 
+NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")  # names of a stack's networks in files
+SEEDS = "seeds"
+UNITS = "units."
+
 
 @dataclass(frozen=True)
 class StackedAutoencoders:
@@ -97,9 +101,6 @@ def map_distance(first: Tensor, second: Tensor) -> Tensor:
     """Distance (M, B) in the flat map between latent states (M, 3, B)."""
     squared = (first[:, :MAP] - second[:, :MAP]).square().sum(dim=1)
     return (squared + SQUARED_DISTANCE_FLOOR).sqrt()
-
-
-NETWORKS = ("encoder", "decoder", "locally_linear", "nonlinear")  # names of a stack's networks in files
 
 
 @dataclass(frozen=True)
@@ -205,10 +206,6 @@ class LatentModels:
     def dynamics_parameters(self) -> list[Tensor]:
         """What the second optimiser trains."""
         return self.locally_linear.network.parameters() + self.nonlinear.network.parameters()
-
-
-SEEDS = "seeds"
-UNITS = "units."
 
 
 def write_models(models: LatentModels, units: TouchUnits, path: str | Path) -> None:

@@ -149,10 +149,7 @@ def best_start(
 def autoencoder_loss(
     models: LatentModels, data: TrainingData, drawn: Tensor, parameters: LatentTrainingParameters
 ) -> Tensor:
-    """Loss of the autoencoders (eq. II.23), summed over models: their gradients do not mix.
-
-    `drawn` (S, B) numbers of pairs, per seed.
-    """
+    """Loss of the autoencoders (eq. II.23) on pairs (S, B), summed over models: gradients do not mix."""
     return _autoencoder_losses(models, data, drawn, parameters).sum()
 
 

@@ -28,6 +28,8 @@ TEST_STRIDE = 31  # the same for evaluation
 
 ACTION_DIMENSIONS = 6
 
+LINEAR = 3  # the first so many components of an action are linear velocity, the others angular
+
 
 class TouchSamples(Protocol):
     """N samples of any skin, as far as a latent space is learned from them."""
@@ -146,9 +148,6 @@ def _chains(dataset: TouchDataset, length: int, stride: int, split: int | None) 
         [quaternion.rotate(to_finger, mean[..., :3]), quaternion.rotate(to_finger, mean[..., 3:])], axis=-1
     )
     return Chains(rows, actions.astype(np.float32), np.full(len(rows), stride / float(dataset.rate_hz)))
-
-
-LINEAR = 3  # the first so many components of an action are linear velocity, the others angular
 
 
 @dataclass(frozen=True)

@@ -128,10 +128,6 @@ SOURCES = ("demonstrations", "executions", "corrections", "robot", "motion", "to
 def read_task(name: str, path: Path = PARAMETER_FILE) -> TaskParameters:
     """The parameters of one task.
 
-    Args:
-        name: of the task.
-        path: of the parameter file.
-
     Raises:
         InputError: the file is not readable, has no such task, or a value is missing, unknown or out of
             range; the message names file and key.

@@ -1,4 +1,4 @@
-"""Where the files of the servoing testbed lie, and what they hold, for its page and its recordings."""
+"""The files of the servoing testbed, read typed, for its page and its recordings."""
 
 from dataclasses import dataclass, fields
 
@@ -12,11 +12,11 @@ from structlearn.testbeds.servoing.protocol.servo_variants import Comparison
 RUNS, DATA = "data/runs/servoing.parquet", "data/servoing"
 
 MADE_BY = {
-    "touch": (f"{DATA}/touch.safetensors", "touch_dataset"),
-    "contacts": (f"{DATA}/true_contacts.parquet", "record_touch"),
-    "models": (f"{DATA}/evaluation", "train_latent"),
-    "loops": (f"{DATA}/servo", "servo"),
-    "skins": (f"{DATA}/other_skins", "other_skins"),
+    "touch": (f"{DATA}/touch.safetensors", "servoing_touch_dataset"),
+    "contacts": (f"{DATA}/true_contacts.parquet", "servoing_record_touch"),
+    "models": (f"{DATA}/evaluation", "servoing_train_latent"),
+    "loops": (f"{DATA}/servo", "servoing_servo"),
+    "skins": (f"{DATA}/other_skins", "servoing_other_skins"),
 }
 """Files and folders, and the stages that write them."""
 

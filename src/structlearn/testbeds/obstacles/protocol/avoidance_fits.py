@@ -39,6 +39,9 @@ from structlearn.ground.parallel import parallel_map
 from structlearn.ground.params import Parameters
 from structlearn.testbeds.obstacles.world.scenarios import Scenario, own_scenarios
 
+KEYS = ("person", "model", "learned_from", "obstacle", "scenario")
+"""Columns of the table of errors that say of which model, and on which samples."""
+
 
 class AvoidanceTrainingParameters(Parameters):
     """How the models are trained."""
@@ -174,10 +177,6 @@ def _errors(models: Mapping[int, AvoidanceModels], lessons: Sequence[_Lesson]) -
     found = fit_errors(*zip(*scored, strict=True))
     rows = pd.DataFrame(keys).iloc[found.pop("model")].reset_index(drop=True)
     return pd.concat([rows, found], axis=1)
-
-
-KEYS = ("person", "model", "learned_from", "obstacle", "scenario")
-"""Columns of the table of errors that say of which model, and on which samples."""
 
 
 def _phase_modulated(work: tuple[AvoidanceDataset, AvoidanceTrainingParameters]) -> PhaseModulatedAvoidance:

@@ -225,7 +225,7 @@ def evaluate(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Unroll all contenders.
 
-    Returns: Scores: the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules`
+    Returns scores: the columns of `avoidance_scores.scores` per `person`, `protocol`, `rules`
     (post-processing), `model`, `learned_from`, `obstacle`, `scenario` (number) and `speed_m_s`; trained and
     unseen obstacles with both kinds of rules. Paths: per sample of the unrolls with the rules `limited` the
     same keys without the person, `time_s`, positions `x_m`, `y_m`, `z_m` in the base frame and coupling terms

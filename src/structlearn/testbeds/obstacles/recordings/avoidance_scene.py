@@ -30,6 +30,16 @@ from structlearn.testbeds.obstacles.protocol.unrolled_reaches import (
 from structlearn.testbeds.obstacles.world.scenarios import Scenario
 from structlearn.viewer.rrd import entity, rgba, send_moving_frame, time_column
 
+BARE = SOURCES[""]  # look of the reach without avoidance
+PALE = 0.5  # opacity of demonstrations, of which there are many, and of paths before they come about
+SOLID_OPACITY = 0.35  # of obstacles: the cloud on the far side stays visible
+ARROW_SCALE = 1.5e-3  # length of an arrow per coupling term, m per m: those of networks are up to 0.15 m long
+
+LONGEST_ARROW_M = 0.15
+"""Of longer ones the direction is drawn: the model of Rai et al. asks for up to 100 times as much."""
+
+ARROW_EVERY = 2  # every how many samples of a path an arrow is drawn
+
 
 class ObstacleViewParameters(Parameters):
     """What the recordings of demonstrations and of models show."""
@@ -85,17 +95,6 @@ def shown_scenarios(
         )
         for (number, scenario), people in zip(chosen.items(), demonstrations, strict=True)
     ]
-
-
-BARE = SOURCES[""]  # look of the reach without avoidance
-PALE = 0.5  # opacity of demonstrations, of which there are many, and of paths before they come about
-SOLID_OPACITY = 0.35  # of obstacles: the cloud on the far side stays visible
-ARROW_SCALE = 1.5e-3  # length of an arrow per coupling term, m per m: those of networks are up to 0.15 m long
-
-LONGEST_ARROW_M = 0.15
-"""Of longer ones the direction is drawn: the model of Rai et al. asks for up to 100 times as much."""
-
-ARROW_EVERY = 2  # every how many samples of a path an arrow is drawn
 
 
 def in_base_frame(points: np.ndarray, baseline: PositionPrimitive) -> np.ndarray:

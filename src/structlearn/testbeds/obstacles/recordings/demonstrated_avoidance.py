@@ -30,6 +30,15 @@ from structlearn.viewer.rrd import entity, layout, origin_label, plot, recording
 SIDES = {1: "left of", 2: "above"}
 """Of the straight line from start to goal, where the hand is, by axis of the local frame."""
 
+DIRECTIONS = {1: "to the left", 2: "upwards"}
+"""Of coupling terms, by axis of the local frame; the one along the reach is always 0."""
+
+DIM = "#555c64"
+"""Colour of demonstrated coupling terms behind those of models: a darker grey than that of demonstrations."""
+
+ROOM = 1.5
+"""Range of plots of coupling terms over that of the demonstrated ones: some go far beyond for an instant."""
+
 
 def write_avoidance_demonstrations(
     path: str | Path,
@@ -130,16 +139,6 @@ def _notes(
         "an obstacle are the cloud that models see; a point is the hand.\n\n"
         f"{legend(colours)}\n\nPlay the time line to see the hands move.\n"
     )
-
-
-DIRECTIONS = {1: "to the left", 2: "upwards"}
-"""Of coupling terms, by axis of the local frame; the one along the reach is always 0."""
-
-DIM = "#555c64"
-"""Colour of demonstrated coupling terms behind those of models: a darker grey than that of demonstrations."""
-
-ROOM = 1.5
-"""Range of plots of coupling terms over that of the demonstrated ones: some go far beyond for an instant."""
 
 
 def write_trained_avoidance(path: str | Path, shown: Sequence[ShownScenario], title: str) -> None:

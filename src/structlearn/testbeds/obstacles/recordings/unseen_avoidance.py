@@ -47,6 +47,14 @@ SPHERE = "sphere"  # time line on which each step is another sphere
 
 STEPS_PER_S = 2.0
 
+SHOWN = 3  # reaches per situation, evenly spread over those in which the reach without avoidance hits
+
+EXPLAINED = {
+    MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
+    PAIR: "Two spheres stand beside the reach; along each axis the strongest push either way acts.",
+    GOAL_CHANGE: "A sphere stands beside the reach, and the goal (the dark blue point) moves on the way.",
+}
+
 
 def write_unseen_avoidance(
     path: str | Path, situation: Situations, groups: Sequence[Group], baseline: PositionPrimitive, title: str
@@ -166,15 +174,6 @@ def _notes(title: str, groups: Sequence[Group]) -> str:
         "learned from a simulated person are unrolled, without a robot.\n\n"
         f"{ensemble_legend(groups)}\n\n{hits_table(groups)}"
     )
-
-
-SHOWN = 3  # reaches per situation, evenly spread over those in which the reach without avoidance hits
-
-EXPLAINED = {
-    MOVING: "A sphere crosses the reach and is there just when the unhindered hand would be.",
-    PAIR: "Two spheres stand beside the reach; along each axis the strongest push either way acts.",
-    GOAL_CHANGE: "A sphere stands beside the reach, and the goal (the dark blue point) moves on the way.",
-}
 
 
 def write_changing_avoidance(

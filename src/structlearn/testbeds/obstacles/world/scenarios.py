@@ -106,7 +106,7 @@ def scenarios(parameters: SceneParameters, shapes: Sequence[Shape] = SHAPES) -> 
 def own_scenarios(scenarios: Sequence[Scenario], people: Sequence[int]) -> dict[int, np.ndarray]:
     """Who learns models per setting of which scenarios: settings go round, with all their shapes.
 
-    Models of every setting of everybody would take longer to train than all others together. Returns: By
+    Models of every setting of everybody would take longer to train than all others together. Returns by
     person the numbers of the scenarios, ascending.
     """
     turn = np.array([(scenario.setting - 1) % len(people) for scenario in scenarios])

@@ -1,7 +1,6 @@
 """The page of a task: a section for every part that it has."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from structlearn.reporting.document import Document, Source
 from structlearn.reporting.publishing import HEADLINES, publish_report
@@ -23,29 +22,18 @@ PACKAGE = "structlearn.testbeds.own.page"
 PIPELINE = "stages/own/dvc.yaml"
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Sections of a page that a task has together.
-
-    Attributes:
-        key: of the task's parameters; null where it has no such part.
-        sections: what makes each of them.
-    """
-
-    key: str
-    sections: tuple[Callable[[TaskFiles], Section], ...]
-
-
-PARTS = (
-    _Part("segment", (came_in_section.section, cuts_section.section, primitives_section.section)),
-    _Part("feedback", (feedback_section.section,)),
-    _Part("skill", (check_section.skill_section,)),
-    _Part("robot", (check_section.section,)),
-    _Part("motion", (motion_section.section,)),
-    _Part("touch", (touch_section.section,)),
-    _Part("obstacles", (obstacles_section.section,)),
+PARTS: tuple[tuple[str, Callable[[TaskFiles], Section]], ...] = (
+    ("segment", came_in_section.section),
+    ("segment", cuts_section.section),
+    ("segment", primitives_section.section),
+    ("feedback", feedback_section.section),
+    ("skill", check_section.skill_section),
+    ("robot", check_section.section),
+    ("motion", motion_section.section),
+    ("touch", touch_section.section),
+    ("obstacles", obstacles_section.section),
 )
-"""In the order of the page."""
+"""Key of the task's parameters, null where it has no such part, and what makes its section, in order."""
 
 STAGES = {
     "recordings": ("demonstrations", "import"),
@@ -64,7 +52,7 @@ STAGES = {
 
 def publish_page(files: TaskFiles) -> None:
     """Publish the page of a task with its figures, tables and key figures."""
-    sections = [make(files) for part in PARTS if files.has(part.key) for make in part.sections]
+    sections = [make(files) for key, make in PARTS if files.has(key)]
     shown = {section.name: section for section in sections}
     tables = {name: table for section in sections for name, table in section.tables.items()}
     pictures = {name: drawing for section in sections for name, drawing in section.pictures.items()}

@@ -118,10 +118,6 @@ class SourceSeen:
 def look_at(source: str, urdf: str | None = None) -> SourceSeen:
     """Open every file of a source.
 
-    Args:
-        source: as `recording_files` takes it.
-        urdf: file of the robot, from whose joints poses may be computed.
-
     Raises:
         InputError: the source is missing or empty, none of its files can be opened, or the URDF is no robot.
     """

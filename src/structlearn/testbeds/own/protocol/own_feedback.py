@@ -56,13 +56,6 @@ def learn_own_feedback(
 ) -> OwnFeedback:
     """Expected traces from executions, coupling targets from corrections, and networks between them.
 
-    Args:
-        executions: nominal, in the default setting.
-        corrections: corrected ones by the label of their setting.
-        primitives: all of the task, in order of time.
-        cutting: of the demonstrations; runs are cut alike.
-        parameters: see there.
-
     Raises:
         InputError: a run cannot be cut or lacks a stream, a primitive is not there, or samples are too few.
     """

@@ -66,12 +66,7 @@ class Unroll:
 
 
 def unrolls(skill: ReactiveSkill, rate_hz: float) -> Iterator[Unroll]:
-    """The nominal run, 8 starts, 8 goals per primitive, and two runs per axis with feedback.
-
-    Args:
-        skill: without a workspace there are no corners; without networks no corrections.
-        rate_hz: of the ticks.
-    """
+    """The nominal run, 8 starts, 8 goals per primitive, and two runs per axis with feedback."""
     silent = replace(skill, networks={})
     start, goals = default_start(skill.primitives), default_goals(skill.primitives)
     yield _run(silent, rate_hz, NOMINAL, "as demonstrated", start, goals)
@@ -133,10 +128,6 @@ COARSE, SEED = 20, 1
 
 def check_skill(skill: ReactiveSkill, parameters: RobotParameters) -> SkillCheck:
     """Follow all runs of a skill with a robot.
-
-    Args:
-        skill: to be checked.
-        parameters: of the robot.
 
     Raises:
         InputError: the URDF is no good, bounds are as many as no joints are, or no joints reach the start.
@@ -215,12 +206,6 @@ def margins(
     arm: Arm, path: JointPath, bounds: Bounds, shapes: LinkShapes | None
 ) -> Iterator[dict[str, str | float]]:
     """The worst of each quantity along one run, which was sampled at `RATE_HZ`.
-
-    Args:
-        arm: that follows.
-        path: its joints.
-        bounds: of the arm.
-        shapes: of its links, or None where they are not known.
 
     Yields:
         Rows of `check_results.SkillCheck.margins`, but for the run.

@@ -95,12 +95,7 @@ class RecordedReport:
 
 
 def recorded_report(results: RecordedResults, reports: Path = Path("reports")) -> RecordedReport:
-    """The index with all verdicts, and the pages behind it.
-
-    Args:
-        results: of the parts that are there.
-        reports: folder in which simulated testbeds left theirs; those that are missing have no verdicts.
-    """
+    """The index with all verdicts, and the pages behind it."""
     there = [part for part in PARTS if part.there(results)]
     found = {name: value for part in there for name, value in part.metrics(results).items()}
     metrics = {name: value for name, value in found.items() if known(value)}

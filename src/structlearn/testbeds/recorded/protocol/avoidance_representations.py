@@ -78,10 +78,6 @@ def compare_on_recorded(
 ) -> RecordedAvoidanceResults:
     """Cross-validate every representation.
 
-    Args:
-        dataset: the recorded samples in their order.
-        parameters: see there.
-
     Raises:
         MissingInputError: there are fewer than two samples a fold.
     """

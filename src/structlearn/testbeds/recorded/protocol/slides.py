@@ -41,9 +41,6 @@ class SlideParameters(Parameters):
 def clock_errors(recordings: Sequence[Recording]) -> pd.DataFrame:
     """What it costs to put the streams on one clock: error of interpolation, measured on held-out samples.
 
-    Args:
-        recordings: the raw streams.
-
     Returns:
         Per kind of stream: `samples`, `median_gap_ms`, `longest_gap_ms`, and `rms_error`, `max_error` (in the
         unit of the signal) of every second sample predicted from its neighbours. The gaps bridged here are
@@ -81,10 +78,6 @@ def learn_slides(
 ) -> tuple[VectorPrimitive, pd.DataFrame, pd.DataFrame]:
     """Expected traces from some trials of one material, and how all trials deviate from them.
 
-    Args:
-        demonstrations: named MATERIAL_TRIAL, with tactile signals.
-        parameters: see there.
-
     Returns:
         The expected traces; a table per trial with `demonstration`, `group` (`learned`, `left out`, `other
         material`), `rms` and `largest` (deviation in counts over all electrodes and times); and the mean and
@@ -120,10 +113,6 @@ def leave_one_out(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """How every trial deviates from the traces that the other trials of its own material let expect.
 
-    Args:
-        demonstrations: named MATERIAL_TRIAL, with tactile signals.
-        parameters: see there; trials that are never learned from are not asked about either.
-
     Returns:
         Per trial `demonstration`, `material`, `rms` of the deviation in counts, and its `nmse` over all
         electrodes: 1 is as good as the electrodes' own means over the trial. And the same per trial and
@@ -158,10 +147,6 @@ def leave_one_out(
 
 def across_materials(demonstrations: Sequence[Demonstration], parameters: SlideParameters) -> pd.DataFrame:
     """How the trials of every material deviate from the traces expected of every other one.
-
-    Args:
-        demonstrations: as for `leave_one_out`.
-        parameters: see there.
 
     Returns:
         Per material that is `expected` and trial of another: `demonstration`, `material`, `rms`, `nmse`.

@@ -35,12 +35,7 @@ EYE_M = np.array([0.0, -0.55, 0.75])
 
 
 def write_box_reaches(path: str | Path, tables: Mapping[str, pd.DataFrame]) -> None:
-    """Write the reaches that the page shows, a tab for each scene, as a recording.
-
-    Args:
-        path: of the .rrd file.
-        tables: `paths` and `shapes` of the stage.
-    """
+    """Write the reaches that the page shows, a tab for each scene, as a recording."""
     with recording(path, TITLE) as stream:
         send_notes(stream, _note())
         tabs = []

@@ -153,13 +153,7 @@ CHART = ("twist", "swing", "second swing")
 
 
 def write_unscrewing(path: Path, logs: Sequence[OrientationTrajectory], primitive: PosePrimitive) -> None:
-    """Write the recording.
-
-    Args:
-        path: of the .rrd file.
-        logs: the turning hand, smoothed.
-        primitive: learned from all of them.
-    """
+    """Write the recording."""
     axes, learned = dominant_axes(logs), turning(primitive)
     shown = [*((f"log {number}", log, RECORDED.colour) for number, log in enumerate(logs, 1))]
     shown.append((LEARNED.name, learned.unroll(logs[0].dt), LEARNED.colour))

@@ -25,6 +25,8 @@ TEST_CHAIN = 3  # steps of prediction on which forward models are compared; they
 PARTS = ("plane", "third", "electrodes", "pressure")
 """What else is known of a prediction: parts of the latent state, and the touch that it is decoded to."""
 
+SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
+
 
 @dataclass(frozen=True)
 class ModelScores:
@@ -169,9 +171,6 @@ def skin_table(latent: pd.DataFrame, directions: pd.DataFrame) -> pd.DataFrame:
     columns = [f"{inverse}_{part}" for inverse in FORWARD_OF for part in PART_NAMES.values()]
     errors = spaces.groupby("skin", sort=False)[list(LATENT_NAMES)].mean()
     return errors.join(distances[columns]).reset_index()
-
-
-SQUARE_MM = 1.5  # side of the squares of skin in which errors are gathered
 
 
 def contact_errors(dataset: TouchDataset, truth: pd.DataFrame, skin: Skin) -> pd.DataFrame:

@@ -13,6 +13,8 @@ from structlearn.testbeds.servoing.world.servo_loop import Held, Scene, Servoed
 
 THINNED = 10  # samples of the electrodes per point of a path; tremor of the contact between them is no travel
 
+KEYS = [field.name for field in fields(Variant)]  # columns that name a controller
+
 
 def scored(
     run: Servoed, start: Held, target: Held, scene: Scene, tolerance: ToleranceParameters
@@ -107,9 +109,6 @@ def success_by_tolerance(
             rate = np.mean(pressed & (group["position_error_mm"].to_numpy() <= bound))
             rows.append((*key, bound, rate))
     return pd.DataFrame(rows, columns=[*by, "tolerance_mm", "rate"])
-
-
-KEYS = [field.name for field in fields(Variant)]  # columns that name a controller
 
 
 @dataclass(frozen=True)

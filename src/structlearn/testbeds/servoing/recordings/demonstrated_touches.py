@@ -19,14 +19,25 @@ from structlearn.viewer.rrd import entity, layout, origin_label, recording, rgba
 
 TITLE = "Touch: demonstrations"
 
+MAP_TITLE = "Touch: latent map"
+EVERY = 10  # every how many samples one is on a path
+POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius of a sample on a flat picture, and how much it covers
+
+PATH = "#ffffff"
+"""Colour of paths among coloured samples."""
+
+PLOTS = {
+    "along": "along the finger (mm): blue map, red skin",
+    "across": "across the finger (mm): blue map, red skin",
+    "latent": "third latent number",
+    "pressure": "pressure (counts)",
+}
+
 
 def write_touch_demonstrations(
     path: str | Path, shown: Sequence[ShownTouch], skin: Skin, handle_radius: float
 ) -> None:
-    """Write demonstrations of touch as a recording, a tab each.
-
-    `handle_radius`: m.
-    """
+    """Write demonstrations of touch as a recording, a tab each; the handle's radius in m."""
     origin = origin_label([one.demonstration for one in shown])
     scale = scene.full_scale([one.motion.signals for one in shown])
     with recording(path, TITLE) as stream:
@@ -100,22 +111,6 @@ def _notes(origin: str, one: ShownTouch, scale: float) -> str:
         f"lifting.\n\n{colour_words(colours)}\n\nThe pose of the handle is not recorded; it is drawn where "
         "the contacts put it. In flat pictures the tip of the finger is to the right.\n"
     )
-
-
-MAP_TITLE = "Touch: latent map"
-
-EVERY = 10  # every how many samples one is on a path
-POINT_MM, SAMPLE_OPACITY = 0.12, 0.5  # radius of a sample on a flat picture, and how much it covers
-
-PATH = "#ffffff"
-"""Colour of paths among coloured samples."""
-
-PLOTS = {
-    "along": "along the finger (mm): blue map, red skin",
-    "across": "across the finger (mm): blue map, red skin",
-    "latent": "third latent number",
-    "pressure": "pressure (counts)",
-}
 
 
 def write_latent_maps(

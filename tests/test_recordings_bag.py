@@ -1,19 +1,24 @@
 import json
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
 from committed import topic_map
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, IndexType
+from mcap.records import Chunk, Footer
+from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType
 from mcap.writer import Writer as PlainWriter
 from mcap_ros2.decoder import DecoderFactory
 from recordings_bags import make_recording, pose_messages, pose_rows, write_bag
 
 from structlearn.ground.errors import InputError
 from structlearn.recordings import OWN_TOPICS, Recording, Stream, read_recording, write_recording
-from structlearn.recordings.schemas import MESSAGE_TYPES, definition
+from structlearn.recordings.bag import LARGEST_CHUNK
+from structlearn.recordings.messages import MESSAGE_TYPES
 from structlearn.recordings.topics import OptionalTopicMap
 
 STAMPS = [10**9 + row * 10**7 for row in range(4)]
@@ -76,14 +81,6 @@ def test_any_stamp_and_number_survives(tmp_path_factory, steps, start, value):
     np.testing.assert_array_equal(back[1].values, wrench.values)
 
 
-def test_a_recording_without_segments_and_provenance_comes_back_so(tmp_path):
-    pose = make_recording().streams[0]
-    write_recording(Recording("bare", (pose,)), tmp_path / "bare.mcap")
-    recording = read_recording(tmp_path / "bare.mcap")
-    assert recording.true_segments is None
-    assert recording.provenance == {}
-
-
 def test_the_same_recording_gives_the_same_bytes(file, tmp_path):
     turned = {"seed": "0", "origin": "simulated"}  # another order of keys
     write_recording(make_recording(segments=SEGMENTS, provenance=turned), tmp_path / "again.mcap")
@@ -100,9 +97,6 @@ def test_other_ros_tools_find_standard_messages_in_order_of_time(file):
     assert times == sorted(times)
     assert all(row.message.log_time == row.message.publish_time for row in rows)
     assert {row.schema.name for row in rows} == set(MESSAGE_TYPES.values())
-    pose = next(row for row in rows if row.channel.topic == "/pose")
-    stamp = pose.decoded_message.header.stamp
-    assert stamp.sec * 10**9 + stamp.nanosec == pose.message.log_time
     joints = next(row for row in rows if row.channel.topic == "/joint_states/positions").decoded_message
     assert joints.name == [f"joint_{joint}" for joint in range(1, 8)]
     assert (joints.velocity, joints.effort) == ([], [])
@@ -110,13 +104,53 @@ def test_other_ros_tools_find_standard_messages_in_order_of_time(file):
     assert json.loads(record.metadata["provenance"])["origin"] == "simulated"
 
 
-def test_definitions_hold_every_nested_type_once():
-    for message_type in MESSAGE_TYPES.values():
-        text = definition(message_type)
-        nested = [line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")]
-        used = {line.split()[0].removesuffix("[]") for line in text.splitlines() if "/" in line.split()[0]}
-        assert used == set(nested)
-        assert len(nested) == len(set(nested))
+NUMBERS = {
+    "pose": lambda m: [*vector(m.pose.position), *turn(m.pose.orientation)],
+    "twist": lambda m: [*vector(m.twist.linear), *vector(m.twist.angular)],
+    "joint_positions": lambda m: m.position,
+    "joint_velocities": lambda m: m.velocity,
+    "joint_torques": lambda m: m.effort,
+    "wrench": lambda m: [*vector(m.wrench.force), *vector(m.wrench.torque)],
+    "tactile": lambda m: m.data,
+    "tool_to_board": lambda m: turn(m.quaternion),
+}
+
+
+def vector(v):
+    return v.x, v.y, v.z
+
+
+def turn(q):
+    return q.w, q.x, q.y, q.z
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), start=st.integers(0, 2**31 * 10**9 - 2 * 10**9))
+def test_the_library_decodes_every_number_and_stamp_that_was_written(tmp_path_factory, seed, start):
+    recording = make_recording(seed=seed, count=3, start=start)
+    path = tmp_path_factory.mktemp("any") / "any.mcap"
+    write_recording(recording, path)
+    with open(path, "rb") as stream:
+        rows = list(make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages())
+    for stream in recording.streams:
+        mine = [row for row in rows if row.channel.topic == stream.topic]
+        assert [row.message.log_time for row in mine] == stream.stamps.tolist()
+        found = [list(NUMBERS[stream.kind](row.decoded_message)) for row in mine]
+        np.testing.assert_array_equal(found, stream.values)
+        if stream.kind != "tactile":
+            headers = [row.decoded_message.header.stamp for row in mine]
+            assert [one.sec * 10**9 + one.nanosec for one in headers] == stream.stamps.tolist()
+
+
+@pytest.mark.parametrize(("compression", "pack"), [("zstd", zstandard.compress), ("lz4", lz4.frame.compress)])
+@pytest.mark.parametrize("said", [100, LARGEST_CHUNK + 1])
+def test_a_chunk_that_grows_beyond_what_it_says_is_refused(tmp_path, compression, pack, said):
+    builder = RecordBuilder()
+    Chunk(compression, pack(bytes(10**7)), 0, 0, 0, said).write(builder)
+    Footer(0, 0, 0).write(builder)
+    (tmp_path / "bomb.mcap").write_bytes(MCAP0_MAGIC + builder.end() + MCAP0_MAGIC)
+    with pytest.raises(InputError, match=r"bomb\.mcap: damaged MCAP file: a chunk of \d+ bytes"):
+        read_recording(tmp_path / "bomb.mcap")
 
 
 @pytest.mark.parametrize(
@@ -158,24 +192,6 @@ def test_a_file_cut_anywhere_is_refused(file):
             read_recording(file)
 
 
-def test_a_chunk_cut_short_behind_a_proper_end_is_refused(file):
-    content = file.read_bytes()
-    middle = len(content) // 3
-    file.write_bytes(content[:middle] + content[-8:])
-    with pytest.raises(InputError, match=r"demo\.mcap: damaged MCAP file"):
-        read_recording(file)
-
-
-def test_changed_bytes_in_the_messages_are_noticed(file):
-    content = file.read_bytes()
-    for place in np.random.default_rng(1).integers(2000, len(content) // 2, size=20).tolist():
-        changed = bytearray(content)
-        changed[place] ^= 0x10
-        file.write_bytes(changed)
-        with pytest.raises(InputError, match=r"demo\.mcap: damaged MCAP file"):
-            read_recording(file)
-
-
 @pytest.mark.parametrize(
     ("messages", "topics", "complaint"),
     [
@@ -195,15 +211,6 @@ def test_topics_that_do_not_fit_the_bag_are_named(tmp_path, messages, topics, co
     write_bag(tmp_path / "bag.mcap", messages, EMPTY if topics.wrench == "/empty" else [])
     with pytest.raises(InputError, match=rf"bag\.mcap: {complaint}"):
         read_recording(tmp_path / "bag.mcap", topics)
-
-
-def test_an_empty_topic_whose_chunks_are_passed_over_is_named(tmp_path):
-    write_bag(tmp_path / "bag.mcap", POSES, EMPTY)
-    with pytest.raises(InputError, match=r"topic '/empty' has messages of type .*WrenchStamped; pose can be"):
-        read_recording(tmp_path / "bag.mcap", topic_map(pose="/empty"))
-    write_bag(tmp_path / "bag.mcap", POSES, [("/none", "geometry_msgs/msg/PoseStamped")])
-    with pytest.raises(InputError, match="topic '/none' has no messages"):
-        read_recording(tmp_path / "bag.mcap", topic_map(pose="/none"))
 
 
 def test_a_topic_that_is_optional_may_be_absent(tmp_path):

@@ -1,0 +1,180 @@
+"""Three ways to the same torques: the recursion that gradients flow through, the regressor, compiled."""
+
+import numpy as np
+import pytest
+import torch
+from rigid_body_robots import ROBOTS, pendulum, pinocchio_torques, robot, states
+
+from structlearn.ground.metrics import nmse
+from structlearn.rigid_body import compiled_dynamics
+from structlearn.rigid_body.friction import (
+    COULOMB_WIDTH,
+    friction_coefficients,
+    friction_columns,
+    friction_regressor,
+)
+from structlearn.rigid_body.inertia_parameters import STRUCTURES, draw, link_inertias
+from structlearn.rigid_body.newton_euler import agreement_with_pinocchio, inverse_dynamics
+from structlearn.rigid_body.regressor import link_parameters, torque_factors, torque_regressor
+from structlearn.rigid_body.tree import LinkInertias
+
+TERMS = ("viscous", "coulomb", "offset")
+
+
+def as_tensors(*arrays):
+    return [torch.tensor(array) for array in arrays]
+
+
+def one_by_one(torques, motion):
+    return np.array([torques(*state) for state in zip(*motion, strict=True)])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_all_ways_agree_with_pinocchio(name):
+    arm = robot(name)
+    motion, inertias = states(arm, 50), arm.inertias.tensors()
+    expected = pinocchio_torques(arm, *motion)
+    full = torque_regressor(arm.tree, *motion, False) @ link_parameters(inertias, False).numpy()
+    assert np.abs(full - expected).max() < 1e-9
+    found = agreement_with_pinocchio(arm)
+    assert found.pop("largest_n_m") > 1.0
+    assert max(found.values()) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["iiwa", "odd"])
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_all_ways_agree_for_any_parameters(name, structure):
+    """Also where an inertia is not symmetric or no body has it; three models at once, and each alone."""
+    arm = robot(name)
+    motion = states(arm, 20)
+    generators = [torch.Generator().manual_seed(seed) for seed in range(3)]
+    inertias = link_inertias(structure, draw(structure, len(arm.tree.names), generators))
+    recursive = inverse_dynamics(arm.tree, inertias, *as_tensors(*motion)).numpy()
+    tolerance = 1e-9 * max(1.0, np.abs(recursive).max())  # nostr's h / m can be huge
+    symmetric = structure != "nostr"
+    regressor = torque_regressor(arm.tree, *motion, symmetric)
+    theta = link_parameters(inertias, symmetric).numpy()
+    np.testing.assert_allclose(np.moveaxis(regressor @ theta.T, -1, 0), recursive, rtol=0, atol=tolerance)
+    for model in range(3):
+        compiled = compiled_dynamics.inverse_dynamics(arm.tree, inertias.arrays().of(model))
+        np.testing.assert_allclose(one_by_one(compiled, motion), recursive[model], rtol=0, atol=tolerance)
+
+
+def test_a_pendulum_in_closed_form():
+    mass, length, moment = 1.3, 0.4, 0.02
+    tree, inertias = pendulum(mass, length, moment)
+    state = np.array([[0.7]]), np.array([[2.0]]), np.array([[3.0]])
+    expected = (moment + mass * length**2) * 3.0 + mass * 9.81 * length * np.sin(0.7)
+    torque = inverse_dynamics(tree, inertias.tensors(), *as_tensors(*state))
+    compiled = one_by_one(compiled_dynamics.inverse_dynamics(tree, inertias), state)
+    assert (torque.item(), compiled.item()) == pytest.approx((expected, expected), abs=1e-12)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+def test_gradients_to_parameters_are_finite_differences_and_those_through_the_regressor(structure):
+    arm = robot("odd")
+    motion = states(arm, 3)
+    free = draw(structure, len(arm.tree.names), [torch.Generator().manual_seed(4)])[0]
+    free[:, 0] += 2.0 * torch.sign(free[:, 0])  # away from massless links, where h / m is steep
+    free.requires_grad_()
+
+    def torques(values):
+        return inverse_dynamics(arm.tree, link_inertias(structure, values), *as_tensors(*motion))
+
+    assert torch.autograd.gradcheck(torques, free, eps=1e-6, atol=1e-5)
+    symmetric = structure != "nostr"
+    regressor = torch.from_numpy(torque_regressor(arm.tree, *motion, symmetric))
+    product = regressor @ link_parameters(link_inertias(structure, free), symmetric)
+    (by_product,) = torch.autograd.grad(product.square().sum(), free)
+    (by_recursion,) = torch.autograd.grad(torques(free).square().sum(), free)
+    torch.testing.assert_close(by_product, by_recursion, rtol=1e-9, atol=1e-9)
+
+
+def test_gradients_to_states_are_finite_differences():
+    arm = robot("odd")
+    motion = [values.requires_grad_() for values in as_tensors(*states(arm, 2))]
+    inertias = arm.inertias.tensors()
+    assert torch.autograd.gradcheck(
+        lambda *state: inverse_dynamics(arm.tree, inertias, *state), motion, atol=1e-5
+    )
+
+
+def test_an_inertia_need_not_be_symmetric():
+    """The last link alone spins about z: n = I dw + w x (I w), so Izx and Ixz do not act alike."""
+    arm = robot("iiwa")
+    inertias, motion = arm.inertias.tensors(), as_tensors(*states(arm, 5))
+    extra = torch.zeros(7, 3, 3, dtype=torch.float64)
+    extra[6, 2, 0] = 0.5  # with its mirror image zero
+
+    def change(tensor):
+        odd = LinkInertias(inertias.mass, inertias.first_moment, inertias.inertia + tensor)
+        return inverse_dynamics(arm.tree, odd, *motion) - inverse_dynamics(arm.tree, inertias, *motion)
+
+    assert (change(extra) - change(extra.mT)).abs().max() > 1e-2
+    torch.testing.assert_close(change(extra) + change(extra.mT), change(extra + extra.mT))
+
+
+def test_a_link_acts_only_on_the_joints_that_carry_it():
+    arm = robot("odd")
+    joints = len(arm.tree.names)
+    regressor = torque_regressor(arm.tree, *states(arm, 5)).reshape(5, joints, joints, 10)
+    for link in range(joints):
+        carriers, joint = set(), link
+        while joint >= 0:
+            carriers.add(joint)
+            joint = arm.tree.parents[joint]
+        assert set(np.flatnonzero(np.abs(regressor[:, :, link]).max(axis=(0, 2)))) == carriers
+
+
+def test_order_and_type_of_the_arrays_do_not_matter():
+    arm = robot("iiwa")
+    motion = states(arm, 5)
+    turned = [np.asfortranarray(values) for values in motion]
+    np.testing.assert_array_equal(torque_regressor(arm.tree, *turned), torque_regressor(arm.tree, *motion))
+    assert torque_regressor(arm.tree, *(values[:0] for values in motion)).shape == (0, 7, 70)
+
+
+def test_errors_by_factors_are_those_of_the_data_set():
+    rng = np.random.default_rng(0)
+    regressor, torque, parameters = rng.normal(size=(200, 3, 5)), rng.normal(size=(200, 3)), np.eye(5)
+    regressor[:, 1, :2] = 0.0  # links before the joint
+    expected = [nmse(regressor @ values, torque) for values in parameters]
+    np.testing.assert_allclose(torque_factors(regressor, torque).nmse(parameters), expected, rtol=1e-12)
+    few = torque_factors(np.arange(6.0).reshape(2, 1, 3), np.array([[1.0], [2.0]]))
+    np.testing.assert_allclose(few.nmse(np.zeros(3)), [2.5 / 0.25])
+
+
+def test_small_errors_beside_large_torques_keep_their_digits():
+    regressor = np.random.default_rng(0).normal(size=(500, 1, 2)) * [1e3, 1e-3]
+    factors = torque_factors(regressor, regressor @ np.ones(2))
+    wrong = np.array([1.0, 1.0 + 1e-4])  # a torque error of 1e-7 on 1e3
+    error = 1e-8 * (regressor[..., 1] ** 2).mean() / factors.variance[0]
+    np.testing.assert_allclose(factors.nmse(wrong), [error], rtol=1e-4)
+
+
+def test_friction_in_closed_form_by_columns_regressor_and_compiled():
+    qd = np.array([[0.5, -2.0], [0.0, COULOMB_WIDTH]])
+    coefficients = np.array([[0.3, 1.0, 0.1], [0.2, 2.0, -0.4]])
+    expected = [
+        [0.3 * 0.5 + 1.0 + 0.1, -0.2 * 2.0 - 2.0 - 0.4],
+        [0.1, 0.2 * COULOMB_WIDTH + 2.0 * np.tanh(1.0) - 0.4],
+    ]
+    for terms in (TERMS, TERMS[::-1]):
+        ordered = coefficients[:, [TERMS.index(term) for term in terms]]
+        by_column = (friction_columns(qd, terms) * ordered).sum(axis=-1)
+        np.testing.assert_allclose(by_column, expected, rtol=1e-12)
+        np.testing.assert_allclose(friction_regressor(qd, terms) @ ordered.ravel(), expected, rtol=1e-12)
+        compiled = np.zeros((2, 2))
+        for speed, torques in zip(qd, compiled, strict=True):
+            compiled_dynamics.add_friction(compiled_dynamics.friction_rows(ordered, terms), speed, torques)
+        np.testing.assert_allclose(compiled, expected, rtol=1e-12)
+
+
+def test_friction_never_drives():
+    """Viscous and Coulomb friction take power from the joint for any free parameters."""
+    generator = np.random.default_rng(1)
+    free = torch.from_numpy(generator.normal(0.0, 5.0, (3, 7, 2)))
+    qd = generator.normal(size=(50, 7))
+    coefficients = friction_coefficients(free, TERMS[:2]).numpy()
+    torque = np.einsum("bnk,mnk->mbn", friction_columns(qd, TERMS[:2]), coefficients)
+    assert (torque * qd >= 0.0).all()
