@@ -1,6 +1,6 @@
 """What an arm without torque sensors tells by its motors' currents: its drives, its bodies, a load."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,7 +15,7 @@ from structlearn.rigid_body.drives import current_delays, moving_gains, resting_
 from structlearn.rigid_body.dynamics_models import DynamicsModels
 from structlearn.rigid_body.identification import drawn_fits, identify_load
 from structlearn.rigid_body.inertia_learner import MotionRegressor
-from structlearn.rigid_body.motion import Motion, excited, joined, smoothed_motion
+from structlearn.rigid_body.motion import Motion, excited, smoothed_motion
 from structlearn.rigid_body.online_learning import PayloadLearningParameters, learn_payload
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, LinkInertias, Robot
@@ -35,6 +35,12 @@ LEARNED, EMPTY, CARRYING = "empty, learned from", "empty, another motion", "with
 
 FRICTION = FRICTIONS["offset"]
 """Sensors of currents need not be zeroed."""
+
+
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Several motions of the same joints, one behind the other."""
+    fields = ("q", "qd", "qdd", "torque")
+    return Motion(*(np.concatenate([getattr(motion, field) for motion in motions]) for field in fields))
 
 
 @dataclass(frozen=True)

@@ -43,11 +43,18 @@ from structlearn.rigid_body.dynamics_models import (
 )
 from structlearn.rigid_body.friction import friction_columns
 from structlearn.rigid_body.learner import Kind, LearningParameters, Lesson, learner, shuffled_epochs
-from structlearn.rigid_body.motion import Motion, block_table, excited, joined, measured_motion
+from structlearn.rigid_body.motion import Motion, block_table, excited, measured_motion
 from structlearn.rigid_body.training_grid import FRICTIONS
 from structlearn.rigid_body.tree import KinematicTree, Robot, joint_order, read_urdf
 from structlearn.simulation.arm import urdf_path
-from structlearn.tasks.drives_and_load import FOUND, body_intervals, drives_of, followed_loads, weighed_loads
+from structlearn.tasks.drives_and_load import (
+    FOUND,
+    body_intervals,
+    drives_of,
+    followed_loads,
+    joined,
+    weighed_loads,
+)
 from structlearn.tasks.motion_parameters import MotionParameters, NetworkChoiceParameters
 
 TEST = "test"
