@@ -182,6 +182,7 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_
     """Also by a plain `dvc repro`, of all tasks at once and before any other check."""
     shutil.copytree(root / "stages/own", tmp_path / "stages/own")
     (tmp_path / "stages/own/dvc.lock").unlink(missing_ok=True)
+    shutil.copy(root / "stages/list_code.py", tmp_path / "stages")
     shutil.copytree(root / "src", tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
     own_tasks(tmp_path, **dict.fromkeys(EVIL, REACH))
     kept = tmp_path / "kept/demonstrations/1.mcap"
@@ -197,11 +198,12 @@ def test_dvc_runs_nothing_and_deletes_nothing_for_a_name_that_is_none(root, tmp_
     assert done.returncode != 0
     refused = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
     assert sorted(refused) == sorted(f"error: {name!r}: {NAME_RULE}" for name in EVIL)
-    assert {path.name for path in tmp_path.iterdir()} == {".dvc", ".dvcignore", "stages", "src", "kept"}
+    made = {path.name for path in tmp_path.iterdir()}
+    assert made - {"data", "reports"} == {".dvc", ".dvcignore", "stages", "src", "kept"}
+    assert not list(tmp_path.rglob("*PWNED*"))
     assert kept.exists()
-    assert {path.name for path in (tmp_path / "stages/own").iterdir()} == {
-        path.name for path in (root / "stages/own").iterdir() if path.name != "dvc.lock"
-    }
+    there, here = ({path.name for path in (one / "stages/own").iterdir()} for one in (tmp_path, root))
+    assert there - {"dvc.lock"} == here - {"dvc.lock"}
 
 
 def test_no_command_of_a_pipeline_holds_what_a_user_named(root):
@@ -312,7 +314,7 @@ def test_the_three_commands_of_the_readme_run_as_they_stand(root, tmp_path):
     ).stdout.split("\0")  # fmt: skip
     for name in filter(None, listed):
         if (root / name).is_file() and name.startswith(
-            (".dvc", ".gitignore", "Makefile", "src", "stages/own")
+            (".dvc", ".gitignore", "Makefile", "src", "stages/own", "stages/list_code.py", "data/code")
         ):
             (project / name).parent.mkdir(parents=True, exist_ok=True)
             (project / name).write_bytes((root / name).read_bytes())
