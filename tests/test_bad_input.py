@@ -68,46 +68,28 @@ def clock(count: int = 400) -> np.ndarray:
 
 
 BAG = Path("bags/one.mcap")
-MESSAGES = pose_messages(clock(), pose_rows(400), TOPIC)
-WORDS = [(TOPIC, "std_msgs/msg/String", {"data": "x"}, stamp) for stamp in (1, 2)]
-NO_MESSAGE = [(TOPIC, "geometry_msgs/msg/PoseStamped")]
 
 
-def truncated() -> None:
-    write_bag(BAG, MESSAGES)
-    BAG.write_bytes(BAG.read_bytes()[: BAG.stat().st_size // 2])
-
-
-def faulty(row: int, stamp_of: int | None = None, factor: float = 1.0) -> None:
-    """A bag of which one row has the stamp of another row or its pose multiplied."""
+def faulty(change=lambda stamps, rows: None, kept=1.0) -> None:
+    """A bag of which stamps or poses are changed, or of which a part is kept."""
     stamps, rows = clock(), pose_rows(400)
-    stamps[row] = stamps[row if stamp_of is None else stamp_of]
-    rows[row] *= factor
+    change(stamps, rows)
     messages = pose_messages(stamps, rows, TOPIC)
     logged = zip(messages, clock().tolist(), strict=True)  # the recorder's own clock is sound
     write_bag(BAG, [(*message[:3], log_time) for message, log_time in logged])
+    BAG.write_bytes(BAG.read_bytes()[: int(kept * BAG.stat().st_size)])
 
 
 BAGS = {
-    "truncated": (truncated, [str(BAG)]),
-    "unknown type": (lambda: write_bag(BAG, WORDS), [str(BAG), TOPIC, "String"]),
-    "other topic": (
-        lambda: write_bag(BAG, pose_messages(clock(), pose_rows(400), "/other")),
-        [TOPIC, "/other"],  # what the file does have
-    ),
-    "no messages": (lambda: write_bag(BAG, [], empty=NO_MESSAGE), [TOPIC]),
+    "truncated": (lambda: faulty(kept=0.5), [str(BAG)]),
     "no file": (lambda: None, ["bags: holds no"]),
-    "one sample": (lambda: write_bag(BAG, MESSAGES[:1]), ["one", "sample"]),
-    "nan": (lambda: faulty(7, factor=np.nan), [str(BAG), "row 7"]),
-    "clock back": (lambda: faulty(20, stamp_of=18), [str(BAG), "row 20"]),
-    "duplicate": (lambda: faulty(20, stamp_of=19), [str(BAG), "row 20"]),
+    "nan": (lambda: faulty(lambda stamps, rows: rows[7].fill(np.nan)), [str(BAG), "row 7"]),
+    "clock back": (lambda: faulty(lambda stamps, rows: stamps.put(20, stamps[18])), [str(BAG), "row 20"]),
     "gap": (
-        lambda: write_bag(
-            BAG, pose_messages(clock() + 10**9 * (np.arange(400) >= 200), pose_rows(400), TOPIC)
-        ),
+        lambda: faulty(lambda stamps, rows: stamps[200:].__iadd__(10**9)),
         ["gap", "row 199"],
     ),
-    "norm": (lambda: faulty(5, factor=1.5), [str(BAG), "row 5", "norm"]),
+    "norm": (lambda: faulty(lambda stamps, rows: rows[5].__imul__(1.5)), [str(BAG), "row 5", "norm"]),
 }
 
 
@@ -126,18 +108,10 @@ def test_recordings_that_cannot_be_cut(root, project, capsys):
     assert "one: primitive 'down': its speed never exceeds" in message
 
 
-@pytest.mark.parametrize(
-    ("key", "values", "words"),
-    [
-        ("segment", {"extention_s": 0.2}, "segment.extention_s: unknown parameter"),
-        ("segment", {"extension_s": -1.0}, "segment.extension_s: Input should be greater than 0 (got -1.0)"),
-        ("segment", {"downsampling": 1.5}, "segment.downsampling"),
-        ("segment", {"cut_cutoff_hz": float("nan")}, "segment.cut_cutoff_hz"),
-    ],
-)
-def test_parameters(root, project, capsys, key, values, words):
-    change_parameters(project, key, **values)
-    assert words in complaint(root, "scraping/segment.py", capsys)
+def test_parameters(root, project, capsys):
+    change_parameters(project, "segment", extention_s=0.2)
+    message = complaint(root, "scraping/segment.py", capsys)
+    assert "segment.extention_s: unknown parameter" in message
 
 
 def test_missing_artefact_of_an_earlier_stage(root, project, capsys):
@@ -191,11 +165,10 @@ def test_corrections_that_cannot_be_learned_from(root, feedback, capsys, setting
     assert words in complaint(root, "scraping/coupling_dataset.py", capsys)
 
 
-@pytest.mark.parametrize("stage", ["train_feedback", "compare_models", "evaluate_feedback"])
-def test_a_truncated_dataset(root, feedback, capsys, stage):
+def test_a_truncated_dataset(root, feedback, capsys):
     file = DATA / "dataset/turn.parquet"
     file.write_bytes(file.read_bytes()[:1000])
-    message = complaint(root, f"scraping/{stage}.py", capsys)
+    message = complaint(root, "scraping/train_feedback.py", capsys)
     assert f"{file}: not a readable Parquet file" in message
 
 
@@ -211,7 +184,6 @@ NETWORKS = DATA / "models/unrolled.safetensors"
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda path: path.write_bytes(path.read_bytes()[:-100]), "not a readable safetensors file"),
         (poison, "turn.phase_weights holds a value that is not finite"),
         (Path.unlink, "no such file; run"),
     ],
@@ -226,8 +198,6 @@ def test_a_models_file_that_cannot_be_used(root, feedback, capsys, change, words
     [
         ("coupling_dataset", {"axes": ["z"]}, "coupling_dataset", "the board tilts about one axis"),
         ("coupling_dataset", {"sensors": ["eyes"]}, "coupling_dataset", "coupling_dataset.sensors"),
-        ("train_feedback", {"pointwise": {"step": 3}}, "train_feedback", "pointwise.step: unknown parameter"),
-        ("compare_models", {"dropout": 1.0}, "compare_models", "compare_models.dropout"),
         ("testbed", {"world": {"board_n_m": -1}}, "evaluate_feedback", "testbed.world.board_n_m"),
     ],
 )
