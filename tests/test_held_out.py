@@ -128,14 +128,7 @@ SHOWS = ("report", "view", "calibration_report", "list_code")
 
 @dataclass(frozen=True)
 class Case:
-    """One fit three times.
-
-    Attributes:
-        learn: from data to models, of which every array counts.
-        data: as they are.
-        held_out: the same where only what is held out differs.
-        taught: the same where something differs that is learned from.
-    """
+    """One fit three times."""
 
     learn: Callable[[Any], Any]
     data: Any

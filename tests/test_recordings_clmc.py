@@ -8,7 +8,7 @@ from recordings_bags import recorded_data
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings import clmc, read_demonstrations, synchronise, write_recordings
+from structlearn.recordings import clmc, synchronise
 
 ROWS = 6
 
@@ -148,14 +148,7 @@ def test_recorded_unscrewing_turns_once():
         assert spin == pytest.approx(steps[:, 2].sum(), abs=0.1)
 
 
-def test_recorded_scraping_goes_through_files_unchanged(tmp_path):
-    recordings = clmc.read_scraping_execution(recorded_data("clmc"))
-    write_recordings(recordings, tmp_path)
-    demonstrations = read_demonstrations(tmp_path)
+def test_recorded_scraping():
+    demonstrations = [synchronise(one) for one in clmc.read_scraping_execution(recorded_data("clmc"))]
     assert [len(demonstration.time) for demonstration in demonstrations] == [777, 1122, 1087]
-    for recording, demonstration in zip(recordings, demonstrations, strict=True):
-        expected = synchronise(recording)
-        for signal in ("position", "orientation", "velocity", "joint_positions", "tactile"):
-            np.testing.assert_array_equal(getattr(demonstration, signal), getattr(expected, signal))
-        assert demonstration.tactile.shape[1] == 38
-        assert demonstration.provenance == recording.provenance
+    assert {demonstration.tactile.shape[1] for demonstration in demonstrations} == {38}
