@@ -8,7 +8,7 @@ from recordings_bags import recorded_data
 
 from structlearn.ground import quaternion
 from structlearn.ground.errors import InputError, MissingInputError
-from structlearn.recordings import clmc, synchronise
+from structlearn.recordings import clmc, eflesh, panda, slide, synchronise, ur10e
 
 ROWS = 6
 
@@ -113,9 +113,13 @@ def test_scraping_streams_of_different_length_are_refused(folder):
         (clmc.read_unscrewing, "quat_dmp_unscrewing: holds no logs"),
         (clmc.read_scraping_execution, "scraping: holds no execution"),
         (lambda folder: clmc.read_scraping_execution(folder, "other"), "scraping/other: holds no execution"),
+        (eflesh.read_all_runs, "holds no run"),
+        (panda.read_trajectories, "holds no motion"),
+        (slide.read_slides, "holds no trials"),
+        (ur10e.read_logs, "holds no logs"),
     ],
 )
-def test_missing_data(tmp_path, read, complaint):
+def test_a_public_set_that_is_not_there_is_missing(tmp_path, read, complaint):
     with pytest.raises(MissingInputError, match=complaint):
         read(tmp_path)
 
