@@ -9,15 +9,6 @@ from structlearn.ground import artefacts
 from structlearn.primitives import canonical, kernels
 
 
-def test_a_stored_dataset_is_the_same_bit_for_bit(tmp_path):
-    data = toy_dataset(channels=38)
-    artefacts.write_table(coupling_dataset.to_table(data), tmp_path / "data.parquet")
-    found = coupling_dataset.from_table(artefacts.read_table(tmp_path / "data.parquet"))
-    for name, values in vars(data).items():
-        np.testing.assert_array_equal(getattr(found, name), values)
-    assert found.demonstration.dtype.kind == "i"
-
-
 def test_modulation_is_that_of_the_forcing_term():
     data = toy_dataset(demonstrations=2, settings=(0.0,), samples=(30, 30))
     features = data.modulation()

@@ -7,7 +7,7 @@ from feedback_toy import toy_dataset
 
 from structlearn.feedback.corrected_paths import SAMPLES, corrected_paths, path_errors, split, unrolled_error
 from structlearn.feedback.coupling_model import TrainingParameters, UnrolledTrainingParameters, train_final
-from structlearn.feedback.feedback_models import MODELS, FeedbackParameters, train_models
+from structlearn.feedback.feedback_models import FeedbackParameters, train_models
 from structlearn.feedback.models.pmnn import PhaseModulatedNetwork
 from structlearn.ground.errors import InputError
 
@@ -42,17 +42,6 @@ def trained(datasets, level):
 
 def arrays(network):
     return list(network.arrays().values())
-
-
-def test_every_model_has_a_network_for_every_primitive(trained, datasets):
-    assert tuple(trained) == MODELS
-    for networks in trained.values():
-        assert [name for name, _ in networks] == ["turn", "scrape"]
-        for name, network in networks:
-            assert len(network.input_mean) == datasets[name].deviation.shape[1]
-            assert [weights.shape[0] for weights, _ in network.hidden] == [8]
-            assert network.output_weights.shape == (25,)
-            assert all(np.isfinite(array).all() for array in arrays(network))
 
 
 def test_the_pointwise_model_is_that_of_all_demonstrations(trained, datasets):

@@ -47,18 +47,6 @@ def test_a_stack_starts_from_exported_networks():
     torch.testing.assert_close(again.forward(*batch()), network.forward(*batch()), atol=1e-6, rtol=0.0)
 
 
-def test_an_exported_network_stays_when_its_stack_goes_on():
-    network = stack()
-    exported = network.to_network(0, np.zeros(4), np.ones(4), 1.0)
-    before = [exported.hidden[0][0].copy(), exported.phase_weights.copy(), exported.output_weights.copy()]
-    for values in network.parameters():
-        values.data += 1.0
-    for values, kept in zip(
-        (exported.hidden[0][0], exported.phase_weights, exported.output_weights), before, strict=True
-    ):
-        np.testing.assert_array_equal(values, kept)
-
-
 def test_the_phase_layer_is_spared_from_dropout():
     whole, alone = stack(), stack(())  # no regular hidden layer: nothing is dropped
     assert torch.equal(alone.forward(*batch(), training=True), alone.forward(*batch()))

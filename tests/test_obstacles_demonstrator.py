@@ -92,12 +92,6 @@ def test_the_shorter_detour_is_taken_unless_preferred_otherwise():
     assert np.std(undecided[:, 0]) > 0.03
 
 
-def test_each_demonstration_can_be_repeated_alone():
-    scenario = scenarios(SCENE)[0]
-    many = reaches(scenario, SCENE, person(count=5))
-    np.testing.assert_equal(reaches(scenario, SCENE, person(count=2)), many[:2])
-
-
 def test_motor_noise_stays_below_its_bound_and_the_marker_s_is_white(baseline):
     quiet = person(marker_noise_m=0, motor_noise_m=0)
     marker = person(motor_noise_m=0)

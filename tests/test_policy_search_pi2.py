@@ -114,15 +114,6 @@ def test_time_weights_by_hand():
     np.testing.assert_allclose(found.weights[:, 0], [5 / 6, 1 / 6])
 
 
-def test_costs_that_were_paid_before_do_not_count():
-    """A cost at the first step is in the cost-to-go of the first step only (weight T of T (T + 1) / 2)."""
-    costs = np.zeros((2, 4))
-    costs[1, 0] = 1.0
-    found = update(SearchDistribution.around(np.zeros(1), 1.0), TWO_SIDES, costs, COLD)
-    np.testing.assert_allclose(found.weights[:, 0], [0.4 + 0.6 / 2, 0.6 / 2])
-    np.testing.assert_allclose(found.effective_samples, [1, 2, 2, 2])
-
-
 def test_two_samples_at_a_fixed_temperature():
     distribution = SearchDistribution.around(np.array([10.0, 0.0]), 1.0)
     policies = np.array([[1.0, 2.0], [3.0, -2.0]])
@@ -132,15 +123,6 @@ def test_two_samples_at_a_fixed_temperature():
     np.testing.assert_allclose(found.distribution.mean, [p + 3 * (1 - p), 2 * p - 2 * (1 - p)])
     np.testing.assert_allclose(found.temperatures, 0.5)
     np.testing.assert_allclose(found.effective_samples, 1 / (p**2 + (1 - p) ** 2))
-
-
-@given(rng=rngs, scale=st.floats(1e-3, 1e3), shift=st.floats(-10.0, 10.0))
-def test_scale_and_shift_of_the_costs_do_not_matter(rng, scale, shift):
-    distribution, policies, costs = random_rollouts(rng)
-    plain = update(distribution, policies, costs, DEFAULT).distribution
-    other = update(distribution, policies, scale * (costs + shift), DEFAULT).distribution
-    np.testing.assert_allclose(other.mean, plain.mean, atol=1e-7)
-    np.testing.assert_allclose(other.covariance, plain.covariance, atol=1e-7)
 
 
 @pytest.mark.parametrize("mode", ["per_weight", "rescaled", "full", "kept"])
@@ -153,17 +135,6 @@ def test_the_order_of_the_rollouts_does_not_matter(mode, rng):
     np.testing.assert_allclose(other.distribution.mean, plain.distribution.mean, atol=1e-8)
     np.testing.assert_allclose(other.distribution.covariance, plain.distribution.covariance, atol=1e-8)
     np.testing.assert_allclose(other.weights, plain.weights[order], atol=1e-8)
-
-
-def test_the_divergence_of_every_time_step_is_the_bound():
-    distribution, policies, costs = random_rollouts(np.random.default_rng(4), samples=38, steps=50)
-    found = update(distribution, policies, costs, DEFAULT)
-    ahead = cost_to_go(costs, DEFAULT.horizon)
-    relative = ahead - ahead.min(axis=0)
-    p = np.exp(-relative / np.ptp(relative, axis=0) / found.temperatures)
-    p /= p.sum(axis=0)
-    np.testing.assert_allclose(np.sum(p * np.log(38 * p), axis=0), 1.0, atol=1e-6)
-    assert np.all((found.effective_samples > 1) & (found.effective_samples < 38))
 
 
 @pytest.mark.parametrize("fault", [np.nan, np.inf, -np.inf])

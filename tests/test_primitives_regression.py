@@ -16,18 +16,6 @@ def stacked(lengths, count):
 
 @given(rngs)
 @quick
-def test_known_weights_are_recovered_from_demonstrations_of_different_lengths(rng):
-    weights = rng.uniform(-100, 100, size=(25, 3))
-    lengths = (200, 350, 200, 91)
-    found = forcing_weights([feature_matrix(samples, 25) @ weights for samples in lengths])
-    np.testing.assert_allclose(found[1:], weights[1:], atol=0.02)
-    np.testing.assert_allclose(found[0], weights[0], atol=1.0)  # u = 0 hides the first kernel
-    matrix = stacked(lengths, 25)
-    np.testing.assert_allclose(matrix @ found, matrix @ weights, atol=1e-3)
-
-
-@given(rngs)
-@quick
 def test_joint_weights_are_the_least_squares_of_the_stacked_demonstrations(rng):
     lengths, count = (120, 300, 120), 12
     targets = [rng.normal(size=(samples, 2)).cumsum(axis=0) for samples in lengths]

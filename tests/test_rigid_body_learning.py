@@ -233,15 +233,6 @@ def test_networks_of_several_motions_learn_as_each_alone():
             np.testing.assert_allclose(values, alone.state[name], rtol=1e-2, atol=1e-4)
 
 
-def test_networks_learn():
-    motion = rubbing_motion(arm())
-    for kind in ("mlp_scaled", "delan"):
-        group = start(kind, motion, loss="normalised")
-        before = group.nmse().mean(axis=1)
-        learn_in_epochs(group, threshold=0.0, epochs=10)
-        assert (group.nmse().mean(axis=1) < 0.5 * before).all()
-
-
 def test_errors_of_a_network_on_some_samples_estimate_those_on_all(motion):
     group = start("mlp", motion)
     np.testing.assert_allclose(group.nmse(stride=3), group.nmse(), rtol=0.05)

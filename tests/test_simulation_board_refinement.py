@@ -75,14 +75,6 @@ def same_network(one, other):
     return all(map(np.array_equal, one.arrays().values(), other.arrays().values()))
 
 
-def assert_same(one, other):
-    for name in NAMES[1:]:
-        assert same_network(one.before[name], other.before[name])
-        assert same_network(one.after[name], other.after[name])
-    for table in ("history", "samples", "policies"):
-        pd.testing.assert_frame_equal(getattr(one, table), getattr(other, table), check_exact=True)
-
-
 def test_a_primitive_is_refined_while_those_before_it_run_refined(board):
     ASKED.clear()
     refined = refine_on_board(board, DATASETS, PARAMETERS)
@@ -154,15 +146,6 @@ def test_a_primitive_without_exploration_keeps_its_model(explored, board):
     for name in {TURN, SCRAPE} - explored:
         assert same_network(refined.after[name], refined.before[name])
     assert set(refined.history.get("primitive", ())) == explored
-
-
-def test_every_iteration_is_told_and_the_same_seed_gives_the_same(board, refined):
-    told = []
-    again = refine_on_board(
-        board, DATASETS, PARAMETERS, lambda name, progress: told.append((name, progress.iteration))
-    )
-    assert_same(again, refined)
-    assert told == [(name, iteration) for name in NAMES[1:] for iteration in range(3)]
 
 
 def test_a_primitive_without_corrections_is_named(board):

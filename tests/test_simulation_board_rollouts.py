@@ -72,12 +72,6 @@ def test_samples_say_what_the_policy_did(runs):
     assert not np.array_equal(done.deviation, idle.deviation)  # what the policy does is felt
 
 
-def test_a_rollout_is_repeatable_and_its_seed_decides_it(board, runs):
-    again, other = board.rollouts([open_loop(POLICY)] * 2, [SEED, (1, 0, 3)])
-    assert same(again, runs[0])
-    assert not same(other, runs[0])
-
-
 @pytest.fixture
 def executing(monkeypatch):
     """Puts another function in the place of the one that executes runs."""

@@ -135,13 +135,6 @@ def test_reaction_times_vary_but_nobody_is_faster_than_a_tenth_of_a_second():
     assert np.std(onsets) > 0.04
 
 
-def test_the_same_seed_is_the_same_trial():
-    errors = np.full(900, np.radians(5.0))
-    first, again, other = (torques(errors, TYPICAL, seed) for seed in (5, 5, 6))
-    np.testing.assert_array_equal(again, first)
-    assert (other != first).any()
-
-
 @pytest.mark.parametrize("first", [0, 700])
 def test_the_hand_does_not_jump_when_it_takes_hold(first):
     """The noise of the hand counts from where it is at the first call."""

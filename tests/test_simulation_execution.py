@@ -22,11 +22,9 @@ from structlearn.testbeds.scraping.world.demonstrator import orientation_of
 from structlearn.testbeds.scraping.world.execution import (
     FINGER_TICKS,
     ControlParameters,
-    RunLog,
     execute,
     roll_of,
 )
-from structlearn.testbeds.scraping.world.in_pybullet import in_pybullet
 from structlearn.testbeds.scraping.world.scraping_world import WorldParameters
 
 DT = 1 / 300
@@ -92,37 +90,6 @@ def test_the_tool_is_seen_relative_to_the_board(pressed):
         assert seen[0] == pytest.approx(-roll, abs=0.01)
         np.testing.assert_allclose(np.linalg.norm(log.tool_to_board, axis=1), 1.0)
         assert (np.sum(log.tool_to_board[1:] * log.tool_to_board[:-1], axis=1) > 0).all()
-
-
-def test_identical_runs_are_identical_to_the_last_bit(pressed):
-    again = press(5.0)
-    for name in RunLog._fields:
-        np.testing.assert_array_equal(getattr(again, name), getattr(pressed[5.0], name))
-
-
-def test_the_engines_agree():
-    """Held, dragged over the board, and turned by a person: PyBullet beside the compiled engine."""
-    dragged = press_motion(300, position=beside_contact() + DT * np.arange(300)[:, None] * [0.0, 0.03, 0.0])
-    runs = {
-        "held": {"roll": 5.0, "ticks": 300},
-        "dragged": {"roll": 5.0, "ticks": 300, "motion": dragged},
-        "turned": {"roll": 5.0, "ticks": 600},
-    }
-    for name, run in runs.items():
-        one, other = (
-            press(
-                **run,
-                engine=engine,
-                person=corrector(TYPICAL, run["ticks"], DT, np.random.default_rng(4))
-                if name == "turned"
-                else None,
-            )
-            for engine in (None, in_pybullet)
-        )
-        np.testing.assert_allclose(one.position, other.position, atol=1e-10)
-        np.testing.assert_allclose(one.joint_torques, other.joint_torques, atol=1e-7)
-        np.testing.assert_allclose(one.wrench, other.wrench, atol=1e-7)
-        np.testing.assert_array_equal(one.counts, other.counts)
 
 
 def test_the_wrist_has_the_noise_that_it_is_given(pressed):

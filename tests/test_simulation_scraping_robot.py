@@ -46,21 +46,6 @@ def states(count=8):
         yield tuple(scale * rng.uniform(-1.5, 1.5, JOINTS) for _ in range(3))
 
 
-def test_thirteen_joints_arm_then_grasp(whole):
-    assert list(whole.names)[1 + ARM_JOINTS :] == list(GRASP_JOINTS)
-    assert whole.nq == JOINTS
-
-
-def test_pybullet_moves_the_same_robot_and_nothing_holds_it_back(whole, loaded):
-    """A short step under torques is Pinocchio's forward dynamics: no motor, damping, friction is left on."""
-    data = whole.createData()
-    for q, v, a in states():
-        torques = pinocchio.rnea(whole, data, q, v, a)
-        loaded.place(q, v)
-        _, after = loaded.step(torques)
-        np.testing.assert_allclose((after - v) / DT, a, rtol=1e-3, atol=1e-3)
-
-
 def test_the_controller_knows_the_arm_with_an_unloaded_tool(whole):
     arm, data = arm_model(), whole.createData()
     assert arm.model.nq == ARM_JOINTS

@@ -67,22 +67,6 @@ def place(request):
         yield placing
 
 
-def touching_states(place):
-    """Every state of a short run that presses the tool on a tilted board."""
-    engine = place(beside_contact(0.001), roll=0.1)
-    states = []
-    for _ in range(10):
-        world = engine.hold(beside_contact(-0.001), FLAT, 6)
-        states.append(np.concatenate([world.q, world.v, world.board_wrench, world.grasp_load, world.edge]))
-    return np.array(states)
-
-
-def test_the_same_torques_give_the_same_bits(place):
-    first = touching_states(place)
-    assert np.abs(first[:, 26:29]).max() > 0.1  # it does touch
-    np.testing.assert_array_equal(touching_states(place), first)
-
-
 def test_nothing_drifts_in_the_air(place):
     engine = place()
     start = engine.world.q.copy()
